@@ -82,11 +82,11 @@ def check_stage(stage: type[Stage]) -> CheckReport:
     return report_of(stage, stage_problems(stage), doc, (_run(stage, *check) for check in CHECKS))
 
 
-def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callable[[Trial], Iterable[float]]) -> Check:
+def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callable[[StageTrial], Iterable[float]]) -> Check:
     worst, where = 0.0, ""
     try:
         for seed in range(TRIALS):
-            trial = Trial(stage, seed)
+            trial = StageTrial(stage, seed)
             found = float(np.max(np.fromiter(measure(trial), float), initial=0.0))
             if not found <= worst:
                 worst, where = found, ", ".join(f"{key} = {value:.4g}" for key, value in trial.values.items())
@@ -97,7 +97,7 @@ def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callabl
     return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=detail)
 
 
-class Trial:
+class StageTrial:
     """A stage with random parameters, and a random motion of the deflection at its motor."""
 
     def __init__(self, stage: type[Stage], seed: int) -> None:
@@ -132,11 +132,11 @@ def _drawn(one: Parameter, source: np.random.Generator) -> float:
     return min(max(value, one.minimum), one.maximum)
 
 
-def _acts(trial: Trial) -> Iterator[float]:
+def _acts(trial: StageTrial) -> Iterator[float]:
     yield float(trial.at_defaults is not None) + float(trial.own is None)
 
 
-def _finite(trial: Trial) -> Iterator[float]:
+def _finite(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
     for (memory, _, x, v), torque in zip(trial.kicks(), trial.torque, strict=True):
         found = (
@@ -146,15 +146,15 @@ def _finite(trial: Trial) -> Iterator[float]:
         yield float(not np.isfinite(found).all())
 
 
-def _stiffness(trial: Trial) -> Iterator[float]:
+def _stiffness(trial: StageTrial) -> Iterator[float]:
     return _excess(trial, trial.stage.stiffness_bound(trial.own), way=1e-6)
 
 
-def _damping(trial: Trial) -> Iterator[float]:
+def _damping(trial: StageTrial) -> Iterator[float]:
     return _excess(trial, trial.stage.damping_bound(trial.own), speed=1e-4)
 
 
-def _excess(trial: Trial, bound: float, *, way: float = 0.0, speed: float = 0.0) -> Iterator[float]:
+def _excess(trial: StageTrial, bound: float, *, way: float = 0.0, speed: float = 0.0) -> Iterator[float]:
     """Relative excess of the torque's slope over its bound. way or speed: half of the difference, in rad or rad/s, from which
     the slope follows."""
     stage, own = trial.stage, trial.own
@@ -164,7 +164,7 @@ def _excess(trial: Trial, bound: float, *, way: float = 0.0, speed: float = 0.0)
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
 
 
-def _balance(trial: Trial) -> Iterator[float]:
+def _balance(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
     work = lost = turned = stored = first = before = 0.0
     last = trial.deflection[0]
@@ -180,25 +180,25 @@ def _balance(trial: Trial) -> Iterator[float]:
     yield abs(work - (stored - first) - lost) / max(turned, 1e-9)
 
 
-def _gains(trial: Trial) -> Iterator[float]:
+def _gains(trial: StageTrial) -> Iterator[float]:
     for number, (_, after, *_) in enumerate(trial.kicks()):
         yield max(-trial.stage.loss(after, trial.own), 0.0) if number else 0.0
 
 
-def _series(trial: Trial) -> Iterator[float]:
+def _series(trial: StageTrial) -> Iterator[float]:
     stage, own, near = trial.stage, trial.own, 1e-6
     for memory, _, x, _ in trial.kicks():
         slope = (stage.place(memory, own, x + near) - stage.place(memory, own, x - near)) / (2.0 * near)
         yield max(slope - 1.0 - SLACK, -slope - SLACK, 0.0)
 
 
-def _limits(trial: Trial) -> Iterator[float]:
+def _limits(trial: StageTrial) -> Iterator[float]:
     for memory, *_ in trial.kicks():
         found = trial.stage.limit(memory, trial.own, LARGEST)
         yield max(found - LARGEST, -found, 0.0)
 
 
-CHECKS: tuple[tuple[str, str, float, Callable[[Trial], Iterable[float]]], ...] = (
+CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
     ("stiffness", "the torque is nowhere steeper over the deflection than `stiffness_bound`: the step is chosen by it", 0.0,

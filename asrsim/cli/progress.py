@@ -11,8 +11,8 @@ from asrsim.cli.console import complain, is_terminal
 from asrsim.errors import printable
 
 if TYPE_CHECKING:
-    from asrsim.identification import Progress as FitProgress
-    from asrsim.sweeps.run import Progress as SweepProgress
+    from asrsim.identification import FitProgress
+    from asrsim.sweeps.run import StudyProgress
 
 PATIENCE = 0.4
 """Delay before a progress bar appears, s: short work needs neither a progress bar nor the import of rich."""
@@ -121,7 +121,7 @@ class FitBar(Bar):
 class SweepBar(Bar):
     """Progress bar of a study: finished runs, their rate, and numbers of failed runs."""
 
-    def update(self, progress: SweepProgress) -> None:
+    def update(self, progress: StudyProgress) -> None:
         """Show the number of finished runs, their rate, and the numbers of failed runs."""
         from asrsim.sweeps.table import shares
 

@@ -21,7 +21,7 @@ _RANGE = Either((ListOf(of=NUMBER, names=("low", "high")), POSITIVE))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
+class DesignLimits:
     """The contents of a limits file."""
 
     limits: Mapping[str, Mapping[str, Any]] = declare(
@@ -50,10 +50,10 @@ class Limits:
         return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
 
 
-LIMITS: Block[Limits] = block_of(Limits, "limits")
+LIMITS: Block[DesignLimits] = block_of(DesignLimits, "limits")
 
 
-def read_limits(path: Path) -> Limits:
+def read_limits(path: Path) -> DesignLimits:
     """Read a limits file. Raises InputError with every problem."""
     found = read_file(LIMITS, path)
     with located(path):
@@ -62,7 +62,7 @@ def read_limits(path: Path) -> Limits:
     return found
 
 
-def _faults(limits: Limits) -> Iterator[Problem]:
+def _faults(limits: DesignLimits) -> Iterator[Problem]:
     for joint, ranges in limits.limits.items():
         for name, given in ranges.items():
             low, high = interval(given)

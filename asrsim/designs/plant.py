@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.designs.limits import Limits, interval
+from asrsim.designs.limits import DesignLimits, interval
 from asrsim.designs.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.door import COMPARABLE, Door, Drive, Start
@@ -85,7 +85,7 @@ class DesignPlant:
     """A scenario whose references are designed, for robots with different parameters."""
 
     def __init__(
-        self, scenario: Scenario, robot: Robot, layout: Layout, limits: Limits, seconds: float, robots: Sequence[Array]
+        self, scenario: Scenario, robot: Robot, layout: Layout, limits: DesignLimits, seconds: float, robots: Sequence[Array]
     ) -> None:
         """robots: parameter vector of each robot."""
         self.scenario = replace(scenario, duration=seconds, expect=(), desired={}, log_every=1)
@@ -130,7 +130,7 @@ class DesignPlant:
     def _fault(self, key: str, message: str, **details: Any) -> None:
         self._problems.append(Problem(message, key=key, code="limits", **details))
 
-    def _bounds(self, limits: Limits) -> Iterator[LimitBound]:
+    def _bounds(self, limits: DesignLimits) -> Iterator[LimitBound]:
         references = {name: [name] for drive in self.door.drives for name in drive.references}
         for joint, ranges in limits.limits.items():
             if joint not in self.door.joints:
@@ -170,7 +170,7 @@ class DesignPlant:
             else:
                 yield Reference(drive.name, name, slot, mode.units[min(slot, len(mode.units) - 1)], home, bound.low, bound.high)
 
-    def _channels(self, limits: Limits) -> Iterator[DesignChannel]:
+    def _channels(self, limits: DesignLimits) -> Iterator[DesignChannel]:
         noise = limits.noise or dict.fromkeys(("link_position", *each_motor("motor_{}_position")), POSITION_NOISE)
         for name, size in noise.items():
             owner, _, quantity = name.rpartition(".")

@@ -21,7 +21,7 @@ LONGEST = 50_000_000
 """Largest number of values (steps times joints) of a motion."""
 
 
-class Motion(NamedTuple):
+class PrescribedMotion(NamedTuple):
     """The prescribed motion."""
 
     places: Array
@@ -56,7 +56,7 @@ class BenchEngine(Engine):
         self._robot = robot
         self.joints = tuple(joint.name for joint in robot.moving_joints)
         self._state = np.zeros(1)
-        self._motion = Motion(np.zeros((0, len(self.joints))), np.zeros(1))
+        self._motion = PrescribedMotion(np.zeros((0, len(self.joints))), np.zeros(1))
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
@@ -73,7 +73,7 @@ class BenchEngine(Engine):
             starts = start_positions(self._scenario, self._robot)
             signals = [for_joint(self._scenario.motion, name, Constant(value=starts[name])) for name in self.joints]
             columns = self._robot.couplings.expand(np.column_stack([signal.values(time) for signal in signals]))
-            self._motion = Motion(np.ascontiguousarray(columns), np.array([step]))
+            self._motion = PrescribedMotion(np.ascontiguousarray(columns), np.array([step]))
             self._calculation = Calculation(move, self._motion, lambda kind: compiling.compile_packed(move, kind, _sizes))
         self._state[:] = 0.0
         return self._motion.places[0].tolist(), [0.0] * len(self.joints)

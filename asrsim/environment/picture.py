@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
-from asrsim.render.draw import Image, Painter
+from asrsim.render.draw import Image, SceneDrawer
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
@@ -23,7 +23,7 @@ class Picture:
         self._worlds, self._size = worlds, size
         scenario, robot = worlds.prepared.scenario, worlds.prepared.robot
         self._scene = RenderScene(drawable(robot, scenario.package_paths)[0], scenario)
-        self._painter = Painter(self._scene)
+        self._painter = SceneDrawer(self._scene)
         low, high = np.clip(np.transpose([drive.joint.stops for drive in worlds.prepared.drives]), -np.pi, np.pi)
         postures = [low, high, *np.random.default_rng(0).uniform(low, high, (POSTURES, len(low)))]
         frames = [*(self._scene.frames(dict(zip(worlds.joints, row, strict=True)), {}) for row in postures), self._frames()]

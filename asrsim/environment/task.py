@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,12 @@ from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plain import one_or_more
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
-from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.prepare import Prepared, Start, prepare
+from asrsim.simulation.prepare import Prepared, Start, prepare_worlds
 from asrsim.simulation.quantities import recorded_quantities
-from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.sweeps.fitted import Joint, joint_of, load_fit
+from asrsim.simulation.worlds import Worlds
+from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 
 LARGEST = float(np.finfo(np.float32).max)
 """Bound that the observation space states for unbounded values."""
@@ -67,11 +66,11 @@ class ControlTask:
     ) -> None:  # fmt: skip
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
-        scenario = one_scenario(
-            scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"]
-        )
-        scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
-        self.prepared = prepared = prepare(scenario, settable=True)
+        self.prepared = prepared = prepare_worlds(
+            scenario, engine=engine, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"],
+            settable=True,
+        )  # fmt: skip
+        scenario = prepared.scenario
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
@@ -88,7 +87,9 @@ class ControlTask:
         delay = options["delay"]
         self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
         self._period = self.steps * scenario.step
-        self._fit: Joint | None = joint_of(load_fit(Path(options["fit"])), Path(options["fit"])) if options["fit"] else None
+        self._fit: JointDistribution | None = (
+            joint_of(load_fit(Path(options["fit"])), Path(options["fit"])) if options["fit"] else None
+        )
         for joint in self._push.keys:
             prepared.slot_of(joint, EXTERNAL_TORQUE)
         # Start positions beyond a stop must raise now, not after hours of training.

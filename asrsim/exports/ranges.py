@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.outfile import write_text
 from asrsim.simulation.prepare import Prepared
-from asrsim.sweeps.fitted import Joint as Fit
+from asrsim.sweeps.fitted import JointDistribution
 
 FIELDS = {
     "body": ("body_mass", "body_inertia", "body_ipos", "body_iquat"),
@@ -40,7 +40,7 @@ def own_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, di
     return found
 
 
-def write_ranges(fit: Fit, compiled: Callable[[dict[str, float]], Any], path: Path, source: Path) -> Path:
+def write_ranges(fit: JointDistribution, compiled: Callable[[dict[str, float]], Any], path: Path, source: Path) -> Path:
     """Write the 95 % intervals of a fit as fields of the model at `path`, and return the path of the written file.
 
     compiled: function that returns the MjModel with other values of the robot's parameters, with equal numbers of knots.

@@ -13,7 +13,7 @@ from asrsim.identification.judge import ChannelFit
 from asrsim.outfile import write_json
 from asrsim.plain import Shape, finite_or_none
 from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.decimate import Envelope
 from asrsim.quantities import shown
 from asrsim.samples import Array
@@ -192,5 +192,5 @@ def _held_out(one: ChannelCurves, *, span: tuple[float, float], **more: Any) -> 
     if one.end < one.time[-1] - 1e-9:
         edges = np.array([max(one.end, float(one.time[0])), float(one.time[-1])])
         low, high = (np.full(2, edge) for edge in span)
-        bands = [Band(label="held out", x=edges, low=low, high=high, colour=style.GREEN, opacity=0.1)]
+        bands = [Shade(label="held out", x=edges, low=low, high=high, colour=style.GREEN, opacity=0.1)]
     return Chart(span=span, bands=bands, **more)

@@ -41,7 +41,7 @@ from asrsim.workers import one_thread
 
 
 @dataclass(frozen=True)
-class Progress:
+class FitProgress:
     """Progress of a running fit."""
 
     stage: str
@@ -67,7 +67,7 @@ APART = 10.0
 class Watch(Meter):
     """Counter that reports the progress to the user after evaluations, and ends the search when its time is over."""
 
-    progress: Callable[[Progress], None] | None = None
+    progress: Callable[[FitProgress], None] | None = None
     seconds: float = math.inf
     """Time limit of the search."""
     stop: Callable[[], bool] | None = None
@@ -114,7 +114,7 @@ class Watch(Meter):
             cost, wanted = min(self.best.cost, self.cost), (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
             missing = max(self._before + wanted - self.evaluations, 0)
             left = min(missing * elapsed / max(self.evaluations, 1), max(self.seconds - elapsed, 0.0))
-        self.progress(Progress(self._stage, cost, self.evaluations, elapsed, left))
+        self.progress(FitProgress(self._stage, cost, self.evaluations, elapsed, left))
 
 
 @renamed(seconds="duration")
@@ -122,7 +122,7 @@ def identify(
     scenario: str | Path | Task,
     experiments: Sequence[str | Path] = (),
     *,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[FitProgress], None] | None = None,
     stop: Callable[[], bool] | None = None,
     check: bool = False,
     accept: bool = False,

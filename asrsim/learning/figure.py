@@ -9,7 +9,7 @@ import numpy as np
 from asrsim.learning.trial import LearningProblem, LearningResult, Trial
 from asrsim.outfile import make_folder
 from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import save_charts
 from asrsim.samples import Array
 from asrsim.scenario.blocks import Learning
@@ -39,7 +39,7 @@ def _errors(problem: LearningProblem, result: LearningResult, settings: Learning
     low, high = (float(known.min()), float(known.max())) if len(known) else (settings.tolerance, settings.tolerance)
     span = 0.6 * min(low, settings.tolerance), 1.6 * max(high, settings.tolerance)
     ends = np.array(reach)
-    band = Band(label=TOLERANCE, x=ends, low=np.full(2, span[0]), high=np.full(2, settings.tolerance), colour=style.GREEN)
+    band = Shade(label=TOLERANCE, x=ends, low=np.full(2, span[0]), high=np.full(2, settings.tolerance), colour=style.GREEN)
     return Chart(
         words="largest error", unit=problem.unit, head=head, across="iteration", across_unit="",
         lines=[
@@ -54,7 +54,7 @@ def _motions(problem: LearningProblem, result: LearningResult, settings: Learnin
     rows = np.unique(np.linspace(0, len(problem.time) - 1, MOST_POINTS).round().astype(int))
     time, wanted = problem.time[rows], problem.reference[rows, column]
     near = wanted - settings.tolerance, wanted + settings.tolerance
-    band = Band(label=TOLERANCE, x=time, low=near[0], high=near[1], colour=style.GREEN, opacity=0.13)
+    band = Shade(label=TOLERANCE, x=time, low=near[0], high=near[1], colour=style.GREEN, opacity=0.13)
     desired = Line(label=DESIRED, x=time, y=wanted, colour=style.BLACK, dash=1, width=1.0)
 
     def trials(values: str, colour: str, label: str) -> list[Line]:

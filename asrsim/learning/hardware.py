@@ -21,7 +21,7 @@ from asrsim.learning.plant import Plant
 from asrsim.learning.prepared import PreparedLearning, learning_model, prepare_learning
 from asrsim.learning.recorded import recorded
 from asrsim.learning.session import INPUTS, trial_data, write_inputs, write_playback
-from asrsim.learning.state import State, load_state, motion_basis, save_state
+from asrsim.learning.state import LearningState, load_state, motion_basis, save_state
 from asrsim.learning.trial import Trial, best_of, verdict
 from asrsim.learning.twin import LearningTwin, fit_twin, largest
 from asrsim.outfile import write_json
@@ -127,7 +127,7 @@ def next_input(
         else:
             inputs = best_of(trials).inputs
         changes = {} if twin is None else twin.changes
-        state = State(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
+        state = LearningState(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
         # If the next input cannot be written, the same recording may be given again.
         save_state(folder / STATE, basis, state)
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"

@@ -46,7 +46,7 @@ def simulation_basis(plant: Plant) -> dict[str, str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class State:
+class LearningState:
     """Trials in simulation or on the real robot. On the real robot also the recordings, and the fit of the last twin."""
 
     trials: tuple[Trial, ...] = ()
@@ -58,7 +58,7 @@ class State:
     """Changes of parameters of the last twin."""
 
 
-def save_state(path: Path, basis: Mapping[str, str], state: State) -> None:
+def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> None:
     """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete.
 
     basis: hashes of everything that must be unchanged when learning continues, by the names of these things.
@@ -77,12 +77,12 @@ def save_state(path: Path, basis: Mapping[str, str], state: State) -> None:
         os.fsync(file.fileno())
 
 
-def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -> State:
+def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -> LearningState:
     """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable, or if its basis
     is not equal to `basis`.
     """
     if not path.exists():
-        return State()
+        return LearningState()
     head, inputs, outputs = _stored(path)
     before = head["basis"]
     changed = [name for name in {**before, **basis} if before.get(name) != basis.get(name)]
@@ -93,7 +93,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
         raise _fault(path, "its arrays do not fit the motion")
     rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
     trials = (problem.trial(number, *row) for number, row in rows)
-    return State(
+    return LearningState(
         trials=tuple(trials), recordings=tuple(head["recordings"]), start=head["start"], changes=head["changes"]
     )  # fmt: skip
 

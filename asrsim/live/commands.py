@@ -25,7 +25,7 @@ MOST_NOTICES = 100
 
 
 @dataclass(frozen=True)
-class Motion:
+class Trajectory:
     """Trajectory of a reference, starting at the arrival of its message."""
 
     times: Sequence[float]
@@ -88,7 +88,7 @@ class CommandInput:
         for message in messages:
             for target, value in self.check(message):
                 self._motions.pop(target, None)
-                if isinstance(value, Motion):
+                if isinstance(value, Trajectory):
                     joint, column = simulation.prepared.slot_of(*target)
                     present = simulation.read([f"reference_{column}"])[f"reference_{column}"]
                     # Of several worlds, the first counts.
@@ -102,7 +102,7 @@ class CommandInput:
                 del self._motions[target]
         return values
 
-    def check(self, received: Received) -> list[tuple[Target, float | Motion]]:
+    def check(self, received: Received) -> list[tuple[Target, float | Trajectory]]:
         """Accepted values of a message, clamped to their ranges, or the motions of a trajectory."""
         (topic, known), names = self._inputs[received.inlet], received.names
         points = received.points or [(0.0, received.values, ())]
@@ -119,7 +119,7 @@ class CommandInput:
         if fault:
             self._refuse(topic, fault)
             return []
-        found: list[tuple[Target, float | Motion]] = []
+        found: list[tuple[Target, float | Trajectory]] = []
         for j, target in enumerate(targets):
             values = [row[j] for _, row, _ in points]
             velocities = [row[j] for *_, row in points if len(row) == len(targets)]
@@ -136,7 +136,7 @@ class CommandInput:
             else:
                 self.taken += 1
                 moving = velocities if len(velocities) == len(times) else ()
-                found.append((target, Motion(times, values, moving) if received.points else self._clamp(target, values[0])))
+                found.append((target, Trajectory(times, values, moving) if received.points else self._clamp(target, values[0])))
         return found
 
     def _clamp(self, target: Target, value: float) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from asrsim.metrics.frequency import CONFIDENCE
 from asrsim.plots import style
-from asrsim.plots.figures import PER_PAGE, Page, joint_title
+from asrsim.plots.figures import PER_PAGE, FigurePage, joint_title
 from asrsim.plots.layout import PanelGrid, set_title
 from asrsim.plots.responses import OUTPUT, Response
 from asrsim.samples import Array
@@ -28,14 +28,14 @@ NARROWEST = 3.0, 20.0
 """Smallest ranges of the gain axis (dB) and the phase axis (degrees), so that negligible differences look small."""
 
 
-def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[Page]:
+def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[FigurePage]:
     """Pages with gain, phase and coherence in rows and joints in columns."""
     joints = list(dict.fromkeys(one.joint.name for one in found))
     pages = [joints[a : a + PER_PAGE] for a in range(0, len(joints), PER_PAGE)]
     for number, members in enumerate(pages, 1):
         suffix = "" if len(pages) == 1 else f" · page {number} of {len(pages)}"
         figure = bode_figure([one for one in found if one.joint.name in members], title=title + suffix)
-        yield Page(name="bode" if len(pages) == 1 else f"bode_{number}", figure=figure)
+        yield FigurePage(name="bode" if len(pages) == 1 else f"bode_{number}", figure=figure)
 
 
 def pair_in_words(given: str | None, output: str | None) -> str:

@@ -33,7 +33,7 @@ class Line:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Band:
+class Shade:
     """Shaded area between two curves."""
 
     label: str
@@ -58,7 +58,7 @@ class Chart:
     across: str = "time"
     across_unit: str = "s"
     lines: Sequence[Line] = ()
-    bands: Sequence[Band] = ()
+    bands: Sequence[Shade] = ()
     logarithmic: str = ""
     """Logarithmic axes: `x`, `y` or `xy`."""
     span: tuple[float, float] | None = None

@@ -36,14 +36,16 @@ OVERVIEW_FROM = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Page:
+class FigurePage:
     """Figure and the name of its file."""
 
     name: str
     figure: Figure
 
 
-def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False) -> Iterator[Page]:
+def run_pages(
+    runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False
+) -> Iterator[FigurePage]:
     """Pages of one run or of several variants, made one at a time: joints, energies, objects.
 
     quantities: draw only these quantities, each in its own row. brief: omit the energies; where an overview shows all joints,
@@ -55,7 +57,7 @@ def run_pages(runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = N
         return
     many = len(joints) >= OVERVIEW_FROM
     if many:
-        yield Page(name="overview", figure=overview_figure(runs))
+        yield FigurePage(name="overview", figure=overview_figure(runs))
     first = brief and many
     subject = "all pages: asrsim plot" if first else ""
     yield from islice(_grid_pages("joints", subject, joint_panels(), runs, joints), 1 if first else None)
@@ -76,7 +78,7 @@ def body_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:
 
 def _grid_pages(
     name: str, subject: str, panels: Sequence[Panel], runs: Sequence[RunCurves], joints: Sequence[str]
-) -> Iterator[Page]:
+) -> Iterator[FigurePage]:
     # Joints with the same panels share pages; joints with few panels (rigid joints) come last.
     alike: dict[tuple[str, ...], list[str]] = {}
     for joint in joints:
@@ -85,7 +87,7 @@ def _grid_pages(
     pages = [joints[index : index + PER_PAGE] for _, joints in groups for index in range(0, len(joints), PER_PAGE)]
     for number, members in enumerate(pages, 1):
         figure = grid_figure(runs, members, panels, subject=subject, part=(number, len(pages)))
-        yield Page(name=name if len(pages) == 1 else f"{name}_{number}", figure=figure)
+        yield FigurePage(name=name if len(pages) == 1 else f"{name}_{number}", figure=figure)
 
 
 def new_figure(width: float, height: float) -> Figure:

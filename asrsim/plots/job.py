@@ -16,7 +16,7 @@ from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
-from asrsim.plots.figures import Page, run_pages
+from asrsim.plots.figures import FigurePage, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
@@ -246,7 +246,7 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
     folder = make_folder(job.folder)
     before = {path.name for path in folder.iterdir()}
     files: list[Path] = []
-    pages: list[Iterator[Page]] = []
+    pages: list[Iterator[FigurePage]] = []
     if result.compared:
         runs = [next(run for run in result.runs if run.label == one.label) for one in result.compared]
         references = any(name.startswith("reference") for name in job.quantities or ())

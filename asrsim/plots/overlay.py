@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves, joint_info
-from asrsim.plots.figures import PER_PAGE, Page, figure_title, joint_title
+from asrsim.plots.figures import PER_PAGE, FigurePage, figure_title, joint_title
 from asrsim.plots.layout import PanelGrid
 from asrsim.plots.legends import legend
 from asrsim.plots.pairing import Pair, RunComparison
@@ -27,7 +27,7 @@ _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", *each_motor("motor_{}_position"))
 
 
-def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[Page]:
+def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[FigurePage]:
     """All comparison pages. runs: curves in the order of `compared`; references: also draw recorded references."""
     keys = dict.fromkeys(key for one in compared for key in one.pairs)
     quantities = sorted(dict.fromkeys(q for _, q in keys), key=lambda q: _FIRST.index(q) if q in _FIRST else len(_FIRST))
@@ -43,7 +43,7 @@ def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison
     pages = [(js, qs) for js, qs in pages if qs]
     for number, (members, names) in enumerate(pages, 1):
         figure = overlay_figure(runs, compared, members, names, part=(number, len(pages)))
-        yield Page(name="comparison" if len(pages) == 1 else f"comparison_{number}", figure=figure)
+        yield FigurePage(name="comparison" if len(pages) == 1 else f"comparison_{number}", figure=figure)
 
 
 def overlay_figure(

@@ -184,9 +184,10 @@ def _meanings(
             try:
                 joint, quantity = _meaning(column, name, joints)
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
-                if joints and quantity and first != name and first in names:
+                unnamed = joints and quantity and column.joint is None
+                if unnamed and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts from 0 fits only a robot that does so
-                if quantity and joints and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
+                if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
                     raise DoubtError("the file has several joints without their names")
                 if quantity and uses[column.file, name] > 1:
                     raise DoubtError("several columns have its name")

@@ -112,7 +112,7 @@ class CellColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Layout:
+class TableLayout:
     """Layout of a table of cells."""
 
     decimal: str
@@ -214,7 +214,7 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     return layout.content([row for row in filled if row[0] >= layout.first])
 
 
-def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
+def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayout:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
     # The names of joints in rows below their header do not count as text: there may be more names than numbers.
@@ -262,7 +262,7 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> Layout:
         names = message_names(rows[place][1], common) or names
     labels = _unique([*names, ""][:columns])
     naming = name_columns(labels)
-    return Layout(
+    return TableLayout(
         decimal=decimal, header=header, first=rows[place][0], names=labels,
         kinds=tuple(
             "joint" if name == reading.joint or i in naming else kind

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from asrsim.render.files import film_strip, strip_of, write_gif, write_mp4, write_strip
-from asrsim.render.motion import Film, Frame, even_times, share_view, telling_times
+from asrsim.render.motion import Film, FilmFrame, even_times, share_view, telling_times
 
 __all__ = [
     "Film",
-    "Frame",
+    "FilmFrame",
     "even_times",
     "film_strip",
     "share_view",

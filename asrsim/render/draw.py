@@ -25,7 +25,7 @@ INK = np.array([0.13, 0.15, 0.18])
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
 
 
-class Painter:
+class SceneDrawer:
     """Draws the shapes of a scene in given frames. One array stores all points of the scene."""
 
     def __init__(self, scene: RenderScene) -> None:

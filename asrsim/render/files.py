@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.errors import InputError, OutputError
 from asrsim.extras import library
 from asrsim.outfile import is_ours, written
-from asrsim.render.motion import Film, Frame, even_times, telling_times
+from asrsim.render.motion import Film, FilmFrame, even_times, telling_times
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
@@ -27,7 +27,7 @@ ROW = 6
 """Number of frames in a row of a film strip."""
 
 
-def film_strip(frames: Sequence[Frame], *, title: str = "", letters: float = 0.045) -> Picture:
+def film_strip(frames: Sequence[FilmFrame], *, title: str = "", letters: float = 0.045) -> Picture:
     """Film strip: rows of at most six frames with their times and contacts. letters: text size as a fraction of a frame."""
     from PIL import Image as Pictures
     from PIL import ImageDraw

@@ -16,7 +16,7 @@ from asrsim.errors import InputError, LogError, RobotError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.render.camera import Camera, fit_camera, fitting_aspect, main_axis, viewpoint, viewpoints
-from asrsim.render.draw import Image, Painter
+from asrsim.render.draw import Image, SceneDrawer
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.robot.xmlfile import parse_xml
@@ -39,7 +39,7 @@ _STEADY = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Frame:
+class FilmFrame:
     """Picture of the motion at one time."""
 
     time: float
@@ -87,7 +87,7 @@ class Film:
         self._equilibria = np.where(np.isfinite(rest), rest, positions)
         """Link positions (n, joints) at which springs without load rest; measured positions for joints without springs."""
         self.scene, self.notes = logged_scene(self.info, self.path)
-        self._painter = Painter(self.scene)
+        self._painter = SceneDrawer(self.scene)
         self.camera: Camera
         self.width: int
         self.height: int
@@ -105,14 +105,14 @@ class Film:
         """End of the film, s."""
         return float(self.samples.time[-1])
 
-    def frame(self, time: float, *, ghost: bool = False) -> Frame:
+    def frame(self, time: float, *, ghost: bool = False) -> FilmFrame:
         """Picture of the sample nearest to a time in s. ghost: with a faint robot at the equilibrium of its springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
         image = self._image(self.frames(row))
         if ghost:
             rest = self._image(self.frames(row, self._equilibria[row]))
             image = np.asarray((1.0 - GHOST) * image + GHOST * rest + 0.5, dtype=np.uint8)
-        return Frame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
+        return FilmFrame(time=float(self.samples.time[row]), image=image, touching=self._touching(row))
 
     def _image(self, frames: dict[str, Array]) -> Image:
         return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, place=self.place)

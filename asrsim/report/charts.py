@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.report.series import pack
 from asrsim.samples import Array
 
@@ -42,7 +42,7 @@ def plot_data(chart: Chart) -> dict[str, Any]:
     }
 
 
-def _common(parts: Sequence[Line | Band], *, scattered: bool) -> Array:
+def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
     """Points (n,) of all curves, ascending; of scattered points every one, also where several stand at one place."""
     known = [part.x for part in parts if len(part.x)]
     if not known:
@@ -78,7 +78,7 @@ def _series(line: Line, across: Array, *, logarithmic: bool) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _band(band: Band, across: Array) -> dict[str, Any]:
+def _band(band: Shade, across: Array) -> dict[str, Any]:
     low, high = (_at(across, band.x, edge) for edge in (band.low, band.high))
     if band.where is not None:
         inside = _at(across, band.x, band.where.astype(float)) > 0.5

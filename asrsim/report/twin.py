@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError
 from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.report.charts import page_data
 from asrsim.report.html import section, table
 from asrsim.report.page import HINT, NO_SCRIPT, build, folded
@@ -55,7 +55,7 @@ def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Char
             size = 1.1 * float(np.nanmax(np.abs(values), initial=0.0)) or 1.0
             edge = np.full(len(rows), size)
             alarm = fields["alarm"][1][rows] > 0.5
-            bands = [Band(label="alarm", x=time[rows], low=-edge, high=edge, colour=style.VERMILION, opacity=0.2, where=alarm)]
+            bands = [Shade(label="alarm", x=time[rows], low=-edge, high=edge, colour=style.VERMILION, opacity=0.2, where=alarm)]
         words = field.replace("_", " ")
         line = Line(label=words, x=time[rows], y=values[rows], colour=colour)
         charts[field] = Chart(words=words, unit=unit.replace("N m", "N·m"), lines=[line], bands=bands)

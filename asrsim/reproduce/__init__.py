@@ -18,13 +18,13 @@ from asrsim.errors import AsrsimError, InputError
 from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.reproduce.data import (
     Claim,
-    Figure,
     FigureBound,
     FigureOutcome,
     FigurePart,
     FigurePicture,
     FigureTable,
     Origin,
+    PaperFigure,
     Reproduction,
     above,
     at_least,
@@ -39,13 +39,13 @@ from asrsim.workers.local import Processes
 
 __all__ = [
     "Claim",
-    "Figure",
     "FigureBound",
     "FigureOutcome",
     "FigurePart",
     "FigurePicture",
     "FigureTable",
     "Origin",
+    "PaperFigure",
     "Reproduction",
     "above",
     "at_least",

@@ -99,7 +99,7 @@ class FigurePart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
+class PaperFigure:
     """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
 
     number: int
@@ -129,7 +129,7 @@ class Reproduction:
     """Wall-clock time, s."""
 
     @property
-    def figure(self) -> Figure:
+    def figure(self) -> PaperFigure:
         """Description of the figure and its experiments."""
         return figures()[self.name]
 
@@ -182,7 +182,7 @@ class FigureOutcome:
 
 
 @cache
-def figures() -> dict[str, Figure]:
+def figures() -> dict[str, PaperFigure]:
     """Figures of `examples/paper` by number (as text). Raises InputError if this installation has no examples."""
     examples = examples_folder()
     sys.path.insert(0, str(examples))

@@ -14,6 +14,7 @@ from asrsim.errors import did_you_mean
 from asrsim.robot.findings import Findings
 from asrsim.robot.model import Joint, Link, Vector
 from asrsim.robot.poses import roll_pitch_yaw, rotation_about, rotation_matrix
+from asrsim.robot.vocabulary import RATIO, ROTOR
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 TRUE, FALSE = ("true", "1"), ("false", "0")
@@ -174,20 +175,27 @@ def _rotors(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
                 findings.error(message, dynamics, name_of(joint), code="negative-armature", value=f"{value:g}")
             elif value:
                 yield name_of(joint), value
-    for transmission in elements(root, "transmission"):
-        names = [name_of(joint) or text_of(joint) for joint in elements(transmission, "joint")]
-        if len(names) != 1:
-            continue  # a differential: the file does not state which rotor turns with which joint
-        for actuator in elements(transmission, "actuator"):
-            inertia = _first(findings, (actuator, transmission), ("motorInertia", "rotor_inertia"), names[0], 0.0)
-            # A ratio without an inertia changes nothing, and files leave texts of their templates there.
-            words = ("mechanicalReduction", "gear_ratio")
-            ratio = _first(findings, (actuator, transmission), words, names[0], 1.0) if inertia else 1.0
-            if inertia < 0.0:
-                message = "the inertia of a motor must not be negative"
-                findings.error(message, actuator, names[0], code="negative-armature", value=f"{inertia:g}")
-            elif inertia:
-                yield names[0], inertia * ratio * ratio
+    for place in (root, *elements(root, "ros2_control")):
+        for transmission in elements(place, "transmission"):
+            yield from _of_transmission(findings, transmission)
+
+
+def _of_transmission(findings: Findings, transmission: Any) -> Iterator[tuple[str, float]]:
+    joints = elements(transmission, "joint")
+    if len(joints) != 1:
+        return  # a differential: the file does not state which rotor turns with which joint
+    name = name_of(joints[0]) or text_of(joints[0])
+    for actuator in elements(transmission, "actuator"):
+        # ROS 1 writes the reduction in the actuator, ros2_control in the joint, files before ROS 1.0 in the transmission.
+        places = (actuator, joints[0], transmission)
+        inertia = _first(findings, places, ROTOR, name, 0.0)
+        # A ratio without an inertia changes nothing, and files leave texts of their templates there.
+        ratio = _first(findings, places, RATIO, name, 1.0) if inertia else 1.0
+        if inertia < 0.0:
+            message = "the inertia of a motor must not be negative"
+            findings.error(message, actuator, name, code="negative-armature", value=f"{inertia:g}")
+        elif inertia:
+            yield name, inertia * ratio * ratio
 
 
 def _first(findings: Findings, parents: Sequence[Any], names: tuple[str, ...], key: str, default: float) -> float:
@@ -230,6 +238,9 @@ _GRAVITY = {"turnGravityOff": True, "gravity": False}
 def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
     """Joint and start position in blocks of ros2_control, rad or m."""
     for joint in _controlled(root):
+        for tag in elements(joint, "param"):
+            if name_of(tag) == "initial_position":  # the spelling before `initial_value`
+                yield name_of(joint), _number(findings, tag, name_of(joint), 0.0)
         for interface in elements(joint, "state_interface"):
             for tag in elements(interface, "param"):
                 value = _number(findings, tag, name_of(joint), 0.0) if name_of(tag) == "initial_value" else 0.0

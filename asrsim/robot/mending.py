@@ -14,6 +14,7 @@ Mend = Callable[[bytes], tuple[bytes, str, int] | None]
 _BLANKS = b" \t\r\n"
 _COMMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--(.*?)-->", re.DOTALL)
 _DECLARATION = re.compile(rb"<\?xml\s[^>]*?\?>")
+_VERSION = re.compile(rb"""\bversion\s*=\s*(['"])(.*?)\1""")
 _PREFIX = re.compile(rb"</?([A-Za-z_][\w.-]*):[A-Za-z_]|\s([A-Za-z_][\w.-]*):[A-Za-z_][\w.-]*\s*=")
 _DECLARED = re.compile(rb"\bxmlns:([A-Za-z_][\w.-]*)\s*=")
 
@@ -44,6 +45,17 @@ def _late_declaration(data: bytes) -> tuple[bytes, str, int] | None:
     text = declaration.group()
     moved = b" ".join(text.split()) + data[:start] + b"\n" * text.count(b"\n") + data[declaration.end() :]
     return moved, "blanks or comments stand before <?xml ...?>", 1 + data.count(b"\n", 0, start)
+
+
+def _version(data: bytes) -> tuple[bytes, str, int] | None:
+    """A declaration whose version is not that of XML, such as `<?xml version="1"?>`."""
+    declaration = _DECLARATION.match(data)
+    version = _VERSION.search(declaration.group()) if declaration else None
+    if declaration is None or version is None or version[2] in (b"1.0", b"1.1"):
+        return None
+    stated = declaration.group()
+    mended = stated[: version.start(2)] + b"1.0" + stated[version.end(2) :]
+    return mended + data[declaration.end() :], f"the version in <?xml ...?> is '{version[2].decode()}', not '1.0'", 1
 
 
 def _dashes(data: bytes) -> tuple[bytes, str, int] | None:
@@ -101,4 +113,4 @@ def _tail(data: bytes) -> tuple[bytes, str, int] | None:
     return (data[:end] + b"\n", "the file has text after </robot>", 1 + data.count(b"\n", 0, end)) if rest else None
 
 
-MENDS: tuple[Mend, ...] = (_encoding, _late_declaration, _dashes, _undeclared, _tail)
+MENDS: tuple[Mend, ...] = (_encoding, _late_declaration, _version, _dashes, _undeclared, _tail)

@@ -12,12 +12,14 @@ from asrsim.robot.blocks import read_blocks
 from asrsim.robot.closures import with_loops
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.findings import Findings
+from asrsim.robot.freedoms import divide_joints
+from asrsim.robot.massless import without_massless_joints
 from asrsim.robot.mechanics import read_mechanics
 from asrsim.robot.model import Robot
 from asrsim.robot.mounting import with_rotors
 from asrsim.robot.packages import packages_of
 from asrsim.robot.structure import declare_world, read_joints, read_links
-from asrsim.robot.tree import check_tree, without_floating_root, without_massless_joints
+from asrsim.robot.tree import check_tree, without_floating_root
 from asrsim.robot.unread import check_words
 from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 
@@ -100,7 +102,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
     if count > MAX_LINKS or len(elements(root, "joint")) > MAX_LINKS:
         raise RobotError(f"the robot has more than {MAX_LINKS} links or joints", file=path, value=count, code="too-many-links")
     contact_words = check_words(findings, root)
-    mended |= declare_world(findings, root)
+    mended |= divide_joints(findings, root, locked) | declare_world(findings, root)
     links = read_links(findings, root)
     links, joints = read_mechanics(findings, root, links, read_joints(findings, root, links, locked))
     moving = sum(joint.moves for joint in joints)
@@ -137,4 +139,6 @@ def _text(data: bytes, root: Any, *, mended: bool) -> str:
 
 
 def _uses_xacro(root: Any) -> bool:
-    return any(isinstance(element.tag, str) and element.prefix == "xacro" for element in root.iter())
+    elements = [element for element in root.iter() if isinstance(element.tag, str)]
+    texts = (text for element in elements for text in (element.text or "", *element.attrib.values()))
+    return any(element.prefix == "xacro" for element in elements) or any("${" in text or "$(" in text for text in texts)

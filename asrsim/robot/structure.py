@@ -12,13 +12,14 @@ from lxml import etree
 
 from asrsim.errors import did_you_mean
 from asrsim.robot.findings import SMALLEST, Findings
+from asrsim.robot.freedoms import FREEDOMS
 from asrsim.robot.inertia import numbers_of, tensor_of
 from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector, is_locked
 from asrsim.robot.shapes import Colour, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
-JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating")
 UNIT = 2e-4
 """Deviation of an axis from length 1 without a warning: covers rounded values such as 0.707 and 0.7071."""
 LONGEST_NAME = 255
@@ -28,8 +29,8 @@ EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or
 ROUNDING = 1e-15
 """Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
-"""Largest size of a negative principal moment that counts as a rounding error, as a fraction of the largest moment of inertia
-of the link or the robot.
+"""Largest size of a negative moment that counts as a rounding error, as a fraction of the largest moment of inertia of the link
+or the robot.
 """
 X_AXIS: Vector = (1.0, 0.0, 0.0)
 WORLD = "world"
@@ -174,25 +175,34 @@ def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2; a tensor that is impossible by rounding is replaced by the nearest possible one."""
+    """Inertia tensor, kg m^2; an impossible tensor with possible moments is replaced by the nearest possible one."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
-    shown = f"{', '.join(f'{moment:.4g}' for moment in moments)} kg m^2"
+    shown = f"{_listed(moments)} kg m^2"
     if scale == 0.0:
         if mass > 0.0:
-            findings.warn("inertia is zero", tag, name, code="zero-inertia")
-    elif -1e-9 * scale > moments[0] >= -max(ROUNDED * scale, NEGLIGIBLE * largest):
-        message = "inertia has a slightly negative principal moment; the nearest possible inertia is used"
-        findings.warn(message, tag, name, code="rounded-inertia", value=shown)
-        nearest: np.ndarray = axes * np.maximum(moments, 0.0) @ axes.T
-        return nearest
-    elif moments[0] < -1e-9 * scale:
-        message = "inertia has a negative principal moment, which no body has"
+            findings.warn("inertia is zero: the link is a point mass", tag, name, code="zero-inertia")
+    elif np.diag(matrix).min() < -max(ROUNDED * scale, NEGLIGIBLE * largest):
+        message = "inertia has a negative moment, which no body has"
         findings.error(message, tag, name, code="negative-inertia", value=shown)
+    elif moments[0] < -1e-9 * scale:
+        # The integrals of x^2, y^2 and z^2 over the mass, along the principal axes, are not negative for any body.
+        spreads = np.maximum(0.5 * moments.sum() - moments, 0.0)
+        nearest: np.ndarray = axes * (spreads.sum() - spreads) @ axes.T
+        message = (
+            "inertia has a negative principal moment, which no body has: the nearest possible inertia, "
+            f"with {_listed(spreads.sum() - spreads)} kg m^2, is used"
+        )
+        findings.warn(message, tag, name, code="impossible-inertia", value=shown)
+        return nearest
     elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
         message = "inertia breaks the triangle inequality: its largest principal moment is above the sum of the others"
         findings.warn(message, tag, name, code="triangle-inequality", value=shown)
     return matrix
+
+
+def _listed(moments: np.ndarray) -> str:
+    return ", ".join(f"{moment:.4g}" for moment in moments)
 
 
 def _largest_moment(root: Any) -> float:
@@ -213,7 +223,9 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...], 
     kind = "fixed" if fixed else name_of(element, "type")
     if kind not in JOINT_KINDS:
         message = "joint type is unknown" if kind else "joint has no type"
-        findings.error(message, element, name, code="joint-type", value=kind or None, choices=JOINT_KINDS, meant=kind)
+        findings.error(
+            message, element, name, code="joint-type", value=kind or None, choices=(*JOINT_KINDS, *FREEDOMS), meant=kind
+        )
         kind = "continuous"
     parent, child = (_end(findings, element, tag, name, links) for tag in ("parent", "child"))
     origin, rpy = findings.origin(element, name)

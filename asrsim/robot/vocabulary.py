@@ -27,6 +27,11 @@ class Effect(NamedTuple):
     """Size of its number: of several uses in a file, the warning shows the largest."""
 
 
+ROTOR = ("motorInertia", "motor_inertia", "rotor_inertia", "rotorInertia")
+"""Words for the inertia of a motor in a transmission, kg m^2."""
+RATIO = ("mechanicalReduction", "mechanical_reduction", "gear_ratio")
+"""Words for the ratio of a transmission: that of ROS 1, of ros2_control, and of Drake."""
+
 Law = Callable[[Any, str], Effect | None]
 """Function of an element and the text of its value: effect of the word, or None if this value changes nothing."""
 
@@ -101,8 +106,8 @@ def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
     reduction. `asrsim.robot.mechanics` reads that of one joint."""
     if len(elements(actuator.getparent(), "joint")) == 1:
         return None
-    inertia = _of_actuator(actuator, ("motorInertia", "rotor_inertia")) or 0.0
-    ratio = _of_actuator(actuator, ("mechanicalReduction", "gear_ratio")) or 1.0
+    inertia = _of_actuator(actuator, ROTOR) or 0.0
+    ratio = _of_actuator(actuator, RATIO) or 1.0
     at_joint = inertia * ratio**2
     shown = f"rotor inertia of {at_joint:.3g} kg m^2 at the joint ({inertia:g} x {ratio:g}^2) is left out"
     return Effect(shown, at_joint) if at_joint else None
@@ -142,6 +147,7 @@ _SPRING = special(
     _spring, "a spring of ... N m/rad is left out",
     hint="Gazebo and asrsim read springs from <gazebo reference='JOINT'> <springStiffness>, <springReference>",
 )  # fmt: skip
+_DRIVE = _words(READ, " ".join((*ROTOR, *RATIO, "drake:rotor_inertia", "drake:gear_ratio")))
 _STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
 _MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses those of the file"
 _SDF = left("<gazebo> changes it by SDF's words; this has no effect here", neutral=None)
@@ -224,20 +230,24 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "mimic": _words(READ, "@joint @multiplier @offset"),
     "transmission": {
-        **_words(SILENT, "@name @type type leftActuator rightActuator joint"
+        "joint": Word(use="read", inside="transmission joint"),
+        **_words(SILENT, "@name @type type plugin leftActuator rightActuator"
                          " flexJoint rollJoint gap_joint use_simulated_gripper_joint simulated_actuated_joint"
                          " passive_joint compensator robotNamespace simulated_reduction"
                          " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
-        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
+        **_DRIVE,
         "actuator": replace(
             special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"), inside="actuator"
         ),
     },
-    "actuator": {
-        **_words(READ, "mechanicalReduction motorInertia drake:rotor_inertia drake:gear_ratio rotor_inertia gear_ratio"),
-        **_words(SILENT, "@name @type hardwareInterface role type offset motorTorqueConstant drake:* xacro:*"),
+    "transmission joint": {
+        **_DRIVE, **_words(SILENT, "@name @type @role hardwareInterface role type offset differential_type xacro:*"),
     },
-    "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio transmission joint")},
+    "actuator": {
+        **_DRIVE,
+        **_words(SILENT, "@name @type @role hardwareInterface role type offset motorTorqueConstant drake:* xacro:*"),
+    },
+    "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio joint"), **_within("transmission")},
     "mujoco": {
         **_words(SILENT, "size visual asset statistic"), **_within("compiler"),
         **{word: left("MuJoCo's options have no effect: the scenario states step, gravity and engine", neutral=None)

@@ -10,11 +10,10 @@ from weakref import ref
 
 import numpy as np
 
-from asrsim.engines.base import Engine, Native, Record
+from asrsim.engines.base import VELOCITY, Engine, Native, Record
 from asrsim.samples import Array
-from asrsim.simulation.layout import E_VELOCITY
+from asrsim.simulation.arguments import EngineCall
 
-NO_RECORD = Record(0, None)
 NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
 """Empty table of wrenches, and table of lengths for a kick that consists of one piece."""
 
@@ -33,20 +32,15 @@ class BoundEngine:
         self._world: int | None = None
         """Number of the world whose state the engine contains; None if this state belongs to no world."""
 
-    @property
-    def step(self) -> Any:
-        """Address of the engine's step function."""
-        return self._step
-
-    def borrow(self, pieces: int) -> tuple[Array, Any]:
-        """The exchange array (pieces, joints, 6) and a record for one call of the kernel. pieces: largest number of pieces of a
-        kick."""
+    def borrow(self, pieces: int) -> EngineCall:
+        """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
-        return self._exchange, NO_RECORD
+        # Items of a memory view are read and written several times faster than those of an array.
+        return EngineCall(step=self._step, record=0, exchange=self._exchange.data)
 
-    def give_back(self, record: Any) -> None:
+    def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
 
     def _step(self, record: Any, x: Any, exchange: Any, wrenches: Array, lengths: Array, pieces: int) -> None:
@@ -99,12 +93,13 @@ class CalledEngine(BoundEngine):
 
         self._callback = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(called)
         self._wrenches = wrenches
+        self._address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self._raised: BaseException | None = None
 
-    @property
-    def step(self) -> Any:
-        """Address of the engine's step function."""
-        return ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+    def borrow(self, pieces: int) -> EngineCall:
+        """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
+        super().borrow(pieces)
+        return EngineCall(step=self._address, record=0, exchange=self._exchange)
 
     def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
         # Exceptions must not pass through compiled code: the world is stopped instead.
@@ -117,9 +112,9 @@ class CalledEngine(BoundEngine):
                 return
         except BaseException as error:
             self._raised = error
-        self._exchange[..., E_VELOCITY] = np.nan
+        self._exchange[..., VELOCITY] = np.nan
 
-    def give_back(self, record: Any) -> None:
+    def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel."""
         if self._raised is not None:
             error, self._raised = self._raised, None
@@ -138,21 +133,23 @@ class NativeEngine(BoundEngine):
         """states: states of all worlds, (worlds, values)."""
         self.engine, self._native, self.states = engine, native, states
         self._records: list[Record] = []
-        """Records that no thread uses at present."""
+        """All records, whose memory must stay alive."""
+        self._calls: list[EngineCall] = []
+        """Records with exchanges that no thread uses at present."""
 
-    @property
-    def step(self) -> Any:
-        """Address of the engine's step function."""
-        return self._native.address
+    def borrow(self, pieces: int) -> EngineCall:
+        """What one call of the kernel receives; each call gets its own, since threads may call in parallel."""
+        call = self._calls.pop() if self._calls else None
+        if call is None:
+            self._records.append(self._native.make_record())
+        elif len(call.exchange) >= pieces:
+            return call
+        address = self._records[-1].address if call is None else call.record
+        return EngineCall(self._native.address, address, np.zeros((pieces, len(self.engine.joints), 6)))
 
-    def borrow(self, pieces: int) -> tuple[Array, Any]:
-        """Exchange array and record for one call of the kernel; each call gets its own, since threads may call in parallel."""
-        record = self._records.pop() if self._records else self._native.make_record()
-        return np.zeros((pieces, len(self.engine.joints), 6)), record
-
-    def give_back(self, record: Any) -> None:
+    def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel."""
-        self._records.append(record)
+        self._calls.append(call)
 
     def leave(self) -> None:
         """Do nothing: the array always contains the states of all worlds."""

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from asrsim.compiled.compiling import available
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
-from asrsim.records import numbers
 from asrsim.samples import Array
 from asrsim.simulation import interpreted, kernel
+from asrsim.simulation.arguments import Common, Corrections, Recorded, Stretch, Tables
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
-from asrsim.simulation.layout import HEALTHY, SPRUNG
+from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
@@ -35,8 +35,8 @@ SECONDS_WHEN_LOADED = 0.05
 """Time in s to load the compiled kernel if Numba is already imported."""
 
 
-UNOBSERVED = np.zeros((0, 0, 0, 0)), np.zeros(2), np.zeros((3, 0), dtype=np.int64)
-"""Observer that corrects nothing."""
+UNOBSERVED = Corrections(np.zeros((0, 0, 0, 0)), np.zeros(2), np.zeros((3, 0), dtype=np.int64))
+"""Corrections of no observer."""
 
 
 def is_worth_compiling(joints: int, substeps: int) -> bool:
@@ -71,7 +71,6 @@ class Core:
         """Functions that the kernel calls by address, which must stay alive."""
         self.shape: RowShape = shape_of(drives)
         constants = self._bind_joints()
-        self._numbers_of_scheme = np.array(numbers(self._scheme))
         self._plain_joints: dict[int, list[JointState]] = {}
         self._plain_links: dict[int, list[JointConstants]] = {}
         """States and constants of the joints as records, by number of the world; the Python loop makes them when needed."""
@@ -84,9 +83,11 @@ class Core:
         self.done = np.zeros(worlds, dtype=np.int64)
         """Number of completed substeps of each world, (worlds,)."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        """Health of each world (`HEALTHY`, `NO_VALUE`, `RAN_AWAY`) and number of the joint at fault, (worlds, 2)."""
-        self.observer: tuple[NDArray[Any], ...] = UNOBSERVED
-        """Arguments `measured`, `gains` and `coordinates` of the kernel's `observe`."""
+        """Health of each world (`asrsim.simulation.layout.HEALTH`) and number of the joint at fault, (worlds, 2)."""
+        self.corrections = UNOBSERVED
+        """Corrections by an observer."""
+        self._world_tables: Tables | None = None
+        """What the compiled kernel receives of the worlds; None after a change of a table's size."""
         self._pieces = 1
         """Largest number of pieces of a kick so far."""
         self._states: Array | None = None
@@ -105,13 +106,13 @@ class Core:
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
-            if kind.kind == SPRUNG:
+            if kind.sprung:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
             if stepping.released:
                 kind.joint_step = self._address(bound_step(released_step))
-        self._kinds: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
-        """Kinds of the joints: table K (joints, ...) for compiled code; for the Python loop, records with functions instead of
-        addresses."""
+        # For the Python loop the kinds are records with functions instead of addresses.
+        table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
+        self._common = Common(table, self._code.scheme_table(self._scheme))
         return constants
 
     def _make_room(self, prepared: Prepared) -> None:
@@ -121,6 +122,7 @@ class Core:
             return
         self.shape = shape
         self._bind_joints()
+        self._world_tables = None
         self.S, self.P = _widened(self.S, shape.state), _widened(self.P, shape.constants)
         self._plain_joints, self._plain_links = {}, {}
 
@@ -131,8 +133,10 @@ class Core:
 
     def record(self, columns: RowColumns, *, watched: bool) -> None:
         """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
-        self.columns, self._watched = columns, int(watched)
+        self.columns, self._world_tables = columns, None
         self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
+        found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.readers, columns.of_inputs.tolist())
+        self._recorded = Recorded(self.prepared.resolution.substeps, int(watched), *found)
         """Row (worlds, joints, columns) of each world at its last whole step."""
 
     @property
@@ -188,7 +192,7 @@ class Core:
         self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self._plain_joints.pop(world, None)
         self.held[world] = self.rows[world] = np.nan
-        self.done[world], self.fault[world] = 0, HEALTHY
+        self.done[world], self.fault[world] = 0, HEALTH.healthy
         bound.entered(world)
 
     @property
@@ -249,13 +253,12 @@ class Core:
 
     def _call(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Run the compiled kernel."""
-        exchange, record = bound.borrow(self._pieces)
-        self._run(
-            which, first, count, self.prepared.resolution.substeps, self._watched, self.done, self.fault, self.S, self.P,
-            self._kinds, self._numbers_of_scheme, bound.states if isinstance(bound, NativeEngine) else self.S[:, 0], *given,
-            exchange, bound.step, record.address, self.columns.of_state, self.columns.of_inputs, out, self.rows, *self.observer,
-        )  # fmt: skip
-        bound.give_back(record)
+        tables, engine = self._world_tables, bound.borrow(self._pieces)
+        if tables is None:
+            states = self.S[:, 0] if self._states is None else self._states
+            tables = self._world_tables = Tables(self.S, self.P, states, self.done, self.fault, self.rows)
+        self._run(Stretch(which, first, count), tables, self._common, given, engine, self._recorded, self.corrections, out)
+        bound.give_back(engine)
 
     def _plain(self, bound: BoundEngine, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Run the kernel in Python, for one world."""
@@ -270,17 +273,14 @@ class Core:
             self._plain_links[world] = [
                 link_of_row(row, self.shape.motors, len(drive.elastic), drive.motors, stages) for row, drive, stages in pairs
             ]
-        state = self._plain_joints[world]
-        exchange, _ = bound.borrow(self._pieces)
-        own = slice(world, world + 1)
+        state, engine = self._plain_joints[world], bound.borrow(self._pieces)
+        # Items of a memory view are read and written several times faster than those of an array.
+        done, fault, rows = (table[world : world + 1].data for table in (self.done, self.fault, self.rows))
+        tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows), out.data
         try:
-            plain: Any = kernel.run
-            plain(
-                [(0, *places)], first, count, self.prepared.resolution.substeps, self._watched, self.done[own],
-                self.fault[own], [state], [self._plain_links[world]], self._kinds, self._scheme, [None], *given,
-                exchange.data, bound.step, 0, self.columns.readers, self.columns.of_inputs.tolist(), out.data,
-                self.rows[own].data, *UNOBSERVED,
-            )  # fmt: skip
+            kernel.run(
+                Stretch([(0, *places)], first, count), tables, self._common, given, engine, self._recorded, UNOBSERVED, views
+            )
         finally:
             self.S[world] = [row_of_joint(joint) for joint in state]
 

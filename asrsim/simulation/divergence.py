@@ -9,7 +9,7 @@ from __future__ import annotations
 from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.fields import JOINT
-from asrsim.simulation.kernel import SHARE
+from asrsim.simulation.ledger import SHARE
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.substeps import COARSE
 

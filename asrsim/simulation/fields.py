@@ -177,7 +177,9 @@ class JointConstants:
 class JointKind:
     """Kind of a joint, and places of the parts of its rows whose length depends on the robot."""
 
-    kind: int = constant("`PASSIVE`, `DIRECT`, `CONTROLLED` or `SPRUNG`", "", integer=True)
+    sprung: int = constant("flag: 1 if springs load the link", "", integer=True)
+    controlled: int = constant("flag: 1 if a controller loads the rigid link (mode 1)", "", integer=True)
+    direct: int = constant("flag: 1 if the reference is the torque on the link (mode 0)", "", integer=True)
     positions: int = constant("number of positions that the laws of the spring take", "", integer=True)
     dynamic: int = constant("number of positions with motor dynamics; the others equal their references", "", integer=True)
     springs: int = constant("number of springs, one for each motor", "", integer=True)

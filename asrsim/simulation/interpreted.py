@@ -10,12 +10,17 @@ from typing import Any
 
 from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
-from asrsim.simulation.fields import JointConstants, JointKind, JointState
-from asrsim.simulation.layout import LOSE, REMEMBER, STORE, WHOLE
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, Scheme
+from asrsim.simulation.layout import TASK
 from asrsim.simulation.staged import SLOPE, Access, compose
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Errors that `math` raises if a law has no finite value."""
+
+
+def scheme_table(scheme: Scheme) -> list[Scheme]:
+    """Table with one record: the constants of a stepping."""
+    return [scheme]
 
 
 def bound_step(function: Callable[..., None]) -> Any:
@@ -39,7 +44,7 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
         own = joint.motors[:motors]
         parameters = tuple(link.law)
         if place is not None:
-            if task == WHOLE:
+            if task == TASK.whole:
                 place(joint, link, kind, q + SLOPE)
                 least = sum(torques(q + SLOPE, *map(end, own), parameters))
                 place(joint, link, kind, q - SLOPE)
@@ -47,7 +52,7 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
             place(joint, link, kind, q)
         positions = [end(motor) for motor in own]
         found = torques(q, *positions, parameters)
-        if task == WHOLE:
+        if task == TASK.whole:
             if place is None:
                 joint.stiffness = stiffness(q, *positions, parameters)
             joint.law_energy = energy(q, *positions, parameters)
@@ -58,18 +63,18 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
         try:
             if staged is None:
                 springs(joint, link, kind, q, task)
-            elif task == REMEMBER:
+            elif task == TASK.remember:
                 staged.remember(joint, link, kind)
-            elif task == STORE:
+            elif task == TASK.store:
                 staged.store(joint, link, kind)
-            elif task == LOSE:
+            elif task == TASK.lose:
                 staged.lose(joint, link, kind)
             else:
                 springs(joint, link, kind, q, task)
                 staged.add(joint, link, kind, q)
         except UNDEFINED:
             joint.motors[0].pull = math.nan
-            if task >= REMEMBER:
+            if task >= TASK.remember:
                 # The kick is over: the next torque has no value.
                 joint.motors[0].position = math.nan
 

@@ -5,10 +5,12 @@ In compiled code, `asrsim.simulation.native` replaces these functions by calls t
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
-from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme
+from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, TORQUE, VELOCITY
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 
 
 def call(address: Any, *arguments: Any) -> None:
@@ -22,35 +24,34 @@ The link is at q rad, the motors at their `theta`. With the task `WHOLE`, also s
 `stiffness` and `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`)."""
 joint_step = call
 """Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
-`asrsim.simulation.kernel.advance` and sets the torque of the joint."""
+`asrsim.simulation.joint.advance` and sets the torque of the joint."""
 engine_step = call
 """Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step (`asrsim.engines.base`).
 pieces: number of pieces of the kick."""
 
 
-def row(table: Any, j: int) -> Any:
-    """Row j of a table. In compiled code, the row is a pointer: its indices must not be negative."""
-    return table[j]
+def put_load(exchange: Any, piece: int, j: int, torque: float, damping: float, friction: float) -> None:
+    """Put the loads of joint j in a piece of a kick into the exchange. The velocity
+    in the middle of the kick has no value, unless the engine writes it."""
+    exchange[piece, j, MIDDLE] = math.nan
+    exchange[piece, j, TORQUE] = torque
+    exchange[piece, j, DAMPING] = damping
+    exchange[piece, j, FRICTION] = friction
 
 
-def joint_of(table: Any, j: int) -> JointState:
-    """State of joint j in a table S of one world."""
-    return table[j]  # type: ignore[no-any-return]
+def motion_of(exchange: Any, last: int, j: int) -> tuple[float, float, float]:
+    """Position and velocity of joint j after a kick, and its velocity in the middle of the kick. last: last piece."""
+    return exchange[last, j, POSITION], exchange[last, j, VELOCITY], exchange[last, j, MIDDLE]
 
 
-def link_of(table: Any, j: int) -> JointConstants:
-    """Constants of joint j in a table P of one world."""
-    return table[j]  # type: ignore[no-any-return]
+def inputs_of(table: Any, at: int, j: int) -> Any:
+    """Input row of joint j in row `at`. In compiled code it is a pointer: its indices must not be negative."""
+    return table[at][j]
 
 
-def kind_of(table: Any, j: int) -> JointKind:
-    """Kind of joint j."""
-    return table[j]  # type: ignore[no-any-return]
-
-
-def scheme_of(table: Any) -> Scheme:
-    """Constants of the stepping."""
-    return table  # type: ignore[no-any-return]
+def joint_of(states: Any, constants: Any, kinds: Any, j: int) -> tuple[JointState, JointConstants, JointKind]:
+    """State, constants and kind of joint j in the tables S and P of one world, and K."""
+    return states[j], constants[j], kinds[j]
 
 
 def motor_of(joint: JointState, i: int) -> MotorState:

@@ -7,19 +7,25 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
 from asrsim.compiled import compiling
 from asrsim.errors import SimulationError, listed
-from asrsim.records import columns, own_fields
+from asrsim.records import columns, numbers, own_fields
 from asrsim.simulation import kernel
+from asrsim.simulation.arguments import Common, Corrections, EngineCall, Recorded, Stretch, Tables
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, columns_of_stages
-from asrsim.simulation.layout import LOSE, REMEMBER, STORE, WHOLE
+from asrsim.simulation.inputs import Given
+from asrsim.simulation.layout import TASK
 from asrsim.simulation.staged import SLOPE, Access, compose
 
-INLINE = "asrsim.actuators.motor", "asrsim.simulation.kernel", "asrsim.simulation.staged"
+INLINE = (
+    "asrsim.actuators.motor",
+    *(f"asrsim.simulation.{name}" for name in ("kernel", "joint", "sensing", "ledger", "laws", "staged")),
+)
 """Modules whose functions are inlined into their callers."""
 
 
@@ -28,10 +34,15 @@ def compiled_run() -> Any:
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
-        whole[2], 1, 1, 1, 1, whole[1], whole[2], floats[3], floats[3], whole[2], floats[1], floats[2], floats[4],
-        floats[4], floats[4], floats[2], whole[3], floats[3], 1, 1, whole[1], whole[1], floats[4], floats[3],
-        floats[4], floats[1], whole[2],
-    )  # fmt: skip
+        Stretch(which=whole[2], first=1, substeps=1),
+        Tables(states=floats[3], constants=floats[3], engines=floats[2], done=whole[1], fault=whole[2], rows=floats[3]),
+        Common(kinds=whole[2], scheme=np.zeros(1, dtype=_dtype(Scheme))),
+        Given(inputs=floats[4], references=floats[4], wrenches=floats[4], lengths=floats[2], cuts=whole[3]),
+        EngineCall(step=1, record=1, exchange=floats[3]),
+        Recorded(every=1, watched=1, of_state=whole[1], of_inputs=whole[1]),
+        Corrections(measured=floats[4], gains=floats[1], coordinates=whole[2]),
+        floats[4],
+    )
     return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
 
 
@@ -74,19 +85,19 @@ def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
     known = 0.0, 0.0
-    if task == WHOLE:
+    if task == TASK.whole:
         known = stiffness(*given), energy(*given)
     joint = joint_at(s)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
-    if task == WHOLE:
+    if task == TASK.whole:
         joint.stiffness, joint.law_energy = known
 
 
 def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
     joint, link = joint_at(s), link_at(p)
-    if task == WHOLE:
+    if task == TASK.whole:
         place(joint, link, kind, q + SLOPE)
         least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
         place(joint, link, kind, q - SLOPE)
@@ -94,7 +105,7 @@ def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     place(joint, link, kind, q)
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
-    if task == WHOLE:
+    if task == TASK.whole:
         joint.law_energy = energy(*given)
     for i in range(len(values)):
         motor_of(joint, i).pull = values[i]
@@ -112,18 +123,18 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
         _put_staged(s, p, kind_at(k), q, task)
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
-        if task >= REMEMBER:
+        if task >= TASK.remember:
             # The kick is over: the next torque has no value.
             motor_of(joint_at(s), 0).position = np.nan
 
 
 def _put_staged(s: int, p: int, kind: Any, q: float, task: int) -> None:
     joint, link = joint_at(s), link_at(p)
-    if task == REMEMBER:
+    if task == TASK.remember:
         remember(joint, link, kind)
-    elif task == STORE:
+    elif task == TASK.store:
         store(joint, link, kind)
-    elif task == LOSE:
+    elif task == TASK.lose:
         lose(joint, link, kind)
     else:
         springs(s, p, kind, q, task)
@@ -276,26 +287,9 @@ def _adding_at(column: int) -> Any:
     return intrinsic(add_to)
 
 
-@cache
-def _row_as(kind: Any) -> Any:
-    """Function for compiled code: row j of a table as a record."""
-    from numba import types
-    from numba.extending import intrinsic
-
-    kinds: Any = types
-    found = _type(kind)
-
-    def row_as(typing: Any, table: Any, j: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            whole = context.make_array(signature.args[0])(context, builder, arguments[0])
-            columns = builder.extract_value(whole.shape, 1)
-            place = builder.gep(whole.data, [builder.mul(arguments[1], columns)])
-            return builder.bitcast(place, context.get_value_type(found))
-
-        return found(table, kinds.int64), generate
-
-    row_as.__name__ = f"row_as_{kind.__name__}"
-    return intrinsic(row_as)
+def scheme_table(scheme: Scheme) -> NDArray[Any]:
+    """Table with one record: the constants of a stepping."""
+    return np.array([numbers(scheme)], dtype=_dtype(Scheme))
 
 
 @cache
@@ -308,7 +302,7 @@ def _pointers() -> dict[str, Any]:
 
     kinds: Any = types
     # The digest of the compiled code contains values of this function that the code uses, and no results of functions.
-    scheme, memory = _type(Scheme), columns(JointKind)["memory"]
+    records, memory = (_type(JointState), _type(JointConstants), _type(JointKind)), columns(JointKind)["memory"]
 
     def passed(*given: Any) -> Any:
         """Numba signature and code generator of a call of the C function whose address is the first argument. Arrays are passed
@@ -334,20 +328,30 @@ def _pointers() -> dict[str, Any]:
     def call_step(typing: Any, address: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
         return passed(address, a, b, c, d, e, f)
 
-    def find_row(typing: Any, table: Any, j: Any) -> Any:
+    def row_in(context: Any, builder: Any, kind: Any, table: Any, *place: Any) -> Any:
+        """Pointer to the row at these indices of a table."""
+        whole = context.make_array(kind)(context, builder, table)
+        at = place[0]
+        for axis, index in enumerate(place[1:], start=1):
+            at = builder.add(builder.mul(at, builder.extract_value(whole.shape, axis)), index)
+        return builder.gep(whole.data, [builder.mul(at, builder.extract_value(whole.shape, len(place)))])
+
+    def find_inputs(typing: Any, table: Any, at: Any, j: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            whole = context.make_array(signature.args[0])(context, builder, arguments[0])
-            columns = builder.extract_value(whole.shape, 1)
-            return builder.gep(whole.data, [builder.mul(arguments[1], columns)])
+            return row_in(context, builder, signature.args[0], *arguments)
 
-        return kinds.CPointer(table.dtype)(table, kinds.int64), generate
+        return kinds.CPointer(table.dtype)(table, kinds.int64, kinds.int64), generate
 
-    def find_scheme(typing: Any, table: Any) -> Any:
+    def find_joint(typing: Any, states: Any, constants: Any, table: Any, j: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-            return builder.bitcast(data, context.get_value_type(scheme))
+            *tables, j = arguments
+            rows = [
+                builder.bitcast(row_in(context, builder, kind, one, j), context.get_value_type(found))
+                for kind, one, found in zip(signature.args, tables, records, strict=False)
+            ]
+            return context.make_tuple(builder, signature.return_type, rows)
 
-        return scheme(table), generate
+        return kinds.Tuple(records)(states, constants, table, kinds.int64), generate
 
     def find_value(typing: Any, record: Any, column: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -366,8 +370,7 @@ def _pointers() -> dict[str, Any]:
 
     return {
         "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_step), "joint_step": intrinsic(call_step),
-        "row": intrinsic(find_row), "joint_of": _row_as(JointState), "link_of": _row_as(JointConstants),
-        "kind_of": _row_as(JointKind), "scheme_of": intrinsic(find_scheme), "motor_of": _part(JointState, MotorState),
+        "inputs_of": intrinsic(find_inputs), "joint_of": intrinsic(find_joint), "motor_of": _part(JointState, MotorState),
         "drive_of": _part(JointConstants, MotorConstants), "value_of": intrinsic(find_value),
         "memory_of": intrinsic(find_memory),
     }  # fmt: skip

@@ -20,7 +20,7 @@ from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 from asrsim.simulation.laws import drive_of, motor_of, spring_law
-from asrsim.simulation.layout import CONTROLLED, DIRECT, GOALS, SPRUNG, TORQUES
+from asrsim.simulation.layout import GOALS, TASK
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "limit": 6.0, "low": -math.inf, "high": math.inf}
 """Constants of the released DCMotor class, which simulates a second motor for every actuator: values of a
@@ -36,14 +36,14 @@ MOTORS = 2
 
 
 def released_step(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h: float, note: int) -> None:
-    """Advance a joint by h s in the released order; see `asrsim.simulation.kernel.advance`."""
-    if kind.kind == SPRUNG:
+    """Advance a joint by h s in the released order; see `asrsim.simulation.joint.advance`."""
+    if kind.sprung:
         _springs(joint, link, kind, u, h)
-    elif kind.kind == CONTROLLED:
+    elif kind.controlled:
         error = u[GOALS] - joint.position
         joint.integral += link.integral * error * h
         joint.now.torque = joint.integral + link.proportional * error + link.derivative * (0.0 - joint.engine_velocity)
-    elif kind.kind == DIRECT:
+    elif kind.direct:
         joint.now.torque = u[GOALS]
     else:
         joint.now.torque = 0.0
@@ -55,7 +55,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         motor.theta = motor.position if moving else u[GOALS + i]
-    spring_law(kind.spring_law, joint, link, kind, joint.position, TORQUES)
+    spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         if moving:
@@ -63,7 +63,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
             motor.theta = motor.position
         motor.kick_position = motor.theta
     if controlled:
-        spring_law(kind.spring_law, joint, link, kind, joint.position, TORQUES)
+        spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
     for i in range(MOTORS):
         motor = motor_of(joint, i)
         motor.load = motor.pull

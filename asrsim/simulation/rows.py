@@ -14,8 +14,7 @@ from asrsim.records import columns, numbers
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, StageState, row_of_link
-from asrsim.simulation.kernel import AT_STOP
-from asrsim.simulation.layout import CONTROLLED, DIRECT, PASSIVE, SPRUNG
+from asrsim.simulation.ledger import AT_STOP
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
@@ -27,11 +26,12 @@ NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
 
 def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]]) -> JointKind:
     """Kind of a joint with these stages, without the addresses of its functions."""
-    kind, mode, sensor = PASSIVE, drive.mode, drive.sensor
-    if mode is not None:
-        kind = SPRUNG if mode.spring else CONTROLLED if mode.controller else DIRECT
+    mode, sensor = drive.mode, drive.sensor
+    sprung = mode is not None and mode.spring
+    controlled = mode is not None and not mode.spring and mode.controller
     return JointKind(
-        kind=kind, positions=drive.positions, dynamic=drive.dynamic_motors, springs=drive.motors if drive.placed else 0,
+        sprung=int(sprung), controlled=int(controlled), direct=int(mode is not None and not (sprung or controlled)),
+        positions=drive.positions, dynamic=drive.dynamic_motors, springs=drive.motors if drive.placed else 0,
         placed=drive.placed, controllers=sensor.count if sensor else 0, on_link=int(sensor.on_link) if sensor else 0,
         ring=shape.ring, memory=shape.memory, law=shape.law, spring_law=0, joint_step=0, stages=len(stages),
         places=[shape.kept.index(stage) for stage in stages],

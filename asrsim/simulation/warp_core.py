@@ -20,7 +20,7 @@ from asrsim.simulation.core import UNOBSERVED, Core
 from asrsim.simulation.fields import JOINT, motor_column, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
-from asrsim.simulation.layout import HEALTHY, NO_VALUE, RAN_AWAY
+from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepare import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
@@ -67,7 +67,7 @@ class WarpCore(Core):
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
         self.done = np.zeros(worlds, dtype=np.int64)
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
-        self.observer = UNOBSERVED
+        self.corrections = UNOBSERVED
         self._start_engine(engine, prepared)
         self._make_model(worlds)
         new = self._new
@@ -159,7 +159,7 @@ class WarpCore(Core):
         rows = zip(prepared.drives, *placed, strict=True)
         self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self.held[world] = self.rows[world] = np.nan
-        self.done[world], self.fault[world] = 0, HEALTHY
+        self.done[world], self.fault[world] = 0, HEALTH.healthy
         state, first = self._engine.state, self._model.nq
         self._places["qpos"][world], self._places["qvel"][world] = state[:first], state[first : first + self._model.nv]
         self._places["qacc_warmstart"][world] = 0.0
@@ -231,7 +231,7 @@ class WarpCore(Core):
         wrong = ~(np.abs(speeds) <= FASTEST) | ~np.isfinite(places)
         for place in np.flatnonzero(wrong.any(axis=1)).tolist():
             joint = int(wrong[place].argmax())
-            self.fault[worlds[place]] = (RAN_AWAY if np.isfinite(speeds[place, joint]) else NO_VALUE), joint
+            self.fault[worlds[place]] = (HEALTH.ran_away if np.isfinite(speeds[place, joint]) else HEALTH.no_value), joint
 
     def _rows_of(self, count: int) -> Any:
         """Array on the device for `count` recorded rows."""
@@ -321,8 +321,8 @@ class WarpCore(Core):
         wp.launch(
             code.settle_joints, dim=size, device=self._device,
             inputs=[
-                self._s, self._p, self._k, self._z, self._sizes, self._done, self._ran, self._freedoms, self._coordinates,
-                self._loads, d.qpos, d.qvel, self._columns, rows,
+                self._s, self._p, self._k, self._z, self._sizes, self._pieces, self._which, self._done, self._ran,
+                self._freedoms, self._coordinates, self._loads, d.qpos, d.qvel, self._columns, rows,
             ],
         )  # fmt: skip
         wp.launch(code.count_steps, dim=size[0], inputs=[self._ran], device=self._device)

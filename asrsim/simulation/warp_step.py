@@ -1,7 +1,7 @@
-"""A substep of one joint on Warp: the order in which `asrsim.simulation.kernel.run` calls the functions of the kernel.
+"""A substep of one joint on Warp: the functions of `asrsim.simulation.joint`, translated, and what MuJoCo Warp needs beside.
 
-The functions here are source for `asrsim.warping`, as those of the kernel are. Unlike there, MuJoCo Warp moves the links once
-in a substep: if an input jumps, it receives the means of the torques over the pieces of the kick.
+The functions here are source for `asrsim.warping`, too. MuJoCo Warp moves the links once in a substep: if an input jumps, it
+receives the means of the loads over the pieces of the kick.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.records import columns
-from asrsim.simulation import kernel, laws
+from asrsim.simulation import laws
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import (
     JOINT,
@@ -25,10 +25,11 @@ from asrsim.simulation.fields import (
     columns_of_stages,
     motor_column,
 )
-from asrsim.simulation.layout import EXTERNAL, REMEMBER, WHOLE
+from asrsim.simulation.joint import find_state, load_joint, move_on, settle
+from asrsim.simulation.layout import TASK
 from asrsim.simulation.shape import RowShape
-from asrsim.simulation.staged import Access, Composed, begin_stages, compose
-from asrsim.warping import BOOL, FLOAT, INT, Program, Row, TranslationError, Value
+from asrsim.simulation.staged import Access, Composed, compose
+from asrsim.warping import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpProgram
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
 
@@ -44,73 +45,30 @@ def later(table: Any, at: int) -> Any:
 
 
 def load(
-    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, stride: int, pieces: Any,
-    lengths: Any, step: int, first: bool, recorded: bool, loads: Any,
+    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, stride: int, lengths: Any, step: int,
+    begin: int, end: int, on_time: int, first: bool, recorded: bool, loads: Any,
 ) -> None:  # fmt: skip
-    """Advance motors and springs of a joint by a substep, with the link at its present position, and store its loads.
-
-    inputs: input rows of the joint, `stride` numbers apart; pieces: first row and last row + 1 of the pieces of the kick, and
-    row of the piece that begins at the time of the substep, or -1 for a kick of one piece; lengths: lengths of the pieces;
-    step: row of the substep; first: whether the run begins; recorded: whether the values are recorded.
-    """
-    v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
-    if kind.controllers:
-        kernel.remember_positions(joint, link, kind, scheme)
-    begin, end, on_time = pieces[0], pieces[1], pieces[2]
-    jumped = on_time >= 0
-    if kind.stages:
-        begin_stages(joint, v, jumped, first)
-    since = 0.0 if first else -0.5 * scheme.staggered
-    until = -since
-    torque = applied = push = drag = force = damping = friction = fraction = 0.0
-    for turn in range(begin, end + 1 if jumped else end):
-        at, length, noted = turn, 1.0, not jumped
-        if jumped and turn == on_time:
-            at, length, noted, since, until = step, 0.0, True, 0.0, 0.0
-        elif jumped:
-            at = turn - 1 if turn > on_time else turn
-            length = lengths[at]
-            until = since + length
-        u = later(inputs, at * stride)
-        if kind.controllers:
-            kernel.read_sensors(joint, link, kind, scheme, u, since, until)
-        since = until
-        kernel.advance(joint, link, kind, scheme, u, length * scheme.step, noted, recorded or link.damping_ratio != 0.0)
-        joint.brake = kernel.limit(joint, link, v)
-        joint.now.push = kernel.push_of(joint, link, u[EXTERNAL])
-        joint.drag = kernel.damping_of(joint, link)
-        if noted:
-            torque, applied, push, drag = joint.now.torque, joint.now.applied, joint.now.push, joint.drag
-        fraction += length
-        force += length * (joint.now.applied + joint.now.push)
-        damping += length * (joint.drag + joint.brake)
-        friction += length * kernel.friction_of(joint, link, v)
-    joint.now.torque, joint.now.applied, joint.now.push, joint.drag = torque, applied, push, drag
+    """Advance a joint by a kick, and store its loads. inputs: input rows of the joint, `stride` numbers apart; other arguments
+    as in `asrsim.simulation.joint.load_joint`."""
+    loads[LOAD] = loads[ARMATURE] = loads[FRICTION] = loads[FRACTION] = 0.0
+    load_joint(
+        joint, link, kind, scheme, (inputs, stride), lengths, (loads, later(lengths, begin)), 0, step, begin, end, on_time,
+        first, recorded,
+    )  # fmt: skip
+    fraction, damping = loads[FRACTION], loads[ARMATURE]
     # Damping acts on a mean of the velocities before and after the kick.
-    loads[LOAD] = (force - damping * joint.engine_velocity) / fraction
+    loads[LOAD] = (loads[LOAD] - damping * joint.engine_velocity) / fraction
     loads[ARMATURE] = scheme.link_implicitness * scheme.step * damping
-    loads[FRICTION] = friction / fraction
-    loads[FRACTION] = fraction
+    loads[FRICTION] = loads[FRICTION] / fraction
 
 
-def settle(
-    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, velocity: float, first: bool
-) -> None:  # fmt: skip
-    """Store the values at the time of the substep after the engine has moved the link. velocity: of the link now, rad/s."""
-    now = 0.5 * (joint.engine_velocity + velocity)
-    if first or scheme.staggered == 0.0:
-        now = joint.engine_velocity
-    kernel.read_engine(joint, link, scheme, velocity, now, False)
-    if kind.stages:
-        kernel.remember_stages(joint, link, kind, scheme)
-
-
-def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
-    """Store the position (rad) and velocity (rad/s) of the link for the next substep."""
-    last = joint.engine_velocity
-    if first and scheme.staggered != 0.0:
-        last = 2.0 * joint.engine_velocity - velocity
-    joint.last_engine_velocity, joint.engine_velocity, joint.position = last, velocity, position
+def add_load(loads: Any, lengths: Any, piece: int, torque: float, damping: float, friction: float) -> None:
+    """Add the loads in a piece of a kick, weighted by its length, in place of `asrsim.simulation.laws.put_load`."""
+    length = lengths[piece]
+    loads[LOAD] += length * torque
+    loads[ARMATURE] += length * damping
+    loads[FRICTION] += length * friction
+    loads[FRACTION] += length
 
 
 def shortened(joint: JointState, scheme: Scheme, fraction: float, velocity: float) -> tuple[float, float]:
@@ -131,20 +89,21 @@ Law = tuple[Any, int, tuple[type[Stage], ...]]
 """Actuator, number of positions that its laws take, and stages."""
 
 
-def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[Program, list[Law]]:
+def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgram, list[Law]]:
     """The program that advances joints with these drives, and their laws: `spring_law` of a joint is the number of its law,
     from 1. Raises TranslationError that names the actuator and the line."""
     found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
     used = list(dict.fromkeys(law for law in found if law is not None))
-    made = Program({
+    made = WarpProgram({
         laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
-        laws.memory_of: _memory, laws.spring_law: _call_law, later: _later, kernel.find_state: _nothing,
+        laws.memory_of: _memory, laws.spring_law: _call_law, laws.inputs_of: _inputs, laws.put_load: _put_load,
+        later: _later, find_state: _nothing,
     })  # fmt: skip
     made.add(_law_text(made, used))
     joint = STATE, CONSTANTS, KIND, SCHEME
     for function, kinds in (
-        (load, (*joint, NUMBERS, INT, WHOLE_NUMBERS, NUMBERS, INT, BOOL, BOOL, NUMBERS)),
-        (settle, (*joint, FLOAT, BOOL)),
+        (load, (*joint, NUMBERS, INT, NUMBERS, INT, INT, INT, INT, BOOL, BOOL, NUMBERS)),
+        (settle, (*joint, FLOAT, FLOAT, BOOL, BOOL)),
         (shortened, (STATE, SCHEME, FLOAT, FLOAT)),
         (move_on, (STATE, SCHEME, FLOAT, FLOAT, BOOL)),
     ):
@@ -177,6 +136,15 @@ def _later(caller: Translation, given: list[Value]) -> Value:
     return given[0].from_place(given[1].text)
 
 
+def _inputs(caller: Translation, given: list[Value]) -> Value:
+    rows, stride = given[0].items
+    return rows.from_place(f"{given[1].text} * {stride.text}")
+
+
+def _put_load(caller: Translation, given: list[Value]) -> Value:
+    return caller.call(add_load, [*given[0].items, given[1], *given[3:]])
+
+
 def _call_law(caller: Translation, given: list[Value]) -> Value:
     # `call` is also the function by which other steppings advance a joint: they do not run on Warp.
     if len(given) != 6:
@@ -191,7 +159,7 @@ ROWS = "s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int
 """Arguments of a function that receives the state, the constants and the kind of a joint."""
 
 
-def _law_text(made: Program, used: Sequence[Law]) -> str:
+def _law_text(made: WarpProgram, used: Sequence[Law]) -> str:
     """A function that calls the laws with a number."""
     lines = ["@wp.func", f"def spring_law(which: int, {ROWS}, q: float, task: int):"]
     for number, law in enumerate(used, start=1):
@@ -199,7 +167,7 @@ def _law_text(made: Program, used: Sequence[Law]) -> str:
     return "\n".join([*lines, "    return"])
 
 
-def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
+def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
     """Lines that carry out a task of the laws of an actuator with stages. own: beginning of their names."""
     kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
     law = f"p_at + int(k[k_at + {columns(JointKind)['law']}])"
@@ -227,11 +195,11 @@ def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage
             yield f"{names['place']}({joint}, {q})"
 
     if staged is not None:
-        yield f"if task == {REMEMBER}:"
+        yield f"if task == {TASK.remember}:"
         yield f"    {names['remember']}({joint})"
         yield "    return"
     if place is not None:
-        yield f"if task == {WHOLE}:"
+        yield f"if task == {TASK.whole}:"
         sums = []
         for sign, side in (("-", "below"), ("+", "above")):
             yield from (f"    {line}" for line in placed(f"q {sign} {SLOPE_ON_WARP}"))
@@ -245,7 +213,7 @@ def _lines_of(made: Program, actuator: Any, count: int, stages: tuple[type[Stage
     for i, (name, kind) in enumerate(zip(results, found.kinds, strict=True)):
         yield f"s[s_at + {motor_column('pull', i)}] = {number_as(Value(kind, name), FLOAT).text}"
     if place is None:
-        yield f"if task == {WHOLE}:"
+        yield f"if task == {TASK.whole}:"
         yield f"    s[s_at + {JOINT['stiffness']}] = {number_as(Value(one, called(stiffness)), FLOAT).text}"
     if staged is not None:
         yield f"{names['add']}({joint}, q)"
@@ -256,7 +224,7 @@ SLOPE_ON_WARP = 1e-3
 JOINT_ROWS = STATE, CONSTANTS, KIND
 
 
-def _access(made: Program, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
     """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
     first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
@@ -318,7 +286,8 @@ def load_joints(
     at = (which[w, 2] * rows + step) * 3
     load(
         s, i * sizes[4], p, i * sizes[5], k, j * sizes[6], z, 0, inputs, (which[w, 1] * rows * joints + j) * columns,
-        joints * columns, pieces, at, lengths, which[w, 2] * rows, step, substep == 0, substep % sizes[7] == 0, loads, i * 4,
+        joints * columns, lengths, which[w, 2] * rows, step, pieces[at], pieces[at + 1], pieces[at + 2], substep == 0,
+        substep % sizes[7] == 0, loads, i * 4,
     )
     freedom = freedoms[j]
     force[w, freedom] = loads[i * 4]
@@ -333,9 +302,9 @@ def load_joints(
 @wp.kernel
 def settle_joints(
     s: wp.array(dtype=float), p: wp.array(dtype=float), k: wp.array(dtype=int), z: wp.array(dtype=float),
-    sizes: wp.array(dtype=int), done: wp.array(dtype=int), ran: wp.array(dtype=int), freedoms: wp.array(dtype=int),
-    coordinates: wp.array(dtype=int), loads: wp.array(dtype=float), qpos: wp.array2d(dtype=float),
-    qvel: wp.array2d(dtype=float), columns: wp.array(dtype=int), rows: wp.array4d(dtype=float),
+    sizes: wp.array(dtype=int), pieces: wp.array(dtype=int), which: wp.array2d(dtype=int), done: wp.array(dtype=int),
+    ran: wp.array(dtype=int), freedoms: wp.array(dtype=int), coordinates: wp.array(dtype=int), loads: wp.array(dtype=float),
+    qpos: wp.array2d(dtype=float), qvel: wp.array2d(dtype=float), columns: wp.array(dtype=int), rows: wp.array4d(dtype=float),
 ):
     w, j = wp.tid()
     i = w * sizes[0] + j
@@ -348,7 +317,8 @@ def settle_joints(
         velocity, position = shortened(s, at, z, 0, loads[i * 4 + 3], velocity)
         qvel[w, freedoms[j]] = velocity
         qpos[w, coordinates[j]] = position
-    settle(s, at, p, i * sizes[5], k, j * sizes[6], z, 0, velocity, substep == 0)
+    on_time = pieces[(which[w, 2] * sizes[1] + ran[w] + sizes[3]) * 3 + 2]
+    settle(s, at, p, i * sizes[5], k, j * sizes[6], z, 0, velocity, wp.nan, substep == 0, on_time >= 0)
     if substep % sizes[7] == 0:
         place = substep // sizes[7] - (done[w] + sizes[7] - 1) // sizes[7]
         for c in range(columns.shape[0]):

@@ -19,8 +19,8 @@ from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.massless import carries_mass
 from asrsim.robot.mounting import reference_names, with_rotors
-from asrsim.robot.tree import carries_mass
 from asrsim.scenario.check import nothing_moves
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import scenario_from_data

@@ -24,7 +24,7 @@ SHAPE = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Joint:
+class JointDistribution:
     """Multivariate normal distribution of several keys."""
 
     keys: tuple[str, ...]
@@ -78,7 +78,7 @@ def load_fit(path: Path) -> Any:
     return data
 
 
-def joint_of(data: Any, file: Path | None = None) -> Joint:
+def joint_of(data: Any, file: Path | None = None) -> JointDistribution:
     """Distribution described by data in the format of `asrsim identify`. Raises InputError."""
 
     def wrong(message: str) -> InputError:
@@ -103,7 +103,7 @@ def joint_of(data: Any, file: Path | None = None) -> Joint:
     if not np.allclose(covariance, covariance.T, atol=1e-9 * scale) or values[0] < -1e-9 * scale:
         raise wrong("is not a covariance matrix: it must be symmetric and positive semidefinite")
     ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
-    return Joint(
+    return JointDistribution(
         keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
         low=low, high=high, fits=data.get("fits", True) is True, ties=tuple(_followers(keys, ties)),
         warnings=tuple(_warnings(data, keys, covariance)),

@@ -30,7 +30,7 @@ from asrsim.workers.local import Processes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Progress:
+class StudyProgress:
     """Progress of a study."""
 
     done: int
@@ -50,7 +50,7 @@ def sweep(
     out: str | Path | None = None,
     resume: bool = False,
     overwrite: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[StudyProgress], None] | None = None,
     stop: Callable[[], bool] | None = None,
     **options: Any,
 ) -> Table:
@@ -100,7 +100,7 @@ def sweep(
                         statuses[row[status]] += 1
                     if progress is not None:
                         rate = sum(statuses.values()) / (clock.monotonic() - began)
-                        progress(Progress(done=int(store.done.sum()), total=store.total, rate=rate, statuses=statuses))
+                        progress(StudyProgress(done=int(store.done.sum()), total=store.total, rate=rate, statuses=statuses))
         finally:
             # Write the rows that have arrived, even if an error or Ctrl-C ended the study.
             store.finish()

@@ -23,7 +23,7 @@ from asrsim.plugins import check_named
 from asrsim.samples import Array
 from asrsim.scenario.blocks import AnyData
 from asrsim.scenario.overrides import override_texts
-from asrsim.sweeps.fitted import Joint, joint_of, load_fit
+from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
 from asrsim.sweeps.samplers import SAMPLERS
 
@@ -98,7 +98,7 @@ class Study:
         return tuple(axis_of(name, value) for name, value in self.over.items())
 
     @cached_property
-    def joint(self) -> Joint | None:
+    def joint(self) -> JointDistribution | None:
         """Joint distribution from the fit, None without a fit."""
         return None if self.fit is None else joint_of(self.fit)
 

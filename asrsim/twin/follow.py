@@ -14,7 +14,7 @@ from asrsim.errors import RecordingError
 from asrsim.metrics.lag import estimate_lag
 from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plots import style
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import save_charts
 from asrsim.quantities import linear_unit
 from asrsim.recordings import read_recording, resample
@@ -23,9 +23,9 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepare import Prepared, prepare_worlds
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.twin import Twin, TwinStep, prepared_twin
+from asrsim.twin.twin import Twin, TwinStep
 
 MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
@@ -111,7 +111,7 @@ def follow(
         AsrsimError: Errors of `asrsim.prepare`.
     """
     texts = tuple(override_texts(overrides))
-    ready = prepared_twin(scenario, variant=variant, overrides=texts)
+    ready = prepare_worlds(scenario, variant=variant, overrides=texts)
     names = [drive.name for drive in ready.drives]
     read = read_recording(recording, mapping=mapping, joints=names, rate=rate)
     plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
@@ -125,7 +125,7 @@ def follow(
     if step > 1.5 * ready.scenario.step:
         changes += [f"step={step}", f"duration={100 * step:.9g}"]
     if changes:
-        ready = prepared_twin(scenario, variant=variant, overrides=(*texts, *changes))
+        ready = prepare_worlds(scenario, variant=variant, overrides=(*texts, *changes))
     time = np.arange(stamps[0], stamps[-1] + 1e-9, ready.scenario.step)
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():
@@ -214,8 +214,8 @@ def charts(found: Followed) -> list[list[Chart]]:
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
         unit, stiff = (found.units[field][j].replace("N m", "N·m") for field in ("external_torque", "stiffness"))
         bands = [
-            Band(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
-            Band(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),
+            Shade(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
+            Shade(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),
         ]
         line = Line(label="external torque", x=found.time, y=torque, colour=style.SKY)
         known = np.abs(torque[np.isfinite(torque)])

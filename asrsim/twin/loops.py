@@ -43,7 +43,7 @@ class Tables(NamedTuple):
     """Standard deviation (n,) of the torque for alarms, from noise alone, N m."""
 
 
-class Limits(NamedTuple):
+class AlarmLimits(NamedTuple):
     """Numbers of the thresholds of alarms."""
 
     forgotten: float
@@ -120,7 +120,8 @@ def pull(t: Tables, gains: Gains, error: Any, velocity: Any, found: Any, shares:
 
 
 def judge(
-    t: Tables, limits: Limits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any, threshold: Any
+    t: Tables, limits: AlarmLimits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any,
+    threshold: Any,
 ) -> None:  # fmt: skip
     """Compute the threshold (n,) and the alarms (n,) of each joint.
 
@@ -150,7 +151,7 @@ def _known(value: float) -> float:
     return value if value == value else 0.0
 
 
-class Loops(NamedTuple):
+class TwinLoops(NamedTuple):
     """The functions `measure`, `pull` and `judge`."""
 
     measure: Callable[..., None] = measure
@@ -158,7 +159,7 @@ class Loops(NamedTuple):
     judge: Callable[..., None] = judge
 
 
-def compiled_loops(t: Tables, gains: Gains, limits: Limits) -> Loops:
+def compiled_loops(t: Tables, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
     one, two, flags = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool)
     examples = (
@@ -166,4 +167,4 @@ def compiled_loops(t: Tables, gains: Gains, limits: Limits) -> Loops:
         (t, gains, two, one, two, one, two),
         (t, limits, two, flags, one, one, True, flags, one),
     )
-    return Loops(*(compile_function(law, given) for law, given in zip(Loops(), examples, strict=True)))
+    return TwinLoops(*(compile_function(law, given) for law, given in zip(TwinLoops(), examples, strict=True)))

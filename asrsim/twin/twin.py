@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.scenario import one_scenario
-from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.worlds import Worlds, engine_of_worlds
-from asrsim.twin.loops import Limits, Loops, compiled_loops, tables
+from asrsim.simulation.prepare import Source, Start, prepare_worlds
+from asrsim.simulation.worlds import Worlds
+from asrsim.twin.loops import AlarmLimits, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
@@ -80,20 +77,6 @@ class TwinStep:
     """Messages about faults of this step, after which the twin continues."""
 
 
-def prepared_twin(
-    scenario: str | Path | Scenario | Plan | Prepared, *, variant: str | None = None, overrides: Overrides = (),
-    settable: bool = False,
-) -> Prepared:  # fmt: skip
-    """The scenario of a twin, in MuJoCo if it states no engine, since a twin has to keep up with its robot. Raises the errors
-    of `asrsim.prepare`, which explains the arguments."""
-    if isinstance(scenario, Prepared):
-        return scenario
-    if isinstance(scenario, Plan):
-        return prepare(scenario.on(engine=engine_of_worlds(scenario.scenario, None)), settable=settable)
-    scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    return prepare(replace(scenario, engine=engine_of_worlds(scenario, None)), settable=settable)
-
-
 class Twin:
     """Twin of a robot that a scenario describes; a context manager.
 
@@ -107,12 +90,12 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: str | Path | Scenario | Prepared, *, bandwidth: float = 8.0, variant: str | None = None,
-        overrides: Overrides = (), compiled: bool | None = None,
+        self, scenario: Source, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
-        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides: as for
-        `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
-        ready = prepared_twin(scenario, variant=variant, overrides=overrides)
+        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
+        for `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
+        ready = prepare_worlds(scenario, variant=variant, overrides=overrides, plugins=plugins)
         step = self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / step:
             message = f"must be above 0 and at most a twentieth of the rate of steps, {0.05 / step:g} Hz"
@@ -134,12 +117,12 @@ class Twin:
         self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
-        self._limits = Limits(
+        self._limits = AlarmLimits(
             forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
             slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
         )  # fmt: skip
         self._tables = tables(len(self._starts), n, COLUMNS)
-        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else Loops()
+        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else TwinLoops()
         self._mismatch = Mismatch(self._tables.rows, interval=EVERY)
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))

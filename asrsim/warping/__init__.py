@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.warping.kinds import BOOL, FLOAT, INT, Kind, Row, TranslationError, Value
-from asrsim.warping.program import Program, available
+from asrsim.warping.kinds import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpKind
+from asrsim.warping.program import WarpProgram, available
 
-__all__ = ["BOOL", "FLOAT", "INT", "Kind", "Program", "Row", "TranslationError", "Value", "available"]
+__all__ = ["BOOL", "FLOAT", "INT", "Row", "TranslationError", "Value", "WarpKind", "WarpProgram", "available"]

@@ -16,7 +16,7 @@ class TranslationError(SimulationError):
 
 
 @dataclass(frozen=True)
-class Kind:
+class WarpKind:
     """Kind of a number: `float`, `int` or `bool`, as Warp names it."""
 
     name: str
@@ -27,7 +27,7 @@ class Kind:
         return self.name
 
 
-FLOAT, INT, BOOL = Kind("float"), Kind("int"), Kind("bool")
+FLOAT, INT, BOOL = WarpKind("float"), WarpKind("int"), WarpKind("bool")
 ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
 """A name that takes values of several kinds has the last one of these."""
 
@@ -37,7 +37,7 @@ class Row:
     """Kind of a row of numbers in a table: an array and the place in it at which the row begins. size: number of its numbers,
     if it is known; record: class of the record whose numbers these are (`asrsim.records`)."""
 
-    number: Kind
+    number: WarpKind
     size: int | None = None
     record: Any = None
 

@@ -29,7 +29,7 @@ def loaded_warp() -> Any:
     return wp
 
 
-class Program:
+class WarpProgram:
     """Translated functions, each once for each kind of its arguments, and the kernels that call them."""
 
     def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
@@ -108,7 +108,7 @@ def module_of(text: str) -> types.ModuleType:
 
 def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
     """Source of a module with the kernel `evaluate(positions, parameters, results)` of a law, for arrays (n, ...)."""
-    program = Program()
+    program = WarpProgram()
     name, returned = program.function(law, [*[FLOAT] * positions, Row(FLOAT, parameters)])
     values = [f"x[i, {k}]" for k in range(positions)]
     lines = [f"r = {name}({', '.join(values)}, p, i * {parameters})"]

@@ -151,8 +151,9 @@ class Translation:
         if isinstance(node.value, ast.Constant):
             return
         found = self.value(node.value)
-        if found.text and isinstance(node.value, ast.Call) and found.kind is None:
-            self.line(found.text)
+        if found.text and isinstance(node.value, ast.Call):
+            # Warp has no call of a function whose result is dropped.
+            self.line(found.text if found.kind is None else f"{self.fresh()} = {found.text}")
 
     def _do_pass(self, node: ast.Pass) -> None:
         self.line("pass")
@@ -295,6 +296,10 @@ class Translation:
     def _of_constant(self, node: ast.Constant) -> Value:
         return constant(node.value)
 
+    def call(self, function: Any, given: list[Value]) -> Value:
+        """Translation of the call of a function with these arguments."""
+        return self._call(function, self, given)
+
     def _of_name(self, node: ast.Name) -> Value:
         if node.id in self._bound:
             return self._bound[node.id]
@@ -313,7 +318,8 @@ class Translation:
 
     @staticmethod
     def _known(found: Any) -> Value:
-        if callable(found) or isinstance(found, types.ModuleType):
+        # The numbers of a named tuple are taken by their names.
+        if callable(found) or isinstance(found, types.ModuleType) or hasattr(found, "_fields"):
             return Value(None, known=found)
         return constant(found)
 
@@ -420,6 +426,8 @@ class Translation:
         if isinstance(kind, Group):
             pairs = zip(number_as(first, kind).items, number_as(second, kind).items, strict=True)
             return group([Value(a.kind, f"wp.where({condition}, {a.text}, {b.text})") for a, b in pairs])
+        if isinstance(kind, Row) and first.kind == second.kind and first.text == second.text:
+            return Value(first.kind, first.text, f"wp.where({condition}, {first.at}, {second.at})")
         if kind not in ORDER:
             raise TranslationError("only numbers can be chosen")
         return Value(kind, f"wp.where({condition}, {number_as(first, kind).text}, {number_as(second, kind).text})")

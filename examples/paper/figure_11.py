@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
-from asrsim.reproduce import Claim, Figure, FigurePart, at_least, below, near
+from asrsim.reproduce import Claim, FigurePart, PaperFigure, at_least, below, near
 from paper.friction import held_by_friction
 from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
@@ -210,7 +210,7 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
     )
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=11,
     title="Frequency response of one joint",
     section="4.2.1",

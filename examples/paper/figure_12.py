@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, FigurePart, FigurePicture, FigureTable, Origin, above, at_most, below, near
+from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, Origin, PaperFigure, above, at_most, below, near
 from paper.lab import Lab
 from paper.law import RATIO, damping_overrides, swings
 from paper.motors import qbmove_claims
@@ -215,7 +215,7 @@ def _picture(name: str, caption: str, results: Mapping[str, Result]) -> FigurePi
     return picture(name, caption, lambda: joints_figure(results, ("link", "stiffness"), until=SHOWN))
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=12,
     title="Steps of a horizontal arm",
     section="4.2.2",

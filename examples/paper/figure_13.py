@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, below, near
+from asrsim.reproduce import Claim, FigurePart, FigureTable, Origin, PaperFigure, below, near
 from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
@@ -140,7 +140,7 @@ def _table(results: Mapping[str, Result]) -> FigureTable:
     return FigureTable(caption="The sinusoid in numbers", headings=headings, rows=tuple(rows))
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=13,
     title="A sinusoid of a vertical arm",
     section="4.2.2",

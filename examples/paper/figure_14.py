@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, Origin, above, at_most, below, near
+from asrsim.reproduce import Claim, FigurePart, FigureTable, Origin, PaperFigure, above, at_most, below, near
 from asrsim.samples import TIP
 from paper.chain import five_links
 from paper.lab import Lab
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import Figure
 
     from asrsim import Result
     from asrsim.samples import Array
@@ -189,7 +189,7 @@ def _table(results: Mapping[str, Result], tips: Mapping[str, Array]) -> FigureTa
     return FigureTable(caption="The push in numbers", headings=headings, rows=tuple(rows))
 
 
-def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing:
+def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Figure:
     from asrsim.plots import style
     from asrsim.plots.figures import new_figure
 
@@ -232,7 +232,7 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Drawing
     return figure
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=14,
     title="An arm meets a box",
     section="4.2.3",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import asrsim
-from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, at_most, below, near
+from asrsim.reproduce import Claim, FigurePart, FigureTable, PaperFigure, above, at_most, below, near
 from paper.lab import Lab
 from paper.newton import IDENTIFIED, hanging, motion_claims
 from paper.pictures import films, picture
@@ -16,7 +16,7 @@ from paper.pictures import films, picture
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import Figure
 
     from asrsim.learning.plant import Plant
     from asrsim.learning.session import LearningSession
@@ -165,14 +165,14 @@ def _other(plant: Plant, number: int) -> Plant:
     return plant.varied(numbers, draw.uniform(0.0, 0.02))
 
 
-def _figure(session: LearningSession) -> Drawing:
+def _figure(session: LearningSession) -> Figure:
     from asrsim.learning.figure import learning_charts
     from asrsim.plots.charts import chart_figure
 
     return chart_figure(learning_charts(session.prepared.problem, session.result, session.prepared.settings), width=3.3)
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=15,
     title="Iterative learning control",
     section="4.3",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, Figure, FigurePart, FigureTable, above, below, near
+from asrsim.reproduce import Claim, FigurePart, FigureTable, PaperFigure, above, below, near
 from paper.lab import Lab
 from paper.pictures import curves, link_panel, picture
 from paper.ringing import fit_ringing
@@ -17,7 +17,7 @@ from paper.step_losses import with_friction, with_growing_damping
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.figure import Figure as Drawing
+    from matplotlib.figure import Figure
 
     from asrsim import Result
 
@@ -194,7 +194,7 @@ def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
     return claims
 
 
-def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
+def _figure(results: dict[tuple[str, str], Result]) -> Figure:
     from asrsim.plots.figures import new_figure
     from asrsim.plots.legends import legend
     from asrsim.plots.panels import draw_panel
@@ -215,7 +215,7 @@ def _figure(results: dict[tuple[str, str], Result]) -> Drawing:
     return figure
 
 
-FIGURE = Figure(
+FIGURE = PaperFigure(
     number=8,
     title="Step responses of four compliant actuators",
     section="4.1",

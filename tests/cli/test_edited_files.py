@@ -9,7 +9,7 @@ import pytest
 import asrsim
 from asrsim.errors import AsrsimError, InputError
 from asrsim.learning import LearningProblem
-from asrsim.learning.state import State, load_state, save_state
+from asrsim.learning.state import LearningState, load_state, save_state
 from asrsim.log import LogWriter, read_log
 from asrsim.log import writer as writing
 from asrsim.plots import draw_run
@@ -98,7 +98,7 @@ def _learned():
 def test_flipped_bits_of_a_learning_state(tmp_path, flips):
     problem, trial = _learned()
     path = tmp_path / "state.npz"
-    save_state(path, {}, State(trials=(trial,), recordings=("a",)))
+    save_state(path, {}, LearningState(trials=(trial,), recordings=("a",)))
     whole = path.read_bytes()
     generator = np.random.default_rng(0)
     for _ in range(flips):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import asrsim
+from asrsim.cli.findings import robot_report
 from asrsim.errors import AsrsimError, RobotError
 from asrsim.exports import export
 from asrsim.robot import read_robot
@@ -104,6 +105,20 @@ def test_a_chain_that_is_open_at_the_usual_start_is_said_to_start_elsewhere(tmp_
     ready = asrsim.prepare(asrsim.make_scenario(path, duration=0.1, loops=loops))
     (found,) = [problem for problem in ready.warnings if problem.code == "loop-start"]
     assert f"crank: {ready.initial_positions[0]:.4g}" in found.value
+
+
+def test_check_of_a_robot_file_warns_of_its_loops(tmp_path):
+    """A coupler of 0.2 m is too short for the crank to turn fully, and the rocker's limits exclude its place at the start."""
+    path = tmp_path / "four_bar.urdf"
+    bar = '<loop_joint name="pin" type="revolute"><link1 link="B" xyz="0.2 0 0"/><link2 link="C" xyz="0.3 0 0"/></loop_joint>'
+    path.write_text(
+        four_bar.urdf('<limit lower="9" upper="9.1" effort="9" velocity="9"/>').replace("</robot>", f"{bar}</robot>")
+    )
+    path.write_text(path.read_text().replace('name="rocker" type="continuous"', 'name="rocker" type="revolute"'))
+    found = {problem.code: problem for problem in robot_report(path).warnings}
+    assert found["loop-limits"].key == "rocker"
+    assert found["dead-centre"].key == "crank"
+    assert found["dead-centre"].file == path
 
 
 REFUSED = {

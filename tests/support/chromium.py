@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -19,13 +20,24 @@ SLOWLY = """{
   window.requestAnimationFrame = (draw) => setTimeout(() => next(draw), 150);
 }"""
 """Without a graphics card, each picture takes the time of a core: the page draws a few in a second."""
+UNCOVERED = """control => {
+  control.scrollIntoView({ block: "nearest" });
+  const box = control.getBoundingClientRect();
+  return control.contains(document.elementFromPoint(box.x + 0.5 * box.width, box.y + 0.5 * box.height));
+}"""
+"""Whether a press on the middle of a control reaches it."""
 KNOWN = ("Unable to preventDefault inside passive event listener",)
 """Messages of viser's own client while a user drags."""
+PATIENCE = 300.0
+"""Longest time for which a fact is awaited, s. On a busy machine without a graphics card, a picture may take a second, and the
+first ones half a minute."""
+SHORTLY = 10.0
+"""Time after which an action that had no effect yet is repeated, s."""
 
 
 @contextmanager
 def open_page():
-    """Function (address, width) that opens a page; skips the test where Chromium or Playwright is missing."""
+    """Function (view, width, height) that opens a page; skips the test where Chromium or Playwright is missing."""
     library = pytest.importorskip("playwright.sync_api", reason="needs playwright")
     if CHROMIUM is None:
         pytest.skip("needs Chromium (apt-get install chromium), or ASRSIM_CHROMIUM=PATH")
@@ -35,31 +47,47 @@ def open_page():
         # Few pixels and one page: without a graphics card each of them takes time.
         page = PageOfView(browser.new_page(device_scale_factor=0.2))
 
-        def make(address, *, width=1000, height=450):
-            return page.opened(address, width, height)
+        def make(view, *, width=1000, height=450, lit=False):
+            return page.opened(view, width, height, lit)
 
         yield make
         browser.close()
 
 
+def until(fact, patience=PATIENCE):
+    """Wait until a fact holds, and return it."""
+    end = time.monotonic() + patience
+    while not (found := fact()):
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+    return found
+
+
 class PageOfView:
-    """A page of `asrsim view` in the browser."""
+    """A page of `asrsim view` in the browser.
+
+    No action waits for animation frames, as Playwright does by itself until a control "is stable": where other processes take
+    the machine's cores, frames fail to come for a minute, and a click would fail that a person can make.
+    """
 
     def __init__(self, page):
-        self.page, self.errors = page, []
-        page.set_default_timeout(120_000)
+        self.page, self.errors, self._size = page, [], None
+        page.set_default_timeout(1e3 * PATIENCE)
         page.on("console", self._hear)
         page.on("pageerror", lambda error: self.errors.append(str(error)))
         page.add_init_script(SLOWLY)
 
-    def opened(self, address, width, height):
-        """This page, at an address in a window of a size in pixels."""
+    def opened(self, view, width, height, lit):
+        """This page, at the address of a view in a window of a size in pixels. lit: with the light of viser's environment,
+        whose preparation takes ten seconds of a core without a graphics card."""
         size = {"width": width, "height": height}
-        if self.page.viewport_size != size:
+        if self.page.url.rstrip("/") != view.address or self._size != size or lit:
+            if not lit:
+                view.server.viser.scene.configure_environment_map(None)
+            self._size = size
             self.page.set_viewport_size(size)
-        if self.page.url.rstrip("/") != address:
             self.errors.clear()
-            self.page.goto(address)
+            self.page.goto(view.address)
             # viser notes that WebGL runs in software, above the controls of a small window.
             self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
         return self
@@ -75,23 +103,34 @@ class PageOfView:
         return self.page.locator(selector).count()
 
     def tab(self, name):
-        self.page.get_by_role("tab", name=name, exact=True).click()
+        self._press(self.page.get_by_role("tab", name=name, exact=True))
 
     def click(self, name):
-        self.page.get_by_role("button", name=name, exact=True).click()
+        self._press(self.page.get_by_role("button", name=name, exact=True))
+
+    def check(self, label):
+        self._press(self._row(label).locator("input").first)
+
+    def _press(self, control):
+        """Press the mouse on a control that is seen and that nothing covers."""
+        control.wait_for()
+        until(lambda: control.evaluate(UNCOVERED))
+        control.click(force=True)
 
     def _row(self, label):
         return self.page.get_by_text(label, exact=True).first.locator("xpath=ancestor::div[2]")
 
     def number(self, label, value):
         field = self._row(label).locator("input[type=text], input[inputmode]").first
-        # Key by key, as a person types.
-        field.press("Control+a")
-        field.press_sequentially(str(value), delay=30)
-        field.press("Enter")
 
-    def check(self, label):
-        self._row(label).locator("input").first.click()
+        def typed():
+            # Key by key, as a person types.
+            field.press("Control+a")
+            field.press_sequentially(str(value), delay=30)
+            return field.input_value() == str(value)
+
+        until(typed)
+        field.press("Enter")
 
     def place(self, view, point):
         """Place in the browser's window of a point (3,) in the world, m."""
@@ -107,12 +146,23 @@ class PageOfView:
         return box["x"] + 0.5 * box["width"] + scale * x, box["y"] + 0.5 * box["height"] - scale * y
 
     @contextmanager
-    def dragging(self, start, way):
-        """Hold the mouse after a drag from a place in the window by a way, pixels."""
+    def dragging(self, view, point, way, held):
+        """Hold the mouse after a drag from a point (3,) in the world, m, by a way (2,), pixels. held: function that says
+        whether the drag has an effect. A page that shows an earlier picture has the body elsewhere: the drag is repeated."""
         mouse = self.page.mouse
-        mouse.move(*start)
-        mouse.down()
-        for share in np.linspace(0.1, 1.0, 10):
-            mouse.move(start[0] + share * way[0], start[1] + share * way[1])
+        end = time.monotonic() + PATIENCE
+        while True:
+            start = self.place(view, point)
+            mouse.move(*start)
+            mouse.down()
+            for share in np.linspace(0.1, 1.0, 10):
+                mouse.move(start[0] + share * way[0], start[1] + share * way[1])
+            shortly = time.monotonic() + SHORTLY
+            while not held() and time.monotonic() < shortly:
+                time.sleep(0.05)
+            if held():
+                break
+            mouse.up()
+            assert time.monotonic() < end, "the drag has no effect"
         yield
         mouse.up()

@@ -15,7 +15,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.fields import JointState, Scheme
 from asrsim.simulation.interpreted import bound_law
-from asrsim.simulation.kernel import advance
+from asrsim.simulation.joint import advance
 from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import constants_of, kind_of, start_of
 from asrsim.simulation.shape import shape_of

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -14,23 +13,26 @@ from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
 
 
-class Program(ABC):
-    """A program that reads MJCF."""
+class Program:
+    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. All but the names is optional."""
 
     name: ClassVar[str]
     """Name on the command line."""
     title: ClassVar[str]
     """Name in texts."""
-    packages: ClassVar[tuple[str, ...]]
+    packages: ClassVar[tuple[str, ...]] = ()
     """Names of the packages that make the program, as pip knows them; their modules have these names with `_` for `-`."""
-    modules: ClassVar[tuple[str, ...]]
+    modules: ClassVar[tuple[str, ...]] = ()
     """Modules that the program needs here."""
     constructs: ClassVar[Constructs] = Constructs()
+    """Constructs of MJCF that the program steps right."""
     longest: ClassVar[int] = 10**9
     """Largest number of time steps of a replay: a program for thousands of robots takes long for one."""
 
     def missing(self) -> str:
-        """Why the program cannot be tried here; empty if it is installed."""
+        """Why the program cannot be tried here; empty if it can."""
+        if type(self).positions is Program.positions:
+            return f"no replay is known for {self.title}"
         for module in self.modules:
             try:
                 if find_spec(module) is None:
@@ -43,12 +45,13 @@ class Program(ABC):
         """Names and versions of the installed packages."""
         return ", ".join(_versions(self.packages))
 
-    @abstractmethod
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
         """Positions (n, nq) of the model at `path`, at its time steps, with controls (n, nu) and torques on joints (n, nv).
 
-        model, start: the model and its start as MjModel and MjData. Rows after a divergence are NaN.
+        model, start: the model and its start as MjModel and MjData. Rows after a divergence are NaN. A program without this
+        method is not tried: the scenario is replayed in MuJoCo.
         """
+        raise NotImplementedError
 
     def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
         """Write what the program needs beside the model at `path`, and return the paths. timestep: of the model, s; ranges:

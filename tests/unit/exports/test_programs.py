@@ -13,7 +13,7 @@ import pytest
 import asrsim
 from asrsim.errors import InputError, ScenarioError
 from asrsim.exports import PROGRAMS, export
-from support.paths import EXAMPLES
+from support.paths import EXAMPLES, ROOT
 
 STEP, SINE = {"step": {"at": 0.1, "to": 0.8}}, {"sinusoid": {"amplitude": 0.6, "frequency": 1.0}}
 
@@ -127,3 +127,15 @@ def test_the_reach_task_trains_in_mjlab_on_a_cpu(tmp_path):
     assert done.returncode == 0, done.stderr[-2000:]
     assert re.search(r"mean reward of the last step: -?\d", done.stdout)
     assert (tmp_path / "logs" / "policy.pt").stat().st_size > 1000
+
+
+def test_the_program_of_the_page_is_written_for_and_said_not_to_be_tried(tiny, asrsim_command):
+    page = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+    code = page.partition("## A program of your own")[2].partition("```python\n")[2].partition("```")[0]
+    (tiny.folder / "my_program.py").write_text(code)
+    words = ("--set", "duration=0.1", "--set", "modes.elbow=6", "--no-plot", "--plugin", "my_program.py")
+    done = asrsim_command("export", tiny.scenario, *words, "--for", "brax", "--out", "soft.xml")
+    assert done.code == 0, done.err
+    assert "no replay is known for Brax: not tried in brax" in " ".join(done.out.split())
+    assert "dcmotor" not in (tiny.folder / "soft.xml").read_text()
+    assert "brax" in asrsim_command("export", tiny.scenario, *words, "--for", "bracks").err

@@ -9,7 +9,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, iterate, zero_phase
 from asrsim.learning.figure import learning_charts
-from asrsim.learning.state import State, load_state, motion_basis, save_state
+from asrsim.learning.state import LearningState, load_state, motion_basis, save_state
 from asrsim.scenario.blocks import Learning
 from asrsim.signals.pieces import Constant
 
@@ -93,7 +93,9 @@ def test_the_learning_filter_has_no_delay_and_halves_its_cutoff():
 
 
 def state_of(problem):
-    return State(trials=(problem.trial(0, problem.first_guess, problem.reference),), recordings=("a",), changes={"delay": 0.01})
+    return LearningState(
+        trials=(problem.trial(0, problem.first_guess, problem.reference),), recordings=("a",), changes={"delay": 0.01}
+    )
 
 
 def test_a_state_is_read_for_its_own_motion_only(tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import chart_figure
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.legends import variants
@@ -31,7 +31,7 @@ def test_a_legend_lies_outside_the_axes_and_inside_the_picture():
     long = "a recording with a very long name of its own"
     with styled():
         figure = chart_figure(
-            [[chart("position", label=long, bands=[Band(label="held out", x=TIME, low=TIME, high=TIME, colour="r")])]]
+            [[chart("position", label=long, bands=[Shade(label="held out", x=TIME, low=TIME, high=TIME, colour="r")])]]
         )
         figure.draw_without_rendering()
         (axes,) = figure.axes

@@ -12,7 +12,7 @@ from asrsim.identification import identify
 from asrsim.identification.folder import FIT
 from asrsim.identification.write import as_dict, write_curves_of
 from asrsim.outfile import write_json
-from asrsim.plots.chart import Band, Chart, Line
+from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.report import write_report
 from asrsim.report.charts import plot_data
 from asrsim.report.series import unpack
@@ -157,7 +157,7 @@ def test_scattered_points_at_one_place_are_all_drawn():
 
 def test_a_band_is_shaded_only_where_it_holds():
     x, edge = np.arange(4.0), np.ones(4)
-    band = Band(label="alarm", x=x, low=-edge, high=edge, colour="#d55e00", where=np.array([False, True, True, False]))
+    band = Shade(label="alarm", x=x, low=-edge, high=edge, colour="#d55e00", where=np.array([False, True, True, False]))
     (drawn,) = plot_data(Chart(words="w", lines=[Line(label="a", x=x, y=x, colour="#000000")], bands=[band]))["bands"]
     assert np.isfinite(unpack(drawn["high"], 4)).tolist() == [False, True, True, False]
     assert drawn["colour"] == "#d55e0033"

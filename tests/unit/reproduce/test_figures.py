@@ -10,7 +10,7 @@ import pytest
 from asrsim import run
 from asrsim.actuators import ACTUATORS
 from asrsim.errors import SimulationError
-from asrsim.reproduce import Claim, Figure, FigurePart, FigurePicture, FigureTable, Reproduction, near, run_figure
+from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, PaperFigure, Reproduction, near, run_figure
 from asrsim.reproduce import figures as paper_figures
 from asrsim.robot import load_robot
 from asrsim.scenario import apply_to_robot, load_scenario
@@ -46,7 +46,7 @@ def figure(*claims, number=99, error=None):
         table = FigureTable(caption="Numbers", headings=("", "rad"), rows=(("soft", "1.0"),))
         return (FigurePart(title="Part", text="Text", claims=claims, tables=(table,), pictures=(picture,)),)
 
-    return Figure(number=number, title="A figure", section="9", paper="It moves.", parts=parts)
+    return PaperFigure(number=number, title="A figure", section="9", paper="It moves.", parts=parts)
 
 
 @pytest.mark.parametrize(("measured", "holds"), [(1.0, True), (1.1, True), (1.2, False), (math.nan, False)])

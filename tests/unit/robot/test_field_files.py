@@ -1,5 +1,7 @@
 """Files as the field writes them: what ROS, Gazebo and Drake read is read with a warning, and means the same."""
 
+import re
+
 import pytest
 
 import asrsim
@@ -14,6 +16,7 @@ AS_WRITTEN = {
     # what: (text of the pendulum, replacement, code of the warning)
     "blank line before the declaration": ("<?xml", "\n \n<?xml", "mended-xml"),
     "comment before the declaration": ("<?xml", "<!-- made by a tool -->\n<?xml", "mended-xml"),
+    "another version of XML": ('version="1.0"', 'version="1"', "mended-xml"),
     "dashes in a comment": ("<axis", f"{COMMENT}<axis", "mended-xml"),
     "dashes in the comment before the declaration": ("<?xml", f"{COMMENT}\n<?xml", "mended-xml"),
     "undeclared name space": ("</robot>", "<drake:collision_filter_group/></robot>", "mended-xml"),
@@ -143,7 +146,7 @@ GRIPPER = """
 <limit lower="{lower}" upper="1" effort="1" velocity="1"/></joint></robot>"""
 
 
-@pytest.mark.parametrize(("kind", "lower"), [("screw", "0"), ("planar", "0"), ("revolute", "zero")])
+@pytest.mark.parametrize(("kind", "lower"), [("screw", "0"), ("floating", "0"), ("revolute", "zero")])
 def test_a_robot_with_an_impossible_gripper_runs_with_locked_joints(kind, lower, tiny, asrsim_command):
     tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind=kind, lower=lower)))
     with pytest.raises(RobotError):
@@ -173,11 +176,40 @@ def test_a_joint_that_moves_no_mass_is_fixed_with_a_warning(tiny):
     assert told == ["finger_left", "finger_right"]
 
 
+def test_an_actuator_on_a_joint_that_the_file_left_without_mass_is_refused_with_the_reason(tiny, asrsim_command):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}actuators: {{finger_left: sea}}\n")
+    told = asrsim_command("check", tiny.scenario).out
+    assert "actuators.finger_left: this joint does not move: nothing behind this joint has mass" in " ".join(told.split())
+
+
 def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     text = PENDULUM.replace("<joint>elbow<", "<joint>finger_left<")
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
         load_robot(tiny.robot)
+
+
+def test_a_robot_whose_joints_all_lack_mass_is_refused_for_that(tiny):
+    """A finger that mimics another one does not count as a joint that moves."""
+    text = PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1"))
+    text = text.replace("</joint></robot>", '<mimic joint="finger_left"/></joint></robot>')
+    tiny.robot.write_text(re.sub("<(inertial|gazebo)>.*?</\\1>", "", text, flags=re.DOTALL))
+    with pytest.raises(RobotError, match="wrist: nothing behind this joint has mass"):
+        load_robot(tiny.robot)
+
+
+@pytest.mark.parametrize(
+    "joint", ["", '<joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint><link name="b"/>']
+)
+def test_a_body_without_moving_joints_is_refused_for_that(joint, tmp_path, asrsim_command):
+    (tmp_path / "cube.urdf").write_text(f'<robot name="cube"><link name="a"/>{joint}</robot>')
+    assert "the robot has no moving joint" in asrsim_command("check", tmp_path / "cube.urdf").out
+
+
+def test_expressions_of_xacro_in_a_urdf_are_evaluated(tiny):
+    tiny.robot.write_text(PENDULUM.replace("<axis", '<origin xyz="${0.05 + 0.02} 0 $(optenv NO_SUCH_VALUE 0.1)"/><axis'))
+    assert load_robot(tiny.robot).moving_joints[0].origin == (0.07, 0.0, 0.1)
 
 
 @pytest.mark.parametrize(("text", "tool"), [("<mujoco model='a'/>", "mjcf_urdf"), ("<sdf version='1.7'/>", "sdf2urdf")])
@@ -241,12 +273,38 @@ def test_words_with_physics_that_are_left_out_are_told(case, tiny):
     assert told in problem.message
 
 
-def test_the_rotor_below_a_transmission_is_read_as_below_its_actuator(tiny):
-    """1e-4 kg m^2 times 50 squared, in both places."""
-    ratio, inertia = "<mechanicalReduction>50</mechanicalReduction>", "<motorInertia>1e-4</motorInertia>"
-    for inner, outer in ((ratio + inertia, ""), ("", ratio + inertia), (ratio, inertia)):
-        words = f'<transmission name="t"><joint name="elbow"/><actuator name="m">{inner}</actuator>{outer}</transmission>'
-        tiny.robot.write_text(PENDULUM.replace("</robot>", f"{words}</robot>"))
+SPELLINGS = {
+    "ROS 1": ("mechanicalReduction", "motorInertia"), "ros2_control": ("mechanical_reduction", "motor_inertia"),
+    "Drake": ("drake:gear_ratio", "drake:rotor_inertia"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("block", ["{}", '<ros2_control name="c" type="system">{}</ros2_control>'])
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_the_rotor_of_a_transmission_is_read_wherever_its_words_stand(spelling, block, tiny):
+    """3e-4 kg m^2 times 40 squared, in the actuator, the joint, or the transmission itself."""
+    ratio, inertia = (f"<{word}>{value}</{word}>" for word, value in zip(SPELLINGS[spelling], ("40", "3e-4"), strict=True))
+    for actuator, joint, outer in (
+        (ratio + inertia, "", ""),
+        ("", "", ratio + inertia),
+        (inertia, ratio, ""),
+        (ratio, "", inertia),
+    ):
+        words = f'<joint name="elbow">{joint}</joint><actuator name="m">{actuator}</actuator>{outer}'
+        words = block.format(f'<transmission name="t">{words}</transmission>')
+        text = PENDULUM.replace("</robot>", f"{words}</robot>").replace("<robot ", '<robot xmlns:drake="http://drake.mit.edu" ')
+        tiny.robot.write_text(text)
         robot = load_robot(tiny.robot)
-        assert robot.joint("elbow").rotor_inertia == pytest.approx(0.25)
+        assert robot.joint("elbow").rotor_inertia == pytest.approx(0.48)
         assert not robot.findings
+
+
+@pytest.mark.parametrize(
+    "words",
+    ['<param name="initial_position">0.7</param>',
+     '<state_interface name="position"><param name="initial_value">0.7</param></state_interface>'],
+)  # fmt: skip
+def test_both_spellings_of_a_start_in_ros2_control_are_read(words, tiny):
+    control = f'<ros2_control name="c" type="system"><joint name="elbow">{words}</joint></ros2_control></robot>'
+    tiny.robot.write_text(PENDULUM.replace("</robot>", control))
+    assert load_robot(tiny.robot).joint("elbow").start == 0.7

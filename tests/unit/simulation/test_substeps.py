@@ -90,7 +90,7 @@ def test_springs_stiffer_than_expected_give_a_warning_with_enough_substeps():
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("between", [1, 2])
 def test_only_joints_without_mass_between_them_are_named(tmp_path, engine, between):
-    """Joints on one axis with nothing between them, below an arm with mass."""
+    """Driven joints on one axis with nothing between them, below an arm with mass."""
     body = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
     links = ["base", "arm", *(f"thin_{i}" for i in range(between)), "hand"]
     text = "".join(f'<link name="{name}">{"" if "thin" in name else body}</link>' for name in links)
@@ -99,6 +99,8 @@ def test_only_joints_without_mass_between_them_are_named(tmp_path, engine, betwe
             f'<joint name="j{number}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
             f'<origin xyz="{0.3 if number == 1 else 0} 0 0" rpy="{0.7 if number == 1 else 0} 0 0"/>'
             f'<axis xyz="{"0 1 0" if number == 0 else "0 0 1"}"/></joint>'
+            f'<gazebo><plugin name="p{number}" filename="libsea_plugin.so">'
+            f"<joint>j{number}</joint><operation_mode>0</operation_mode></plugin></gazebo>"
         )
     (tmp_path / "arm.urdf").write_text(f'<robot name="r">{text}</robot>')
     with pytest.raises(RobotError) as fault:

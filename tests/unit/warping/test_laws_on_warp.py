@@ -9,7 +9,7 @@ from asrsim.actuators import ACTUATORS
 from asrsim.actuators.motor import velocity_bounds
 from asrsim.actuators.vectorised import energy_law
 from asrsim.plugins import load_plugin_file
-from asrsim.warping import FLOAT, Program, TranslationError
+from asrsim.warping import FLOAT, TranslationError, WarpProgram
 from support.paths import EXAMPLES
 
 SHIPPED = ("sea", "qbmove", "bavs", "awas_ii")
@@ -57,7 +57,7 @@ def branching(x, y):
 
 
 def test_numbers_change_their_kind_as_in_python():
-    program = Program()
+    program = WarpProgram()
     name, kind = program.function(branching, [FLOAT, FLOAT])
     assert kind.kinds == (FLOAT, FLOAT)
     assert f"def {name}(x: float, y: float)" in program.text
@@ -70,7 +70,7 @@ def test_numbers_change_their_kind_as_in_python():
 
 
 def test_functions_with_several_results_are_translated_with_their_callees():
-    program = Program()
+    program = WarpProgram()
     _, kind = program.function(velocity_bounds, [FLOAT] * 5)
     assert kind.kinds == (FLOAT, FLOAT)
 
@@ -82,4 +82,4 @@ def reading(x):
 
 def test_code_without_translation_is_refused_with_its_line():
     with pytest.raises(TranslationError, match=r"test_laws_on_warp\.py, line \d+: `with open"):
-        Program().function(reading, [FLOAT])
+        WarpProgram().function(reading, [FLOAT])

@@ -1,0 +1,83 @@
+"""The arguments of the kernel's loop (`asrsim.simulation.kernel.run`), one named tuple for each idea.
+
+Compiled code takes the tables as arrays; in plain Python lists and records stand in the place of some of them. The inputs are
+`asrsim.simulation.inputs.Given`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+
+class Stretch(NamedTuple):
+    """What one call advances."""
+
+    which: Any
+    """A row (m, 4) for each world to advance: index of the world, of its inputs and references, of its part of the recorded
+    values, and of its wrenches, lengths and cuts."""
+    first: int
+    """First row of the inputs."""
+    substeps: int
+    """Number of substeps."""
+
+
+class Tables(NamedTuple):
+    """What belongs to each world."""
+
+    states: Any
+    """States of the joints: table S (worlds, joints, ...) of `asrsim.simulation.fields`."""
+    constants: Any
+    """Constants of the joints: table P (worlds, joints, ...)."""
+    engines: Any
+    """States of the engine (worlds, ...)."""
+    done: Any
+    """Number of completed substeps (worlds,)."""
+    fault: Any
+    """Health and number of the faulty joint (worlds, 2)."""
+    rows: Any
+    """Last recorded row (worlds, joints, columns)."""
+
+
+class Common(NamedTuple):
+    """What all worlds have in common."""
+
+    kinds: Any
+    """Kinds of the joints: table K (joints, ...)."""
+    scheme: Any
+    """Constants of the stepping: a table with one record, `Scheme`."""
+
+
+class EngineCall(NamedTuple):
+    """The engine as one call of the loop uses it; threads use different ones."""
+
+    step: Any
+    """Address of the engine's step function."""
+    record: Any
+    """Address of the engine's record, which the step function receives."""
+    exchange: Any
+    """Loads and motion of the links, (pieces, joints, 6); see `asrsim.engines.base`."""
+
+
+class Recorded(NamedTuple):
+    """What is recorded."""
+
+    every: int
+    """Number of substeps between recorded rows."""
+    watched: int
+    """1 if energies, limits and stiffness are computed, else 0."""
+    of_state: Any
+    """Recorded columns of S."""
+    of_inputs: Any
+    """Recorded columns of the references."""
+
+
+class Corrections(NamedTuple):
+    """Corrections by an observer, which moves a simulation towards measured positions; empty tables without an observer."""
+
+    measured: Any
+    """Positions (m, steps, joints, 1 + motors) of links and motors at whole steps, rad or m; NaN: not measured. The loop
+    replaces them by the errors before the correction."""
+    gains: Any
+    """Changes (2,) of the position and of the velocity (1/s) per error."""
+    coordinates: Any
+    """Indices (3, joints) of position, velocity and previous velocity of each link in the state of the engine."""
