@@ -271,69 +271,65 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     have struck them.
     """
     count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
-    if piece == 0:
-        if _has_impact(room):
-            find_change(room, exchange, piece, 0.0, last)
-            for i in range(room.freedoms):
-                room.velocity[i] += room.change[i]
-        for i in range(room.freedoms):
-            room.middle[i] = room.velocity[i]
     # Time from the beginning of the piece to the middle of the kick, as a fraction of a step.
     ahead = 0.0
     for k in range(len(lengths)):
         ahead += 0.5 * lengths[k] if k >= piece else -0.5 * lengths[k]
-    for splits in range(count + 1):
-        find_change(room, exchange, piece, length, last)
-        resting = first_standstill(room) if splits < count else -1
-        part = length
-        if resting != -1:
-            part *= -room.velocity[resting] / room.change[resting]
-            find_change(room, exchange, piece, part, last)
-        if ahead > 0.0:
-            _move_middle(room, exchange, piece, part, min(ahead / part, 1.0))
-            ahead -= part
+    for i in range(room.freedoms if piece == 0 else 0):
+        room.middle[i] = room.velocity[i]
+    splits, resting, free, noted = 0, -1, False, False
+    impact = piece == 0 and _has_impact(room)
+    # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
+    part, whole = 0.0 if impact else length, not impact
+    # `find_change` is called at one place: it is compiled into each place where it is called.
+    while True:
+        find_change(room, exchange, piece, part, last and not free)
+        if whole and splits < count and not free:
+            resting = first_standstill(room)
+            if resting != -1:
+                part *= -room.velocity[resting] / room.change[resting]
+                whole = False
+                continue
+        if ahead > 0.0 and not noted:
+            if not free and _has_strike(room):
+                # The middle of the kick is before the impact: the stop does not act on it.
+                free = True
+                continue
+            share = min(ahead / part, 1.0) if part > 0.0 else 1.0
+            for i in range(room.freedoms):
+                room.middle[i] += share * room.change[i]
+            if free:
+                free, noted = False, True
+                continue
+        ahead, noted = ahead - part, False
         for i in range(room.freedoms):
             room.velocity[i] += room.change[i]
-        if resting == -1:
+        if whole:
             break
-        # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
-        if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
-            room.velocity[resting] = 0.0
-        length -= part
+        if resting != -1:
+            # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
+            if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
+                room.velocity[resting] = 0.0
+            length -= part
+            splits += 1
+        part, whole, resting = length, True, -1
 
 
-def _move_middle(room: Any, exchange: Any, piece: int, length: float, share: float) -> None:
-    """Add a share of `room.change`, the change in a part of a piece of the kick, to `room.middle`. length: of the part, as a
-    fraction of a step."""
-    struck = False
+def _has_strike(room: Any) -> bool:
+    """Whether a joint strikes its stop in the drift after this kick."""
+    count = 0
     for i in range(room.freedoms):
-        if _strikes(room, i):
-            struck = True
-    if struck:
-        for i in range(room.freedoms):
-            if _strikes(room, i):
-                room.slowest[i], room.fastest[i] = -inf, inf
-                room.regime[i] //= AT_UPPER
-        settle(room)
-    for i in range(room.freedoms):
-        room.middle[i] += share * room.change[i]
-    if struck:
-        find_change(room, exchange, piece, length, True)
-
-
-def _strikes(room: Any, i: int) -> bool:
-    """Whether the degree of freedom `i` strikes its stop in the drift after this kick."""
-    if abs(room.regime[i]) != AT_UPPER:
-        return False
-    goal = room.velocity[i] + room.change[i]
-    return abs(goal) > SLOW or abs(room.velocity[i]) > SLOW  # type: ignore[no-any-return]
+        goal = room.velocity[i] + room.change[i]
+        if abs(room.regime[i]) == AT_UPPER and (abs(goal) > SLOW or abs(room.velocity[i]) > SLOW):
+            count += 1
+    return count > 0
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool) -> None:
     """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
 
-    length: length of the part as a fraction of a step; last: whether the drift follows this piece. Before other pieces, only
-    joints that rest at their stops feel these.
+    length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, only joints that
+    rest at their stops feel these.
     """
     step = room.scheme[STEP]
     time = length * step
@@ -361,8 +357,10 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
         if not last and room.slowest[i] < -SLOW:
             room.slowest[i] = -inf
+            room.regime[i] = max(room.regime[i], NEGATIVE)
         if not last and room.fastest[i] > SLOW:
             room.fastest[i] = inf
+            room.regime[i] = min(room.regime[i], POSITIVE)
     settle(room)
 
 
