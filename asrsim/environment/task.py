@@ -176,9 +176,10 @@ class ControlTask:
 
     def values_of(self, actions: Array) -> Array:
         """References (environments, actions) in SI units for the actions of some environments. Raises InputError."""
-        if actions.shape[1:] != (len(self.actions),) or not np.isfinite(actions).all():
+        if actions.shape[1:] != (len(self.actions),) or np.count_nonzero(np.isfinite(actions)) < actions.size:
             raise InputError(f"an action must be {len(self.actions)} finite numbers", value=actions, code="action")
-        return self._middle + self._half * np.clip(actions, -1.0, 1.0)
+        # numpy.clip takes twice as long.
+        return self._middle + self._half * np.minimum(np.maximum(actions, -1.0), 1.0)
 
     @property
     def judges(self) -> bool:

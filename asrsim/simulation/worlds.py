@@ -207,7 +207,9 @@ class Worlds:
     @property
     def time(self) -> Array:
         """Simulated time of each world (N,) in s."""
-        return np.round(self.core.done * self.prepared.substep, 12)
+        # The formula of numpy.round, which takes four times as long for few numbers.
+        found: Array = np.rint(self.core.done * self.prepared.substep * 1e12) / 1e12
+        return found
 
     @property
     def healthy(self) -> NDArray[np.bool_]:
@@ -230,8 +232,7 @@ class Worlds:
         ran, start = 0, -(-self.core.done // self.substeps) if keep else NOTHING
         places = self._everyone[: len(numbers)]
         while ran < count and len(numbers):
-            if (self.core.fault[numbers, 0] != HEALTH.healthy).any():
-                moving = self.healthy[numbers]
+            if np.count_nonzero(self.core.fault) and not (moving := self.healthy[numbers]).all():
                 numbers, places = numbers[moving], places[moving]
                 continue
             before = self.core.done[numbers].tolist()
