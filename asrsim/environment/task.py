@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from asrsim.environment.draws import Draws, plan
+from asrsim.environment.draws import Draws, plan, with_longest_delays
 from asrsim.environment.readings import KNOWN, Readings
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plain import one_or_more
@@ -70,7 +70,10 @@ class ControlTask:
         scenario = one_scenario(
             scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"]
         )
-        scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
+        self._random, self._start, self._goal, self._push = (
+            Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
+        )
+        scenario = with_longest_delays(replace(scenario, engine=engine_of_worlds(scenario, engine)), self._random)
         self.prepared = prepared = prepare(scenario, settable=True)
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
@@ -82,9 +85,6 @@ class ControlTask:
         self._reward, self._terminated = options["reward"], options["terminated"]
         self.batched: bool = options["batched"]
         """Whether the user's functions take the states of all environments at once."""
-        self._random, self._start, self._goal, self._push = (
-            Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
-        )
         delay = options["delay"]
         self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
         self._period = self.steps * scenario.step

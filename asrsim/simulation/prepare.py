@@ -29,7 +29,15 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
+from asrsim.simulation.drives import (
+    DELAYS,
+    EXTERNAL_TORQUE,
+    SteppedJoint,
+    make_drives,
+    ranges_of,
+    with_delays,
+    with_sensors,
+)  # fmt: skip
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.inputs import sampled_signals
@@ -241,13 +249,23 @@ class Prepared:
     def vary(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
-        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`), or by link and name
-        (`mass`; `x`, `y`, `z` of the centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start
-        at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
-        arm without equilibrium.
+        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`; `command_delay` and
+        `sensor_delay` in s, at most those of the scenario's `effects`), or by link and name (`mass`; `x`, `y`, `z` of the
+        centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start at equilibrium is computed
+        again. Raises RobotError that names unknown or unphysical parameters, InputError for delays, ScenarioError for an arm
+        without equilibrium.
         """
-        robot, model = varied_robot(self.robot, parameters), self.model
+        delays = {
+            drive.name: {name: own[name] for name in DELAYS if name in own}
+            for drive in self.drives if (own := parameters.get(drive.name))
+        }  # fmt: skip
+        numbers = {
+            owner: {name: value for name, value in own.items() if name not in delays.get(owner, ())}
+            for owner, own in parameters.items()
+        }
+        robot, model = varied_robot(self.robot, numbers), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
+        drives = tuple(with_delays(drive, delays.get(drive.name, {})) for drive in drives)
         if model is not None and robot.inertials != self.robot.inertials:
             model = self._model_of(robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()

@@ -27,6 +27,7 @@ from asrsim.signals.base import Signal
 from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
+from asrsim.simulation.drives import command_delays
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
@@ -471,7 +472,11 @@ class Worlds:
                 self._variants.clear()
             self._variants[key] = prepared
         inputs, started = self._home_inputs, prepared
-        if start.references:
+        if prepared is not self.prepared and command_delays(prepared.drives) != command_delays(self.prepared.drives):
+            # Commands that are late by another time are other inputs.
+            started = prepared.with_references(start.references) if start.references else prepared
+            inputs = self._inputs_of(started)
+        elif start.references:
             signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
             latest = self._signals[0]
             other = latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items())

@@ -98,6 +98,31 @@ def test_delayed_actions_are_the_actions_of_earlier_periods():
     assert {episode.delay for episode in drawn.episodes} == {0, 1, 2}
 
 
+def test_delays_of_commands_and_sensors_are_drawn_at_every_reset():
+    """Each environment is one of a scenario that states its delays. The action sets joint_2; joint_1 follows its signal."""
+    wave = {"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.4, "frequency": 3.0}}}}
+    keys = {"engine": "mujoco", "duration": 0.2, "modes": {"*": 6}, "reference_ranges": RANGES, "references": wave}
+    laws = {"effects.sensors.*.delay": [0.0, 0.0031, 0.012], "effects.commands.joint_1.delay": "uniform(0, 0.02)"}
+
+    def many(count, effects, **options):
+        scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", effects=effects, **keys)
+        return asrsim.make_vec_env(scenario, count, act="joint_2.equilibrium_position", **options)
+
+    # Noise holds the sensors in place where the delay is 0.
+    noisy = {"sensors": {"*": {"noise": 1e-4}}}
+    env, actions = many(3, noisy, randomise=laws), ACTIONS[:9, :, :1]
+    seen, *_ = played(env, actions)
+    drawn = [episode.parameters for episode in env.episodes]
+    assert len({values["effects.sensors.*.delay"] for values in drawn}) > 1
+    for i, values in enumerate(drawn):
+        late = {"commands": {"joint_1": {"delay": values["effects.commands.joint_1.delay"]}}}
+        late["sensors"] = {"*": {"noise": 1e-4, "delay": values["effects.sensors.*.delay"]}}
+        alone, *_ = played(many(1, late), actions[:, i : i + 1])
+        np.testing.assert_array_equal(seen[:, i], alone[:, 0])
+    with pytest.raises(InputError, match="upper bound"):
+        many(1, noisy, randomise={"effects.sensors.*.delay": "normal(0.01, 0.002)"})
+
+
 def test_noise_disturbs_what_is_observed_and_nothing_else():
     def reward(states):
         return states.values["link_position"][:, 0]

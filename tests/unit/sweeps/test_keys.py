@@ -105,7 +105,7 @@ def test_a_pattern_sets_the_reference_of_each_joint_that_it_matches(delay):
 
 
 def test_a_pattern_that_matches_no_joint_names_the_joints():
-    with pytest.raises(AsrsimError, match="references.arm_\\*.stiffness_preset.*matches no joint.*joint_1"):
+    with pytest.raises(AsrsimError, match=r"references.arm_\*.stiffness_preset.*matches no joint.*joint_1"):
         list(rows_of({"references.arm_*.stiffness_preset": [0.1]}))
 
 
