@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
-from asrsim.runs.execute import execute, with_plugins, write_summary
+from asrsim.runs.execute import execute, write_summary
+from asrsim.runs.folder import folder_problems
 from asrsim.runs.lock import owned
 from asrsim.samples import Array, JointInfo, Samples
-from asrsim.scenario import Scenario, only_variant, scenarios_of
+from asrsim.scenario import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.examine import Plan, examine
+from asrsim.simulation.examine import Plan, examine, examine_all
 from asrsim.simulation.run import Run
 from asrsim.summary import RunSummary
 
@@ -209,12 +210,13 @@ def run(
         DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
-    loaded = _scenarios(scenario, variant, overrides, plugins, robot)
-    given = None if robot is None or isinstance(robot, str | Path) else robot
-    return _run_one(
-        examine(only_variant(loaded), given), out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check,
-        progress=progress, stop=stop,
+    plan = examine(
+        scenario, robot, variant=variant, overrides=overrides, plugins=plugins,
+        beside=None if out is None else lambda own: folder_problems(own, lambda _: Path(out), overwrite=overwrite),
     )  # fmt: skip
+    return _run_one(
+        plan, out, overwrite=overwrite, keep=keep, certify=certify, cross_check=cross_check, progress=progress, stop=stop
+    )
 
 
 def run_variants(
@@ -230,20 +232,17 @@ def run_variants(
 
     out: Folder in which each variant gets a subfolder.
     """
+
+    def folder(one: Scenario) -> Path:
+        return Path(out or "") / one.variant
+
+    plans = examine_all(
+        scenario, overrides=overrides, plugins=plugins,
+        beside=None if out is None else lambda own: folder_problems(own, folder, overwrite=overwrite),
+    )  # fmt: skip
     return {
-        one.variant: _run_one(examine(one), None if out is None else Path(out) / one.variant, overwrite=overwrite, keep=keep)
-        for one in _scenarios(scenario, None, overrides, plugins)
+        plan.scenario.variant: _run_one(plan, out and folder(plan.scenario), overwrite=overwrite, keep=keep) for plan in plans
     }
-
-
-def _scenarios(
-    scenario: str | Path | Scenario, variant: str | None, overrides: Overrides, plugins: Sequence[str | Path],
-    robot: Robot | str | Path | None = None,
-) -> tuple[Scenario, ...]:  # fmt: skip
-    """Scenarios with users' files as attachments."""
-    file = robot if isinstance(robot, str | Path) else None
-    loaded = scenarios_of(scenario, variant=variant, overrides=overrides, plugins=plugins, robot=file)
-    return tuple(with_plugins(one, plugins) for one in loaded)
 
 
 def _run_one(

@@ -27,13 +27,18 @@ def spring_torques(drives: Sequence[Drive], position: Array, references: Sequenc
     references: references of each drive, (positions, n) or (positions, 1), as in `resting_motors`.
     """
     torques = np.zeros_like(position)
-    alike = defaultdict(list)
-    for row, drive in enumerate(drives):
-        alike[drive.actuator, drive.mode].append(row)
-    for rows in alike.values():
+    for rows in alike(drives):
         goals = np.stack([references[row] for row in rows], axis=1)
         torques[rows] = resting_motors([drives[row] for row in rows], position[rows], goals)[1].sum(axis=0)
     return torques
+
+
+def alike(drives: Sequence[Drive]) -> list[list[int]]:
+    """Numbers of the drives, in groups with the same actuator and mode."""
+    groups = defaultdict(list)
+    for number, drive in enumerate(drives):
+        groups[drive.actuator, drive.mode].append(number)
+    return [*groups.values()]
 
 
 def resting_motors(drives: Sequence[Drive], position: Array, references: Array, *, limited: bool = True) -> tuple[Array, Array]:
@@ -60,48 +65,69 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
         """Numbers (..., motors, joints, 1) of the motors."""
         return np.array([getattr(drive, name) for drive in drives]).T[..., None]
 
-    def load(motor: int, theta: Array) -> Array:
-        """Torque (joints, n) of the springs on a motor at `theta` (joints, n), while the other motors stand at `resting`."""
-        trial = resting.copy()
-        trial[motor] = theta
-        return np.asarray(law(position, *trial)[motor])
-
-    def missing(motor: int, holding: Array, theta: Array) -> Array:
-        """Torque (joints, n) of the springs minus the torque of the motor. holding: torque of integral action."""
-        torque = np.where(integral[motor] > 0.0, holding, gain[motor] * (wanted[motor] - theta))
-        return np.asarray(load(motor, theta) - np.clip(torque, -most[motor], most[motor]))
-
     if not motors:
         return resting, law(position, *resting)
-    wanted = resting.copy()
-    gain, integral = numbers("proportional"), numbers("integral")
+    wanted, gain, integral = resting[:motors].copy(), numbers("proportional"), numbers("integral")
     most, (low, high) = numbers("max_torque"), numbers("motor_ranges")
     if not limited:
         most, low, high = (np.full_like(most, bound) for bound in (np.inf, -np.inf, np.inf))
+
+    def pulls(theta: Array) -> Array:
+        """Torques (springs, joints, n) of the springs with the motors at `theta` (motors, joints, n)."""
+        return law(position, *theta, *resting[motors:])
+
+    def missing(own: slice, holding: Array, theta: Array) -> Array:
+        """Torques of the springs minus the torques of some motors at `theta`, while the others stand at `resting`. holding:
+        torques of integral action."""
+        trial = resting[:motors].copy()
+        trial[own] = theta
+        torque = np.where(integral[own] > 0.0, holding, gain[own] * (wanted[own] - theta))
+        return np.asarray(pulls(trial)[:motors][own] - np.minimum(np.maximum(torque, -most[own]), most[own]))
+
+    def search(own: slice) -> Array:
+        """Positions at which these motors rest, each as if the others did not move."""
+        # At the reference, integral action balances the springs, up to the motor's largest torque.
+        trial = resting[:motors].copy()
+        trial[own] = wanted[own]
+        holding = pulls(trial)[:motors][own] if integral[own].any() else np.zeros(())
+        found = increasing_roots(partial(missing, own, holding), wanted[own], slope=gain[own], apart=True)
+        return np.clip(found, low[own], high[own])
+
+    # Usually each spring depends on one motor, and one search finds all motors.
+    found = search(slice(motors))
+    torques = pulls(found)
+    if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
+        return np.concatenate([found, resting[motors:]]), torques
     for _ in range(ROUNDS):
         loads = []
         for motor in range(motors):
-            # At the reference, integral action balances the springs, up to the motor's largest torque.
-            holding = load(motor, wanted[motor]) if integral[motor].any() else np.zeros(())
-            found = increasing_roots(partial(missing, motor, holding), wanted[motor], slope=gain[motor])
-            resting[motor] = np.clip(found, low[motor], high[motor])
-            loads.append(load(motor, resting[motor]))
-        torques = law(position, *resting)
-        # If each spring depends on one motor, one round leaves the loads unchanged and the search ends.
+            resting[motor] = search(slice(motor, motor + 1))[0]
+            loads.append(pulls(resting[:motors])[motor])
+        torques = pulls(resting[:motors])
         if np.array_equal(loads, torques[:motors]):
             break
     return resting, torques
 
 
+def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques: Array, motor: int) -> bool:
+    """Whether the torque on a motor does not depend on the other motors. found: positions of the motors with these torques;
+    wanted: other positions."""
+    trial = wanted.copy()
+    trial[motor] = found[motor]
+    return np.array_equal(pulls(trial)[motor], torques[motor])
+
+
 @np.errstate(all="ignore")
 def increasing_roots(
-    function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST, slope: Array | float = 0.0
-) -> Array:
+    function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST, slope: Array | float = 0.0, *,
+    apart: bool = False,
+) -> Array:  # fmt: skip
     """Roots (...) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
     third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
-    unknown), from which the width of the first bracket follows.
+    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a search of its
+    own, whose roots do not depend on the other entries; else all searches end together.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)
@@ -118,8 +144,10 @@ def increasing_roots(
     last = np.full(np.shape(low), -1)
     for step in range(MOST_STEPS):
         least = TOLERANCE * np.maximum(1.0, np.abs(low))
-        if np.all(high - low <= 2.5 * least):
+        wide = ~(high - low <= 2.5 * least)
+        if not wide.any():
             break
+        going = wide.any(axis=tuple(range(1, wide.ndim)), keepdims=True) if apart else True
         # A step just beyond a converged end closes the bracket.
         secant = np.clip((low * at_high - high * at_low) / (at_high - at_low), low + least, high - least)
         middle = np.where((step % 3 == 2) | ~np.isfinite(secant), 0.5 * (low + high), secant)
@@ -128,5 +156,5 @@ def increasing_roots(
         # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
         kept, last = np.where(above == last, 0.5, 1.0), above
         at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
-        high, low = np.where(above, middle, high), np.where(value <= 0.0, middle, low)
+        high, low = np.where(above & going, middle, high), np.where((value <= 0.0) & going, middle, low)
     return np.asarray(0.5 * (low + high))

@@ -16,7 +16,7 @@ from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
 
 if TYPE_CHECKING:
-    from asrsim.scenario import Scenario
+    from asrsim.simulation.examine import Examined
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +67,7 @@ def robot_report(
 ) -> FileReport:
     """Findings in a URDF or xacro file, including the findings that a run with constant references would report."""
     from asrsim.scenario import scenario_from_data
+    from asrsim.simulation.examine import Examined, findings
 
     report = FileReport(path=path, kind="robot")
     try:
@@ -75,47 +76,38 @@ def robot_report(
         return replace(report, errors=error.problems, warnings=error.warnings)
     packages = {name: str(folder) for name, folder in (package_paths or {}).items()}
     keys = {"file": str(path), "arguments": xacro_arguments or {}, "packages": packages}
-    return _examined(scenario_from_data({"robot": keys, "duration": 1e-3}), robot, report)
+    scenario = scenario_from_data({"robot": keys, "duration": 1e-3})
+    return _built(Examined(scenario, robot, *findings(scenario, robot)), report)
 
 
 def scenario_report(path: Path) -> FileReport:
     """Findings in a scenario file, its variants and their robots; the table shows the first variant."""
-    from asrsim.scenario import read_scenarios
-    from asrsim.scenario.check import robot_of
     from asrsim.scenario.load import distinct
+    from asrsim.simulation.examine import read
 
     report = FileReport(path=path, kind="scenario")
     try:
-        scenarios, errors = read_scenarios(path)
+        examined, errors = read(path, propose=True)
     except AsrsimError as error:
         return replace(report, errors=problems_of(error, path))
-    found = []
-    for scenario in scenarios:
-        robot = None
-        try:
-            if not any(key == "robot" for key, *_ in scenario.unread):
-                robot = robot_of(scenario)
-        except AsrsimError as error:
-            errors.extend(problems_of(error, path))
-        found.append(_examined(scenario, robot, report))
+    found = [_built(one, report) for one in examined]
     return replace(
         next((one for one in found if one.robot is not None), report),
-        title=", ".join(scenario.variant for scenario in scenarios),
+        title=", ".join(one.scenario.variant for one in examined),
         errors=tuple(distinct([*errors, *(problem for one in found for problem in one.errors)])),
         warnings=tuple(distinct(problem for one in found for problem in one.warnings)),
     )
 
 
-def _examined(scenario: Scenario, robot: Robot | None, report: FileReport) -> FileReport:
-    """Report with the findings in a scenario and its robot. For a robot file, only the robot's own warnings are reported."""
+def _built(found: Examined, report: FileReport) -> FileReport:
+    """Report with what is found in a scenario and its robot, and when the run is built. For a robot file, only the robot's own
+    warnings are reported."""
     from asrsim.scenario.check import loop_warnings
-    from asrsim.simulation.examine import findings
     from asrsim.simulation.prepare import build
 
-    alone = report.kind == "robot"
-    plan, errors, warnings = findings(scenario, robot, propose=not alone)
+    scenario, plan, alone = found.scenario, found.plan, report.kind == "robot"
     if plan is None:
-        return replace(report, errors=errors, warnings=warnings)
+        return replace(report, errors=found.errors, warnings=found.warnings)
     if alone:
         loops = (replace(one, file=report.path) for one in loop_warnings(scenario, plan.source, plan.robot))
         plan = replace(plan, warnings=(*map(scenario.placed, warnings_of(plan.robot)), *loops))

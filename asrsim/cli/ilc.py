@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from asrsim.learning.prepared import PreparedLearning
     from asrsim.learning.trial import LearningProblem, Trial
     from asrsim.recordings.align import LagChoice
-    from asrsim.scenario import Scenario as LoadedScenario
+    from asrsim.simulation.examine import Plan
 
 
 @command("Print only the result.")
@@ -58,18 +58,17 @@ def ilc(
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml --set ilc.law=auto --resume
     """
     from asrsim.learning.plant import make_plant
-    from asrsim.runs.execute import with_plugins
-    from asrsim.scenario import load_scenario, only_variant
+    from asrsim.simulation.examine import examine
 
-    chosen = only_variant(load_scenario(scenario, variant=variant, overrides=overrides or []))
-    folder = out or Path("out") / chosen.name / "ilc"
+    plan = examine(scenario, variant=variant, overrides=overrides or [], plugins=plugin)
+    folder = out or Path("out") / plan.scenario.name / "ilc"
     if recording is not None:
-        return _next(make_plant(with_plugins(chosen, plugin)), folder, recording, mapping, lag_of(align))
-    return _learn(chosen, folder, plugin, resume, overwrite, plot, quiet=quiet)
+        return _next(make_plant(plan), folder, recording, mapping, lag_of(align))
+    return _learn(plan, folder, plugin, resume, overwrite, plot, quiet=quiet)
 
 
 def _learn(
-    scenario: LoadedScenario, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
+    plan: Plan, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
 ) -> Done:  # fmt: skip
     from asrsim.learning.session import learn, session_data
     from asrsim.plugins import command_line
@@ -83,7 +82,7 @@ def _learn(
         "asrsim: stopping; the best trial so far is kept, and --resume continues (Ctrl-C again to abort)"
     ) as interruption:
         session = learn(
-            scenario, folder, plugins=plugins, on_start=None if quiet else start, on_trial=None if quiet else _row,
+            plan, folder, on_start=None if quiet else start, on_trial=None if quiet else _row,
             stop=interruption.stop,
             resume=resume, overwrite=overwrite, picture=plot,
         )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,6 +13,9 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
 from asrsim.cli.interrupt import Interruption
 from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, View, into_folder, option
+
+if TYPE_CHECKING:
+    from asrsim.scenario import Scenario as LoadedScenario
 
 
 @command("Print errors and warnings only.")
@@ -59,28 +62,37 @@ def live(
     from asrsim.live import TRANSPORTS, Access
     from asrsim.live.origin import origin_of
     from asrsim.live.session import Session, Settings
-    from asrsim.runs.execute import with_plugins
-    from asrsim.scenario import load_scenario, only_variant
+    from asrsim.runs.folder import folder_problems
+    from asrsim.simulation.examine import examine
 
     names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
     known = (*TRANSPORTS.names(), "none")
     if wrong := [name for name in names if name not in known]:
         raise typer.BadParameter(f"there is no transport '{wrong[0]}'; choose from: {', '.join(known)}", param_hint="--on")
     names = [name for name in names if name != "none"]
-    one = with_plugins(only_variant(load_scenario(scenario, variant=variant, overrides=overrides or ())), plugin)
+
+    def folder_of(one: LoadedScenario) -> Path:
+        return out or Path("out") / one.name / f"{one.variant}_live"
+
+    plan = examine(
+        scenario, variant=variant, overrides=overrides or (), plugins=plugin,
+        beside=None if twin else lambda own: folder_problems(own, folder_of, overwrite=overwrite),
+    )  # fmt: skip
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
-        return _follow(one, names, access, namespace, duration, view=view, quiet=quiet)
+        return _follow(plan, names, access, namespace, duration, view=view, quiet=quiet)
     settings = Settings(speed=pace, duration=duration, rate=publish_rate, namespace=namespace, transports=names, access=access)
     with StatusLine(show=not quiet) as line:
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
-        folder = out or Path("out") / one.name / f"{one.variant}_live"
+        folder = folder_of(plan.scenario)
         with Interruption("") as interruption:
             if view:
-                session, summary = _shown(one, folder, settings, interruption.stop, overwrite=overwrite, line=line, quiet=quiet)
+                session, summary = _shown(
+                    plan, folder, settings, interruption.stop, overwrite=overwrite, line=line, quiet=quiet
+                )
             else:
-                session = Session(one, folder, settings, overwrite=overwrite, tell=line.tell)
+                session = Session(plan, folder, settings, overwrite=overwrite, tell=line.tell)
 
                 def stop() -> bool:
                     line.show(session)
@@ -95,27 +107,27 @@ def live(
 
 
 def _shown(
-    scenario: Any, folder: Path, settings: Any, stop: Callable[[], bool], *, overwrite: bool, line: Any, quiet: bool
+    plan: Any, folder: Path, settings: Any, stop: Callable[[], bool], *, overwrite: bool, line: Any, quiet: bool
 ) -> tuple[Any, Any]:  # fmt: skip
     """Run in real time on a page; returns the last run and its summary."""
     from asrsim.cli.view import show_page
     from asrsim.viewer.live import LiveView
 
     show, summary = show_page(
-        lambda page: LiveView(page, [scenario], out=folder, overwrite=overwrite, settings=settings, tell=line.tell), stop,
+        lambda page: LiveView(page, [plan], out=folder, overwrite=overwrite, settings=settings, tell=line.tell), stop,
         quiet=quiet,
     )  # fmt: skip
     return show.session, summary
 
 
 def _follow(
-    scenario: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
+    plan: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
 ) -> Done:  # fmt: skip
     """Run a twin beside a robot."""
     from asrsim.twin.live import LiveTwin
 
     twin = LiveTwin(
-        scenario, transports=transports, access=access, namespace=namespace, duration=duration,
+        plan, transports=transports, access=access, namespace=namespace, duration=duration,
         tell=(lambda text: None) if quiet else say,
     )  # fmt: skip
     with Interruption("") as interruption:

@@ -15,6 +15,7 @@ from asrsim.cli.options import Overrides, Overwrite, Plot, Scenario, Variants, i
 if TYPE_CHECKING:
     from asrsim.errors import AsrsimError
     from asrsim.runs.execute import Executed
+    from asrsim.scenario import Scenario as LoadedScenario
 
 
 @command("Print errors, warnings and failed claims only.")
@@ -57,26 +58,30 @@ def run(
     from asrsim.cli.progress import RunBar
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
-    from asrsim.runs.execute import execute, with_plugins, write_summary
-    from asrsim.runs.folder import default_folder
+    from asrsim.runs.execute import execute, write_summary
+    from asrsim.runs.folder import default_folder, folder_problems
     from asrsim.runs.lock import owned
-    from asrsim.scenario import load_scenario
-    from asrsim.simulation.examine import examine
+    from asrsim.simulation.examine import examine_all
 
     settings = [*(overrides or []), *([f"engine={engine}"] if engine else [])]
-    names: list[str | None] = [*variant] if variant else [None]
-    loaded = [one for name in names for one in load_scenario(scenario, variant=name, overrides=settings)]
+
+    def folder_of(one: LoadedScenario, variants: int) -> Path:
+        return default_folder(one) if out is None else (out / one.variant if variants > 1 else out)
+
+    plans = examine_all(
+        scenario, variants=variant or (), overrides=settings, plugins=plugin,
+        beside=lambda own: folder_problems(own, lambda one: folder_of(one, len(own)), overwrite=overwrite),
+    )  # fmt: skip
     done: list[Executed] = []
     printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
     with Interruption() as interruption:
-        for one in loaded:
-            folder = default_folder(one) if out is None else (out / one.variant if len(loaded) > 1 else out)
+        for plan in plans:
+            one, folder = plan.scenario, folder_of(plan.scenario, len(plans))
             title, before = f"{one.name} / {one.variant}", len(done)
             try:
                 with owned(folder):
                     with RunBar(title, one.duration, show=not quiet) as progress:
-                        plan = examine(with_plugins(one, plugin))
                         executed = execute(
                             plan, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
                             started=progress.start, progress=progress.update, stop=interruption.stop,
@@ -97,7 +102,7 @@ def run(
             if failure is not None or interruption.requested:
                 break
     if failure is not None and not json:
-        if len(loaded) > 1:
+        if len(plans) > 1:
             failure[1].add_note(f"{failure[0]} could not be run; the variants after it were not tried")
         raise failure[1]
     good = failure is None and all(entry.summary.ok for entry in done)

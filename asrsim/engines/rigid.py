@@ -265,26 +265,30 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
     sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
     have struck them.
     """
-    count = room.joints
-    if piece == 0 and _has_impact(room):
-        find_change(room, exchange, piece, 0.0)
+    count, splits, resting = room.joints, 0, -1
+    impact = piece == 0 and _has_impact(room)
+    # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
+    part, whole = 0.0 if impact else length, not impact
+    # `find_change` is called at one place: it is compiled into each place where it is called.
+    while True:
+        find_change(room, exchange, piece, part)
+        if whole and splits < count:
+            resting = first_standstill(room)
+            if resting != -1:
+                part *= -room.velocity[resting] / room.change[resting]
+                whole = False
+                continue
         for i in range(room.freedoms):
             room.velocity[i] += room.change[i]
-    for splits in range(count + 1):
-        find_change(room, exchange, piece, length)
-        resting = first_standstill(room) if splits < count else -1
-        part = length
-        if resting != -1:
-            part *= -room.velocity[resting] / room.change[resting]
-            find_change(room, exchange, piece, part)
-        for i in range(room.freedoms):
-            room.velocity[i] += room.change[i]
-        if resting == -1:
+        if whole:
             break
-        # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
-        if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
-            room.velocity[resting] = 0.0
-        length -= part
+        if resting != -1:
+            # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
+            if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
+                room.velocity[resting] = 0.0
+            length -= part
+            splits += 1
+        part, whole, resting = length, True, -1
     for j in range(count):
         speed = room.velocity[room.joint_z[j]]
         exchange[piece, j, VELOCITY] = room.ratio[j] * speed if room.reduced else speed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +21,9 @@ from asrsim.samples import Array
 from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.prepare import Prepared, Start, prepare
+from asrsim.simulation.prepare import Prepared, Start, prepare_worlds
 from asrsim.simulation.quantities import recorded_quantities
-from asrsim.simulation.worlds import Worlds, engine_of_worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 
 LARGEST = float(np.finfo(np.float32).max)
@@ -67,14 +67,13 @@ class ControlTask:
     ) -> None:  # fmt: skip
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
-        scenario = one_scenario(
-            scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"]
-        )
         self._random, self._start, self._goal, self._push = (
             Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
         )
-        scenario = with_longest_delays(replace(scenario, engine=engine_of_worlds(scenario, engine)), self._random)
-        self.prepared = prepared = prepare(scenario, settable=True)
+        stated = one_scenario(scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"])
+        longest = with_longest_delays(stated, self._random)
+        self.prepared = prepared = prepare_worlds(longest, engine=engine, settable=True)
+        scenario = prepared.scenario
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)

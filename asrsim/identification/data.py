@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identification.door import COMPARABLE, EXTERNAL
+from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import fine_noise, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
@@ -175,9 +175,8 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
 
 def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
     """Compared channels: all measured quantities that the simulation computes."""
-    possible = {
-        f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in COMPARABLE
-    }
+    known = comparable()
+    possible = {f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in known}
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     blocks, left_out = {block.joint: block for block in plan.robot.actuators}, dict[str, list[str]]()
     for key, (joint, column) in possible.items():

@@ -19,6 +19,7 @@ from asrsim.signals.sampled import Sampled
 if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.simulation.drives import SteppedJoint
+    from asrsim.simulation.examine import Plan
     from asrsim.simulation.prepare import Prepared
     from asrsim.simulation.run import Run
 
@@ -94,20 +95,18 @@ class Plant:
         return found
 
 
-def make_plant(scenario: Scenario) -> Plant:
-    """Plant of a scenario with a block `ilc`.
+def make_plant(plan: Plan) -> Plant:
+    """Plant of an examined scenario with a block `ilc`.
 
     Raises ScenarioError if the block is missing, or a joint's mode has no position reference.
     """
-    from asrsim.simulation.examine import examine
     from asrsim.simulation.prepare import build
 
-    learning = scenario.learning
+    scenario, learning = plan.scenario, plan.scenario.learning
     if learning is None:
         hint = "Write the motion: ilc: {tolerance: 0.01, trajectory: {JOINT: {minimum_jerk: {duration: 2.0, to: 0.6}}}}"
         message = "the scenario has no block `ilc`: nothing says what to learn"
         raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
-    plan = examine(scenario)
     trajectory, driven = learning.trajectory, plan.robot.actuators
     blocks = [block for block in driven if block.joint in trajectory or "*" in trajectory]
     choices = tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES)

@@ -23,14 +23,13 @@ from asrsim.learning.state import LearningState, load_state, save_state, simulat
 from asrsim.learning.trial import LearningResult, Trial, iterate
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
-from asrsim.runs.execute import with_plugins
 from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
-from asrsim.scenario import one_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.relocate import relocated
+from asrsim.simulation.examine import Plan, examine
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
     "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
@@ -62,7 +61,7 @@ class LearningSession:
 
 
 def learn(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Scenario | Plan,
     out: str | Path,
     *,
     variant: str | None = None,
@@ -93,8 +92,8 @@ def learn(
     Raises:
         InputError, SimulationError, OutputError: As in `asrsim.run`; the scenario has no motion to learn.
     """
-    one = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
-    plant, folder = make_plant(with_plugins(one, plugins)), Path(out)
+    plan = examine(scenario, variant=variant, overrides=overrides, plugins=plugins)
+    plant, folder = make_plant(plan), Path(out)
     with owned(folder):
         going_on = resume and (folder / STATE).is_file()
         earlier = _earlier(folder, plant.scenario, overwrite=overwrite or going_on)

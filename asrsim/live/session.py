@@ -19,14 +19,13 @@ from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import encoded, topic_of
 from asrsim.outfile import write_json
-from asrsim.robot import Robot
 from asrsim.runs.described import LIVE, as_run
 from asrsim.runs.execute import judged, result_metadata
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
 from asrsim.runs.lock import owned
 from asrsim.samples import Command, HeldWrench, Samples, WrenchCommand
-from asrsim.scenario.data import Scenario
-from asrsim.simulation.prepare import prepare
+from asrsim.simulation.examine import Plan
+from asrsim.simulation.prepare import build
 from asrsim.simulation.run import obey, run_of
 from asrsim.simulation.simulation import Simulation
 from asrsim.summary import Collector, RunSummary
@@ -79,16 +78,16 @@ class Session:
     """Live run, which the method `run` executes."""
 
     def __init__(
-        self, scenario: Scenario, folder: Path, settings: Settings, *, robot: Robot | None = None, overwrite: bool = False,
-        tell: Tell = lambda text: None,
-    ) -> None:  # fmt: skip
-        """robot: robot in place of the scenario's robot; its text describes it completely."""
+        self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: Tell = lambda text: None
+    ) -> None:
+        """plan: the examined scenario. If it has another robot in place of the scenario's, the robot's text describes it
+        completely."""
         self.settings, self._tell = settings, tell
         self.operator: Operator | None = None
         """Person at the run."""
-        prepared = prepare(scenario, robot, settable=True)
-        self._scenario = replace(scenario, reference_ranges=prepared.scenario.reference_ranges)
-        self._folder, self._overwrite, self._step = folder, overwrite, scenario.step
+        prepared = build(plan, settable=True)
+        self._scenario = replace(plan.scenario, reference_ranges=prepared.scenario.reference_ranges)
+        self._folder, self._overwrite, self._step = folder, overwrite, plan.scenario.step
         self._duration = settings.duration or FOREVER
         self.paused = False
         """Whether the simulation waits; commands are still read."""
@@ -136,10 +135,12 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = log_file.enter_context(LogWriter(path, described))
-            # Exclude the existing objects from garbage collection, which would make ticks late.
-            gc.collect()
-            gc.freeze()
-            stack.callback(gc.unfreeze)
+            # Exclude the existing objects from garbage collection, which would make ticks late. A program that has excluded its
+            # own objects keeps them so.
+            if not gc.get_freeze_count():
+                gc.collect()
+                gc.freeze()
+                stack.callback(gc.unfreeze)
             try:
                 self._advance(0)
                 self.pace.start()

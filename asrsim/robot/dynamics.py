@@ -14,7 +14,7 @@ causes at unit velocity.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -163,8 +163,13 @@ class RobotModel:
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
-        still = np.zeros(len(self.joints))
-        return self.inverse_dynamics(positions, still, still)
+        q = self.couplings.expand(positions)
+        steps = self._steps(self._with_base(q))
+        backs = np.linalg.inv(steps)
+        # The general equations without velocities and accelerations.
+        rises = self._rises(steps, backs, self._gravity)
+        loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
+        return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
 
     def energy(self, positions: ArrayLike, velocities: ArrayLike) -> Array:
         """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
@@ -224,25 +229,40 @@ class RobotModel:
     def _torques(self, positions: Array, velocities: Array, accelerations: Array, gravity: Array) -> Array:
         """Torques (..., joints) of all joints. An upward acceleration of the base replaces gravity."""
         steps = self._steps(positions)
+        backs = np.linalg.inv(steps)
         rates, boosts = (np.moveaxis(values[..., None, None] * self._twists, -3, 0) for values in (velocities, accelerations))
-        twists, changes = [np.zeros((4, 4))], [frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)]
-        for parent, step, back, rate, boost in zip(self._parents, steps, np.linalg.inv(steps), rates, boosts, strict=True):
+        twists, changes = [np.zeros((4, 4))], [self._lift(gravity)]
+        for parent, step, back, rate, boost in zip(self._parents, steps, backs, rates, boosts, strict=True):
             twist = back @ twists[parent] @ step + rate
             twists.append(twist)
             changes.append(back @ changes[parent] @ step + boost + twist @ rate - rate @ twist)
         bodies = zip(twists, changes, self._inertias, strict=True)
         loads = [(change + twist @ twist) @ inertia for twist, change, inertia in bodies]
         if self._floats.any():
-            # The acceleration of the base that replaces gravity, along the axes of each body.
-            rises = [changes[0]]
-            for parent, step, back in zip(self._parents, steps, np.linalg.inv(steps), strict=True):
-                rises.append(back @ rises[parent] @ step)
+            rises = self._rises(steps, backs, gravity)
             loads = [load - rise @ mass for load, rise, mass in zip(loads, rises, self._floats, strict=True)]
-        torques = np.zeros(np.broadcast_shapes(positions.shape, velocities.shape, accelerations.shape))
+        torques = self._gathered(steps, loads)
+        return torques + self._armature * accelerations if self._armature.any() else torques
+
+    def _lift(self, gravity: Array) -> Array:
+        """Upward acceleration (4, 4) of the base that replaces gravity."""
+        lift: Array = frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)
+        return lift
+
+    def _rises(self, steps: Array, backs: NDArray[Any], gravity: Array) -> list[Array]:
+        """Acceleration of the base that replaces gravity, along the axes of each body."""
+        rises = [self._lift(gravity)]
+        for parent, step, back in zip(self._parents, steps, backs, strict=True):
+            rises.append(back @ rises[parent] @ step)
+        return rises
+
+    def _gathered(self, steps: Array, loads: list[Array]) -> Array:
+        """Torques (..., joints) with which the joints give the bodies their loads."""
+        torques = np.zeros((*np.broadcast_shapes(steps.shape[1:], *(load.shape for load in loads))[:-2], len(steps)))
         for k in range(len(steps) - 1, -1, -1):
             torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
             loads[self._parents[k]] = loads[self._parents[k]] + steps[k] @ loads[k + 1] @ np.swapaxes(steps[k], -1, -2)
-        return torques + self._armature * accelerations if self._armature.any() else torques
+        return torques
 
 
 def with_base_joints(robot: Robot) -> Robot:

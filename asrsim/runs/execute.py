@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from asrsim.errors import DivergenceError, InputError
 from asrsim.log import LogWriter
 from asrsim.outfile import write_json
-from asrsim.plain import one_or_more
 from asrsim.quantities import LIMITS
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -29,8 +28,6 @@ from asrsim.summary.claims import Claims, needs_of
 if TYPE_CHECKING:
     from asrsim.metrics import ExpectationResult
 
-PLUGINS = "plugins/"
-"""Prefix of users' actuator files among the attachments of a log."""
 INPUTS = "inputs"
 """Metadata key under which a log stores the hashes of all inputs, as JSON."""
 
@@ -162,10 +159,3 @@ def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str,
         if counted:
             metadata[f"limit_{kind}"] = json.dumps(counted)
     return metadata
-
-
-def with_plugins(scenario: Scenario, plugins: str | Path | Sequence[str | Path]) -> Scenario:
-    """Scenario with users' actuator files as attachments, so that its log can be repeated."""
-    paths = [Path(file) for file in one_or_more(plugins)]
-    files = {f"{PLUGINS}{number}/{path.name}": path for number, path in enumerate(paths)}
-    return replace(scenario, attachments={**scenario.attachments, **files})

@@ -7,8 +7,9 @@ file is removed only if its name and its mark (`asrsim.outfile`) show that a run
 from __future__ import annotations
 
 import json
+import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -144,6 +145,21 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[P
     if files and not overwrite:
         require_same(folder, scenario, *_found(folder))
     return tuple(path for path in files if path.name != ASIDE)
+
+
+def folder_problems(scenarios: Sequence[Scenario], folder_of: Callable[[Scenario], Path], *, overwrite: bool) -> list[Problem]:
+    """Reasons why runs of these variants cannot write their results into their folders."""
+    found = []
+    for one in scenarios:
+        folder = folder_of(one)
+        there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        try:
+            if not there.is_dir() or not os.access(there, os.W_OK):
+                raise OutputError(f"{there}: results cannot be written here")
+            open_folder(folder, one, overwrite=overwrite)
+        except OutputError as error:
+            found.append(Problem(str(error), code="output"))
+    return found
 
 
 def clear(files: Iterable[Path]) -> None:

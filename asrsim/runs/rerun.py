@@ -17,10 +17,11 @@ from asrsim.plain import one_or_more
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
-from asrsim.runs.execute import INPUTS, PLUGINS
+from asrsim.runs.execute import INPUTS
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
 from asrsim.scenario.digest import mesh_hashes
+from asrsim.scenario.load import PLUGINS
 from asrsim.simulation.run import Run, simulate
 
 

@@ -7,11 +7,8 @@ from asrsim.scenario.data import Scenario
 from asrsim.scenario.load import (
     load_scenario,
     make_scenario,
-    one_scenario,
-    only_variant,
     read_scenarios,
     scenario_from_data,
-    scenarios_of,
 )
 
 __all__ = [
@@ -19,9 +16,6 @@ __all__ = [
     "apply_to_robot",
     "load_scenario",
     "make_scenario",
-    "one_scenario",
-    "only_variant",
     "read_scenarios",
     "scenario_from_data",
-    "scenarios_of",
 ]

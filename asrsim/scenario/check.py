@@ -50,27 +50,27 @@ def robot_of(scenario: Scenario) -> Robot:
     )
 
 
-def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem]]:
-    """Robot with the scenario's changes, and errors in the robot's file and in the scenario: unknown names, invalid values,
-    impossible references. The robot is None if it has no moving joint or cannot be read. Checks that depend on an invalid value
-    are skipped.
+def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem], list[Problem]]:
+    """Robot with the scenario's changes; errors in the robot's file and in these changes; other errors in the scenario: unknown
+    names, invalid values, impossible references. The robot is None if it has no moving joint or cannot be read. Checks that
+    depend on an invalid value are skipped.
 
     robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
         own = [scenario.placed(problem) for problem in signal_faults(scenario)]
-        return None, own if robot is None else [*robot.faults, nothing_moves(robot), *own]
+        return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], own
     if not scenario.unread and (wrong := [*_fields(scenario)]):
-        return None, [*robot.faults, *wrong]
+        return None, [*robot.faults], wrong
     changed, faults = changed_robot(scenario, robot)
-    errors = [*robot.faults, *faults]
+    errors: list[Problem] = []
     # Only actuators with a known mode can be checked.
     driven = replace(changed, actuators=tuple(block for block in changed.actuators if block.joint not in changed.unread))
     unread = {key for key, *_ in scenario.unread}
     for needed, check in CHECKS:
         if not unread.intersection(needed):
             errors += (scenario.placed(problem) for problem in check(scenario, driven))
-    return changed, errors
+    return changed, [*robot.faults, *faults], errors
 
 
 def loop_warnings(scenario: Scenario, source: Robot, robot: Robot) -> list[Problem]:

@@ -12,7 +12,7 @@ from asrsim.document.file import read_document
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
-from asrsim.plain import mapped
+from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
 from asrsim.samples import TIP
@@ -20,18 +20,17 @@ from asrsim.scenario.blocks import names_a_folder, prescribes_motion
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.overrides import Overrides, apply_overrides
 
+PLUGINS = "plugins/"
+"""Prefix of users' plugin files among the attachments of a scenario and of a log."""
 DEFAULT = "default"
 """Name of the variant of a scenario without variants."""
 
 
-def only_variant(loaded: Sequence[Scenario]) -> Scenario:
-    """The single variant of a scenario. Raises ScenarioError if there are several."""
-    if len(loaded) != 1:
-        names = tuple(one.variant for one in loaded)
-        hint = "Choose one with variant=... (--variant), or run all with asrsim.run_variants (asrsim run)"
-        message = "the scenario has several variants"
-        raise ScenarioError(message, file=loaded[0].path, choices=names, hint=hint, code="variant")
-    return loaded[0]
+def several_variants(loaded: Sequence[Scenario]) -> Problem:
+    """Problem of a scenario with several variants, where one is needed."""
+    names = tuple(one.variant for one in loaded)
+    hint = "Choose one with variant=... (--variant), or run all with asrsim.run_variants (asrsim run)"
+    return Problem("the scenario has several variants", file=loaded[0].path, choices=names, hint=hint, code="variant")
 
 
 def load_scenario(
@@ -44,44 +43,38 @@ def load_scenario(
     key, YAML value) or a mapping from dotted keys to values; `robot` replaces the file's robot; `plugins` are Python files with
     users' actuators, signals and so on, which are loaded first. Raises ScenarioError with every problem of the file.
     """
-    load_plugin_files(plugins)
-    scenarios, problems = read_scenarios(path, variant=variant, overrides=overrides, robot=robot)
+    scenarios, problems = read_scenarios(path, variant=variant, overrides=overrides, robot=robot, plugins=plugins)
     if problems:
         raise ScenarioError(problems)
     return scenarios
 
 
-def scenarios_of(
+def read_scenarios(
     scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (), robot: str | Path | None = None,
-) -> tuple[Scenario, ...]:  # fmt: skip
-    """Variants of a file as from `load_scenario`, or the given scenario itself. Raises ScenarioError, also if a given scenario
-    comes with overrides, another variant or another robot file.
+    robot: str | Path | None = None, plugins: Sequence[str | Path] = (),
+) -> tuple[tuple[Scenario, ...], list[Problem]]:  # fmt: skip
+    """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A given scenario is its
+    only variant. The plugin files become attachments, so that the log of a run contains them.
+
+    Raises ScenarioError where the file is not a mapping, or lacks the variant; also if a given scenario comes with overrides,
+    another variant or another robot file.
     """
-    if not isinstance(scenario, Scenario):
-        return load_scenario(scenario, variant=variant, overrides=overrides, robot=robot, plugins=plugins)
     load_plugin_files(plugins)
-    if overrides or robot is not None or variant not in (None, scenario.variant):
+    if not isinstance(scenario, Scenario):
+        found, problems = _variants(scenario, variant, overrides, robot)
+    elif overrides or robot is not None or variant not in (None, scenario.variant):
         message = "overrides, variant and robot file are valid with a scenario file only"
         raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
-    return (scenario,)
+    else:
+        found, problems = (scenario,), []
+    files = {f"{PLUGINS}{number}/{Path(file).name}": Path(file) for number, file in enumerate(one_or_more(plugins))}
+    return tuple(replace(one, attachments={**one.attachments, **files}) if files else one for one in found), problems
 
 
-def one_scenario(
-    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (),
-) -> Scenario:  # fmt: skip
-    """The single variant of a file, or the given scenario itself; errors as of `scenarios_of` and `only_variant`."""
-    return only_variant(scenarios_of(scenario, variant=variant, overrides=overrides, plugins=plugins))
-
-
-def read_scenarios(
-    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None
+def _variants(
+    path: str | Path, variant: str | None, overrides: Overrides, robot: str | Path | None
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:
-    """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file.
-
-    Raises ScenarioError where the file is not a mapping, or lacks the variant.
-    """
+    """Variants of a file, and all its problems."""
     if not isinstance(path, str | Path):
         hint = "load_scenario returns a scenario for each variant: choose one"
         raise ScenarioError("must be a scenario or the path of a scenario", value=type(path).__name__, hint=hint, code="usage")

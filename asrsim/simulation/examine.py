@@ -5,21 +5,24 @@ Whatever works on a `Plan` trusts it: `prepare` builds the run, `asrsim.runs.exe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_laws
+from asrsim.registry.engines import ENGINES
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.model import Robot
 from asrsim.samples import JointInfo
-from asrsim.scenario import one_scenario
+from asrsim.scenario import read_scenarios
 from asrsim.scenario.check import loop_warnings, misfits, robot_of
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.doubts import doubts
+from asrsim.scenario.load import distinct, several_variants
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.drives import SteppedJoint, make_drives
 from asrsim.simulation.quantities import recorded_quantities
@@ -42,41 +45,124 @@ class Plan:
     """The moving joints, with their drives and start."""
     joints: tuple[JointInfo, ...]
     """Description of the joints, in the order of logs."""
+    model: RobotModel | None = field(repr=False, compare=False)
+    """Kinematics and dynamics of the robot; None if the engine prescribes the motion of the links."""
     warnings: tuple[Problem, ...] = ()
 
     def on(self, **changes: Any) -> Plan:
         """This plan with other fields of the scenario that need no examination: engine, step, substeps, sampled signals."""
         scenario = replace(self.scenario, **changes)
-        return replace(self, scenario=scenario, drives=make_drives(self.robot, self.stepping, scenario))
+        model = model_of(scenario, self.robot) if scenario.engine != self.scenario.engine else self.model
+        return replace(self, scenario=scenario, model=model)
 
 
-@blame_laws()
+DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
+"""Keys of the scenario that say which joints there are, and what drives them."""
+
+
+Beside = Callable[[Sequence[Scenario]], Iterable[Problem]]
+"""Function that returns further problems of the variants, to be reported beside those found."""
+
+
+class Examined(NamedTuple):
+    """What an examination finds in one variant of a scenario."""
+
+    scenario: Scenario
+    source: Robot | None
+    """Robot of the file; None if it cannot be read."""
+    plan: Plan | None
+    """None if there are errors."""
+    errors: tuple[Problem, ...]
+    warnings: tuple[Problem, ...]
+
+
 def examine(
-    scenario: str | Path | Scenario | Plan,
-    robot: Robot | None = None,
-    *,
-    variant: str | None = None,
-    overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (),
-) -> Plan:
-    """Check robot, actuators, signals, claims and recordings of a scenario.
+    scenario: str | Path | Scenario | Plan, robot: Robot | str | Path | None = None, *, variant: str | None = None,
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
+) -> Plan:  # fmt: skip
+    """Check a scenario of one variant: keys, robot, actuators, signals, claims and recordings.
 
     Args:
         scenario: Scenario file, or a scenario. A plan is returned as it is: nothing is examined twice.
-        robot: Robot of the file, possibly changed, in place of the scenario's robot.
+        robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
         variant, overrides: Of a scenario's file, as `asrsim.run` takes them.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
+        beside: Function that returns further problems, such as those of the folder for results, if there are problems at all.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.
     """
     if isinstance(scenario, Plan):
         return scenario
-    one = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
-    source = robot_of(one) if robot is None else robot
-    plan, errors, _ = findings(one, source)
-    if plan is None:
-        raise (RobotError if source.faults else ScenarioError)(errors, warnings=warnings_of(source))
-    return replace(plan, given=robot is not None)
+    found, problems = read(scenario, robot, variants=(variant,), overrides=overrides, plugins=plugins, one=True)
+    return _plans(found, problems, robot, beside)[0]
+
+
+def examine_all(
+    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str] = (),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
+) -> tuple[Plan, ...]:  # fmt: skip
+    """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
+    reported together."""
+    found, problems = read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins)
+    return _plans(found, problems, robot, beside)
+
+
+@blame_laws()
+def read(
+    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str | None] = (None,),
+    overrides: Overrides = (), plugins: Sequence[str | Path] = (), one: bool = False, propose: bool = False,
+) -> tuple[list[Examined], tuple[Problem, ...]]:  # fmt: skip
+    """What is found in each variant, and the problems of the scenario's file; arguments as for `examine`.
+
+    variants: names; None: all. one: whether several variants are a problem. propose: propose parameters for an arm that its
+    springs and motors do not hold, which takes some time. Raises ScenarioError for a file that contains no scenario, or lacks a
+    variant.
+    """
+    given, file = (robot, None) if isinstance(robot, Robot) else (None, robot)
+    parts = [read_scenarios(scenario, variant=name, overrides=overrides, robot=file, plugins=plugins) for name in variants]
+    scenarios, problems = [one for part, _ in parts for one in part], [problem for _, part in parts for problem in part]
+    if one and len(scenarios) > 1:
+        raise ScenarioError([*distinct(problems), several_variants(scenarios)])
+    found, robots = [], _Robots()
+    for own in scenarios:
+        source, errors = (given, ()) if given is not None else robots.of(own)
+        plan, more, warnings = findings(own, source, propose=propose)
+        found.append(Examined(own, source, plan, (*errors, *more), warnings))
+    return found, tuple(distinct(problems))
+
+
+class _Robots:
+    """Robots of scenarios; variants with the same robot share it."""
+
+    def __init__(self) -> None:
+        self._read: dict[Any, tuple[Robot | None, tuple[Problem, ...]]] = {}
+
+    def of(self, scenario: Scenario) -> tuple[Robot | None, tuple[Problem, ...]]:
+        """Robot of the file that the scenario names, or None and the reasons why it cannot be read."""
+        if any(key == "robot" for key, *_ in scenario.unread):
+            return None, ()
+        named = {**scenario.xacro_arguments}, {**scenario.package_paths}
+        key = scenario.robot, scenario.locked, *(tuple(table.items()) for table in named)
+        if key not in self._read:
+            try:
+                self._read[key] = robot_of(scenario), ()
+            except RobotError as error:
+                self._read[key] = None, error.problems
+        return self._read[key]
+
+
+def _plans(
+    found: Sequence[Examined], problems: Sequence[Problem], robot: Robot | str | Path | None, beside: Beside | None
+) -> tuple[Plan, ...]:
+    """Plans without problems. Raises ScenarioError, or RobotError if the robot's file is at fault."""
+    errors = [problem for one in found for problem in one.errors]
+    plans = [replace(one.plan, given=isinstance(robot, Robot)) for one in found if one.plan is not None]
+    if problems or len(plans) < len(found):
+        of_robot = not problems and any(one.source is None or one.source.faults for one in found)
+        errors += [] if beside is None else beside([one.scenario for one in found])
+        warnings = distinct(warning for one in found if one.plan is None for warning in one.warnings)
+        raise (RobotError if of_robot else ScenarioError)(distinct([*problems, *errors]), warnings=warnings)
+    return tuple(plans)
 
 
 def findings(
@@ -87,23 +173,30 @@ def findings(
     source: robot of the file; None if it cannot be read. propose: propose parameters for an arm that its springs and motors do
     not hold, which takes some time.
     """
-    robot, errors = misfits(scenario, source)
+    robot, faults, errors = misfits(scenario, source)
     if source is None or robot is None:
-        return None, (*errors, *_wrong_claims(scenario)), () if source is None else warnings_of(source)
-    stepping, sound = stepping_called(scenario.stepping), not errors and not scenario.unread
-    drives = make_drives(robot, stepping, scenario) if sound else ()
+        return None, (*faults, *errors, *_wrong_claims(scenario)), () if source is None else warnings_of(source)
+    stepping, known = stepping_called(scenario.stepping), not faults and not any(key in DRIVING for key, *_ in scenario.unread)
+    drives = make_drives(robot, stepping, scenario) if known else ()
     joints = described(scenario, drives)
-    errors = [*errors, *_wrong_claims(scenario, joints)]
-    if errors or not sound:
+    errors = [*faults, *errors, *_wrong_claims(scenario, joints)]
+    if errors or scenario.unread:
         return None, tuple(errors), warnings_of(source)
-    warnings = [
-        *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot),
-        *loop_warnings(scenario, source, robot), *weight_warnings(scenario, robot, propose=propose),
-    ]  # fmt: skip
+    model = model_of(scenario, robot)
+    warnings = (
+        *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot), *loop_warnings(scenario, source, robot),
+        *(() if model is None else weight_warnings(scenario, robot, model, propose=propose)),
+    )  # fmt: skip
     plan = Plan(
-        scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, warnings=tuple(warnings)
-    )
-    return plan, (), plan.warnings
+        scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, model=model,
+        warnings=warnings,
+    )  # fmt: skip
+    return plan, (), warnings
+
+
+def model_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
+    """Kinematics and dynamics of the robot; None if the scenario's engine prescribes the motion of the links."""
+    return None if ENGINES.get(scenario.engine).prescribed else robot_model(scenario, robot)
 
 
 def described(scenario: Scenario, drives: Sequence[SteppedJoint]) -> tuple[JointInfo, ...]:

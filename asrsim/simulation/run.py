@@ -16,9 +16,8 @@ from asrsim.plugins import blame_laws
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
-from asrsim.simulation.examine import Plan
 from asrsim.simulation.observation import Counts
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import Prepared, Source, prepare
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
@@ -49,7 +48,7 @@ class Run:
 
 @blame_laws()
 def simulate(
-    scenario: Scenario | Plan | Prepared,
+    scenario: Source,
     robot: Robot | None = None,
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
@@ -63,7 +62,7 @@ def simulate(
     """Result of a run of one scenario.
 
     Args:
-        scenario: The scenario, or an examined or prepared scenario.
+        scenario: The scenario, or an examined or prepared scenario, which is not examined again.
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
         keep: Collect all samples in the result.
@@ -78,7 +77,7 @@ def simulate(
         InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
-    prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario, robot)
+    prepared = prepare(scenario, robot)
     # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
     # the memory is needed again. After a block of this size has been freed once, the library keeps such blocks.
     np.empty(1 << 21)

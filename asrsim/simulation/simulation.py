@@ -12,15 +12,13 @@ from asrsim.engines.base import Engine
 from asrsim.errors import InputError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, HeldWrench, RunInfo, Samples
-from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.divergence import runaway
-from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Numbers, Prepared, Start, prepare
+from asrsim.simulation.prepare import Numbers, Prepared, Source, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Worlds, count_of, whole_steps
 
@@ -43,7 +41,7 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Plan | Prepared,
+        scenario: Source,
         *,
         variant: str | None = None,
         overrides: Overrides = (),
@@ -59,7 +57,7 @@ class Simulation:
         """Prepare the simulation.
 
         Args:
-            scenario: Scenario file, loaded scenario, or prepared scenario.
+            scenario: Scenario file, loaded scenario, or prepared scenario, which is not read or examined again.
             variant, overrides, plugins: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for
                 references that you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
@@ -71,18 +69,16 @@ class Simulation:
             duration: Recorded duration in s, instead of the scenario's.
             chunk: Largest number of substeps between chunks of samples.
         """
-        if not isinstance(scenario, Prepared):
-            scenario = prepare(scenario, variant=variant, overrides=overrides, plugins=plugins)
-        self.prepared, self.scenario = scenario, scenario.scenario
-        self.substeps = scenario.resolution.substeps
+        prepared = self.prepared = prepare(scenario, variant=variant, overrides=overrides, plugins=plugins)
+        self.scenario, self.substeps = prepared.scenario, prepared.resolution.substeps
         """Number of substeps per step."""
-        sinks = list(sinks(scenario.info) if callable(sinks) else sinks)
-        self.last = scenario.last_substep(duration)
+        sinks = list(sinks(prepared.info) if callable(sinks) else sinks)
+        self.last = prepared.last_substep(duration)
         """Substep at which the scenario's duration ends and the last sample is taken."""
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
         self._world = Worlds(
-            scenario, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
+            prepared, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
             watch=self._watch if looks else None,
         )  # fmt: skip
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
@@ -93,7 +89,7 @@ class Simulation:
         """The engine that knows these wrenches."""
         self._numbers: Numbers = {}
         """Parameters of all resets so far."""
-        self.recording = self._new_recording(scenario)
+        self.recording = self._new_recording(prepared)
 
     def _new_recording(self, started: Prepared) -> RunRecording:
         """A recording of a run that begins at this start."""

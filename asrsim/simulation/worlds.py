@@ -14,30 +14,24 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.engines.rigid import RigidEngine
 from asrsim.errors import InputError, SimulationError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
-from asrsim.scenario import one_scenario
-from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
 from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
 from asrsim.simulation.drives import command_delays
-from asrsim.simulation.examine import Plan
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Prepared, Start, prepare
+from asrsim.simulation.prepare import WARP, Prepared, Source, Start, prepare_worlds
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
-WARP = "mujoco_warp"
-"""Name of the engine of worlds on a device of Warp."""
 NOTHING = np.empty(0)
 VARIANTS_KEPT = 256
 """Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
@@ -99,7 +93,7 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario | Plan | Prepared,
+        scenario: Source,
         count: int,
         *,
         variant: str | None = None,
@@ -134,39 +128,31 @@ class Worlds:
         """
         if index(count) < 1 or index(threads) < 1:
             raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
-        if not isinstance(scenario, Prepared):
-            if isinstance(scenario, Plan):
-                scenario = scenario.on(engine=engine_of_worlds(scenario.scenario, engine))
-            else:
-                scenario = one_scenario(scenario, variant=variant, overrides=overrides, plugins=plugins)
-                scenario = replace(scenario, engine=engine_of_worlds(scenario, engine))
-            scenario = prepare(scenario)
-        elif engine not in (None, WARP, scenario.scenario.engine):
-            raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
+        prepared = prepare_worlds(scenario, engine=engine, variant=variant, overrides=overrides, plugins=plugins)
         self.on_warp = engine == WARP
         """Whether the worlds are on a device of Warp."""
         if self.on_warp:
-            names, watched = without_energies(scenario.drives, names), False
-        self.prepared, self.count = scenario, count
-        self.substeps = scenario.resolution.substeps
+            names, watched = without_energies(prepared.drives, names), False
+        self.prepared, self.count = prepared, count
+        self.substeps = prepared.resolution.substeps
         """Number of substeps per step."""
-        self.joints = tuple(drive.name for drive in scenario.drives)
-        self.chunk = longest_chunk(len(self.joints) * count, chunk, motor_substeps=scenario.resolution.motor_substeps)
+        self.joints = tuple(drive.name for drive in prepared.drives)
+        self.chunk = longest_chunk(len(self.joints) * count, chunk, motor_substeps=prepared.resolution.motor_substeps)
         self._options = names, watched
-        links, substeps = scenario.make_engine(), expected_substeps or scenario.last_substep(None)
+        links, substeps = prepared.make_engine(), expected_substeps or prepared.last_substep(None)
         try:
             self.core, self.slow_because = (
-                (_warp_core(scenario, links, count, device), "")
+                (_warp_core(prepared, links, count, device), "")
                 if self.on_warp
-                else make_core(scenario, links, compiled=compiled, substeps=substeps, worlds=count, watch=watch)
+                else make_core(prepared, links, compiled=compiled, substeps=substeps, worlds=count, watch=watch)
             )
-            self.record_as(scenario)
-            self._home_inputs = self._inputs_of(scenario)
+            self.record_as(prepared)
+            self._home_inputs = self._inputs_of(prepared)
             self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
-            self._worlds = [World(Start(), scenario, self._home_inputs, scenario)] * count
+            self._worlds = [World(Start(), prepared, self._home_inputs, prepared)] * count
             self._equal_inputs: bool | None = None
             """Whether all worlds have the same inputs; None: not known since a change."""
             self._everyone = np.arange(count)
@@ -620,17 +606,6 @@ class Worlds:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def engine_of_worlds(scenario: Scenario, engine: str | None) -> str:
-    """Name of the engine whose model the worlds have. engine: as the caller states it.
-
-    Warp takes the links' model from MuJoCo. If neither caller nor scenario states an engine, it is MuJoCo where it is
-    installed: it steps many worlds about ten times faster than PyBullet.
-    """
-    if engine == WARP or (engine is None and not scenario.states_engine and ENGINES.get("mujoco").available):
-        return "mujoco"
-    return engine or scenario.engine
 
 
 def _warp_core(prepared: Prepared, engine: Engine, count: int, device: str) -> Core:

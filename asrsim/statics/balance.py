@@ -24,7 +24,7 @@ ROUNDS = 200
 
 def balanced(
     loads: Callable[[Array], Array], springs: Callable[[Array], Array], start: Array, low: Array, high: Array,
-    movable: NDArray[np.bool_],
+    movable: NDArray[np.bool_], *, close: float = 0.0,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
 
@@ -33,7 +33,8 @@ def balanced(
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
     there. loads: function from positions (m, k, n) to the torques of gravity and the like on the joints (m, k, n), N m.
     springs: function from positions (m, k, n) to the torques (m, k, n) that depend on the position of their own joint only.
-    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move.
+    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at which
+    the search ends, rad (m); 0: it ends when the torques balance.
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
@@ -61,4 +62,6 @@ def balanced(
         turned = np.sum(step * before, axis=1, keepdims=True) < 0.0
         share, before = np.where(turned, 0.5 * share, np.minimum(2.0 * share, 1.0)), step
         q = np.where(free, np.clip(q + share * step, low, high), q)
+        if (np.abs(step).max(initial=0.0) < close) and not unstable.any():
+            break
     return q, np.where(finite, residual, np.nan)

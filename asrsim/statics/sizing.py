@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.rest import resting_motors, spring_torques
+from asrsim.actuators.rest import alike, resting_motors, spring_torques
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
@@ -46,6 +46,8 @@ POSTURES = 64
 """Number of random postures in which the largest torque of gravity on each joint is sought."""
 MOBILE_POSTURES = 16
 """Number of random postures in which the smallest inertia of each joint is sought."""
+CLOSE = 1e-4
+"""Distance from the position of rest at which its search ends, rad (m); sags are told to two digits."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
@@ -114,24 +116,24 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
 class _Statics:
     """Springs and weight of an arm at the instants of a scenario that are checked."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> None:
-        self.model, self.time = robot_model(scenario, robot), _instants(scenario, blocks)
+    def __init__(self, scenario: Scenario, robot: Robot, model: RobotModel, blocks: list[ActuatorBlock]) -> None:
+        self.model, self.time = model, _instants(scenario, blocks)
         wanted = np.tile([*start_positions(scenario, robot).values()], (len(self.time), 1))
-        self.springs: dict[int, tuple[Drive, Array, float]] = {}
-        """Drive, positions of its motors at the instants (positions, instants), and effort limit, by column of the joint."""
+        self.springs: dict[int, tuple[Joint, Drive, Array]] = {}
+        """Joint, drive, and positions of its motors at the instants (positions, instants), by column of the joint."""
         for block in blocks:
-            column, joint = self.model.joints.index(block.joint), robot.joint(block.joint)
+            column, joint = model.joints.index(block.joint), robot.joint(block.joint)
             goals, goal = goals_of(scenario, block, self.time)
-            self.springs[column] = drive_of(block), goals, joint.most_effort
+            self.springs[column] = joint, drive_of(block), goals
             wanted[:, column] = np.clip(goal, *joint.stops)
-        self.couplings = self.model.couplings
+        self.couplings = model.couplings
         self.wanted = self.couplings.expand(wanted)
         """Commanded positions (instants, joints), rad or m."""
 
     def pulls(self, positions: Array) -> Array:
         """Torques of the springs on the links (instants, k, joints) in N m."""
-        columns, (drives, references, efforts) = [*self.springs], zip(*self.springs.values(), strict=True)
-        q = self.couplings.expand(positions)
+        columns, (joints, drives, references) = [*self.springs], zip(*self.springs.values(), strict=True)
+        q, efforts = self.couplings.expand(positions), [joint.most_effort for joint in joints]
         place = q[..., columns]
         goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
         torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
@@ -141,19 +143,18 @@ class _Statics:
 
 
 @np.errstate(all="ignore")
-def surely_held(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> bool:
+def surely_held(statics: _Statics) -> bool:
     """Whether no joint sags too much, by an estimate that is far cheaper than the position of rest. False: it is unknown.
 
     Around the commanded positions lies a box of the sag that needs no warning. If, at each face of the box, the spring pulls
     inward more than the weight can pull outward anywhere in the box, then the arm rests inside (theorem of Poincare and
     Miranda). The weight in the box is estimated from its changes along each edge, with a margin.
     """
-    statics = _Statics(scenario, robot, blocks)
     if statics.couplings:
         return False
     model, wanted, columns = statics.model, statics.wanted, [*statics.springs]
     scale = np.zeros(len(model.joints))
-    scale[columns] = [_scale(robot.joint(model.joints[column])) for column in columns]
+    scale[columns] = [_scale(joint) for joint, *_ in statics.springs.values()]
     weights = -model.gravity_torques(wanted[:, None] + np.vstack([np.zeros_like(scale), np.diag(SAG * scale)]))
     weight, change = weights[:, 0], MARGIN * np.abs(weights[:, 1:] - weights[:, :1]).sum(axis=1)
     # A joint that falls onto a stop between these distances gets a warning; a stop that is nearer holds it.
@@ -165,29 +166,35 @@ def surely_held(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -
 
 
 @np.errstate(all="ignore")
-def holdings(scenario: Scenario, robot: Robot, blocks: list[ActuatorBlock]) -> tuple[Holding, ...]:
+def holdings(statics: _Statics) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, from the position of its references to the position of rest."""
-    statics = _Statics(scenario, robot, blocks)
-    model, time, wanted, couplings = statics.model, statics.time, statics.wanted, statics.couplings
-    columns = [*statics.springs]
+    model, wanted, couplings, columns = statics.model, statics.wanted, statics.couplings, [*statics.springs]
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
-    positions, _ = balanced(lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable)
+    positions, _ = balanced(
+        lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE
+    )
     positions = couplings.expand(positions)
-    sags, loads = np.abs(positions - wanted), -model.gravity_torques(wanted)
-    found = []
-    for column, (drive, goals, effort) in statics.springs.items():
-        worst, joint = int(np.argmax(sags[:, column])), robot.joint(model.joints[column])
-        sag, scale, motors = float(sags[worst, column]), _scale(joint), drive.actuator.motors
-        resting, own = resting_motors([drive], positions[worst, column].reshape(1, 1), goals[:, None, worst : worst + 1])
-        stopped = np.abs(positions[worst, column] - joint.stops).min() < 1e-6
-        found.append(Holding(
-            joint=joint.name, sag=sag, load=float(loads[worst, column]), time=float(time[worst]), scale=scale,
-            on_stop=bool(stopped and sag > OFF * scale),
-            limited=bool(np.any(np.abs(own[:motors, 0, 0]) > (1.0 - 1e-6) * np.array(drive.max_torque or np.inf))),
-            overloaded=bool(abs(own.sum()) > effort),
-            droop=float(abs(np.mean((goals[:, worst] - resting[:, 0, 0])[:motors]))),
-        ))  # fmt: skip
-    return tuple(found)
+    sags, loads = np.abs(positions - wanted)[:, columns], -model.gravity_torques(wanted)[:, columns]
+    worst, rows = sags.argmax(axis=0), np.arange(len(columns))
+    links = positions[:, columns][worst, rows]
+    joints, drives, references = zip(*statics.springs.values(), strict=True)
+    found: dict[int, Holding] = {}
+    for group in alike(drives):
+        goals = np.stack([references[row][:, worst[row]] for row in group], axis=1)[..., None]
+        resting, own = resting_motors([drives[row] for row in group], links[group, None], goals)
+        motors = drives[group[0]].actuator.motors
+        pulls, droops = own[..., 0].T, np.abs((goals - resting)[:motors, :, 0].mean(axis=0)).tolist()
+        for row, pull, droop in zip(group, pulls, droops, strict=True):
+            joint, sag, scale = joints[row], float(sags[worst[row], row]), _scale(joints[row])
+            stopped = np.abs(links[row] - joint.stops).min() < 1e-6
+            most = np.array(drives[row].max_torque or np.inf)
+            found[row] = Holding(
+                joint=joint.name, sag=sag, load=float(loads[worst[row], row]), time=float(statics.time[worst[row]]),
+                scale=scale, on_stop=bool(stopped and sag > OFF * scale),
+                limited=bool(np.any(np.abs(pull[:motors]) > (1.0 - 1e-6) * most)),
+                overloaded=bool(abs(pull.sum()) > joint.most_effort), droop=droop,
+            )  # fmt: skip
+    return tuple(found[row] for row in range(len(columns)))
 
 
 def _weights(model: RobotModel) -> dict[str, float]:
@@ -231,53 +238,63 @@ class Sizing:
         return _weak(self.joints)
 
 
-def sizing(scenario: Scenario, robot: Robot, *, propose: bool = True) -> Sizing:
+def sizing(scenario: Scenario, robot: Robot) -> Sizing:
     """Sag of the joints at the references of a scenario, and parameters that would hold them.
 
     robot: the robot with the scenario's modes and parameters. The function ignores floating bases, modes without springs,
     torque, voltage and current references, and references that already account for the weight (of a task, of learning, or of
-    a joint with a `desired` motion). propose: whether to propose parameters if a joint sags too much.
+    a joint with a `desired` motion).
     """
+    blocks, model = _sagging(scenario, robot), robot_model(scenario, robot)
+    joints = holdings(_Statics(scenario, robot, model, blocks)) if blocks else ()
+    return Sizing(joints=joints, proposal=_proposal(scenario, robot, model) if _weak(joints) else {})
 
-    names = _sagging(scenario, robot)
-    if not names:
-        return Sizing(joints=())
 
-    def judged(robot: Robot) -> tuple[Holding, ...]:
-        return holdings(scenario, robot, [block for block in robot.actuators if block.joint in names])
+def _proposal(scenario: Scenario, robot: Robot, model: RobotModel) -> dict[str, dict[str, float]]:
+    """Values of parameters, by joint and parameter, with which no joint sags too much; empty if there are none."""
 
-    joints = judged(robot)
+    def weak(robot: Robot) -> tuple[Holding, ...]:
+        return _weak(holdings(_Statics(scenario, robot, model, _sagging(scenario, robot))))
+
     # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
-    weak = _weak(judged(endless)) if propose and _weak(joints) else ()
-    stronger = strengthened(scenario, robot) if weak else {}
-    proposal: dict[str, dict[str, float]] = {}
+    left, proposal = weak(endless), dict[str, dict[str, float]]()
+    stronger = strengthened(scenario, robot) if left else {}
     # Stronger joints load others, which may then sag.
-    while weak and any(one.joint in stronger for one in weak):
-        proposal |= {one.joint: stronger.pop(one.joint) for one in weak if one.joint in stronger}
-        weak = _weak(judged(with_overrides(endless, parameters=proposal)))
-    return Sizing(joints=joints, proposal={} if weak else proposal)
+    while any(one.joint in stronger for one in left):
+        proposal |= {one.joint: stronger.pop(one.joint) for one in left if one.joint in stronger}
+        left = weak(with_overrides(endless, parameters=proposal))
+    return {} if left else proposal
 
 
-def _sagging(scenario: Scenario, robot: Robot) -> list[str]:
-    """Joints whose springs must hold the arm at their references; see `sizing`."""
+def _sagging(scenario: Scenario, robot: Robot) -> list[ActuatorBlock]:
+    """Actuators whose springs must hold the arm at their references; see `sizing`."""
     if not scenario.fixed_base or not any(scenario.gravity):
         return []
     return [
-        block.joint
+        block
         for block in _sprung(robot)
         if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
     ]
 
 
-def weight_warnings(scenario: Scenario, robot: Robot, *, propose: bool = False) -> tuple[Problem, ...]:
-    """Warnings about joints that sag or fall in a valid scenario; arguments as for `sizing`, which takes some time to propose
-    parameters. A robot with closed chains is not checked."""
-    names = _sagging(scenario, robot)
-    blocks = [block for block in robot.actuators if block.joint in names]
-    if not blocks or robot.loops or surely_held(scenario, robot, blocks):
+def weight_warnings(
+    scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False
+) -> tuple[Problem, ...]:  # fmt: skip
+    """Warnings about joints that sag or fall in a valid scenario; see `sizing`. A robot with closed chains is not checked.
+
+    model: model of the robot. propose: propose parameters for the weak joints, which takes some time.
+    """
+    blocks = _sagging(scenario, robot)
+    if not blocks or robot.loops:
         return ()
-    return problems_of_weight(sizing(scenario, robot, propose=propose), robot, scenario.path)
+    statics = _Statics(scenario, robot, model, blocks)
+    if surely_held(statics):
+        return ()
+    found = Sizing(joints=holdings(statics))
+    if propose and found.weak:
+        found = replace(found, proposal=_proposal(scenario, robot, model))
+    return problems_of_weight(found, robot, scenario.path)
 
 
 def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) -> tuple[Problem, ...]:

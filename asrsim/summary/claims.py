@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.errors import InputError, Problem, ScenarioError, listed
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.expect import body_columns, holds, subject_of
@@ -25,19 +25,28 @@ def claim_problems(claims: Sequence[Expectation], joints: Sequence[JointInfo], *
     problems: list[Problem] = []
     measurable: set[tuple[object, ...]] = set()
     for claim in claims:
+        own = [*_unrecorded(claim, joints)]
         try:
             check_expectation(claim, measurable=measurable)
         except InputError as error:
-            problems += error.problems
-        for joint in _joints_of(claim, joints):
-            known = {*joint.quantities, *DERIVED_FUNCTIONS}
-            for name in {claim.quantity, claim.reference or claim.quantity} - known:
-                message = f"'{name}' is not recorded for joint '{joint.name}'"
-                choices = tuple(sorted(known))
-                problems.append(Problem(message, line=claim.line, key="expect", choices=choices, code="expect"))
-        if claim.against is not None and joints and not problems:
-            problems += _unreadable(claim, joints)
+            own += error.problems
+        if claim.against is not None and joints and not own:
+            own += _unreadable(claim, joints)
+        problems += own
     return [replace(problem, file=problem.file or file) for problem in problems]
+
+
+def _unrecorded(claim: Expectation, joints: Sequence[JointInfo]) -> Iterator[Problem]:
+    """Problems of a claim about quantities that its joints do not record."""
+    named = {"quantity": claim.quantity, "reference": claim.reference} if claim.body is None else {}
+    for key, name in named.items():
+        missing = [joint for joint in _joints_of(claim, joints) if name not in {None, *joint.quantities, *DERIVED_FUNCTIONS}]
+        if missing:
+            names, choices = [f"'{joint.name}'" for joint in missing], sorted({*missing[0].quantities, *DERIVED_FUNCTIONS})
+            yield Problem(
+                f"is not recorded for joint {listed(names, 3)}", line=claim.line, key=f"expect.{key}", value=name,
+                choices=tuple(choices), meant=name, code="expect",
+            )  # fmt: skip
 
 
 def claim_results(

@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 
 from asrsim.document.kinds import key_at
-from asrsim.errors import AsrsimError, InputError, Problem
+from asrsim.errors import AsrsimError, InputError
 from asrsim.metrics import JointSummary
 from asrsim.quantities import LIMITS, linear_unit
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import JointInfo
-from asrsim.scenario import Scenario, load_scenario
+from asrsim.scenario import Scenario
 from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
-from asrsim.simulation.examine import examine
+from asrsim.simulation.examine import Plan, examine_all
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
@@ -91,17 +91,11 @@ class Payload:
 
 def make_payload(study: Study) -> Payload:
     """Checked data for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
-    scenarios = load_scenario(study.scenario, overrides=study.overrides, plugins=study.plugins)
-    known = tuple(one.variant for one in scenarios)
-    for name in study.variants:
-        if name not in known:
-            message = f"there is no variant '{name}'"
-            raise InputError(Problem(message, file=study.scenario, choices=known, meant=name, code="unknown-variant"))
-    chosen = [one for one in scenarios if one.variant in (study.variants or known)]
-    study = replace(study, variants=tuple(one.variant for one in chosen))
+    plans = examine_all(study.scenario, variants=study.variants, overrides=study.overrides, plugins=study.plugins)
+    study = replace(study, variants=tuple(plan.scenario.variant for plan in plans))
     numeric = {key: _is_numeric(study, key) for key in study.keys}
-    cases = {one.variant: _case(study, one, numeric) for one in chosen}
-    task = any(one.task is not None for one in chosen)
+    cases = {plan.scenario.variant: _case(study, plan, numeric) for plan in plans}
+    task = any(plan.scenario.task is not None for plan in plans)
     return Payload(study=study, cases=cases, columns=tuple(_columns(study, cases, numeric, task=task)))
 
 
@@ -113,8 +107,8 @@ def _is_numeric(study: Study, key: str) -> bool:
     return True
 
 
-def _case(study: Study, scenario: Scenario, numeric: Mapping[str, bool]) -> Case:
-    plan = examine(scenario)
+def _case(study: Study, plan: Plan, numeric: Mapping[str, bool]) -> Case:
+    scenario = plan.scenario
     case = Case(
         name=scenario.name,
         variant=scenario.variant,

@@ -23,9 +23,9 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepare import Prepared, prepare_worlds
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.twin import Twin, TwinStep, prepared_twin
+from asrsim.twin.twin import Twin, TwinStep
 
 MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
@@ -111,7 +111,7 @@ def follow(
         AsrsimError: Errors of `asrsim.prepare`.
     """
     texts = tuple(override_texts(overrides))
-    ready = prepared_twin(scenario, variant=variant, overrides=texts)
+    ready = prepare_worlds(scenario, variant=variant, overrides=texts)
     names = [drive.name for drive in ready.drives]
     read = read_recording(recording, mapping=mapping, joints=names, rate=rate)
     plan = make_plan(ready.robot, read, step=ready.scenario.step, idle=())
@@ -125,7 +125,7 @@ def follow(
     if step > 1.5 * ready.scenario.step:
         changes += [f"step={step}", f"duration={100 * step:.9g}"]
     if changes:
-        ready = prepared_twin(scenario, variant=variant, overrides=(*texts, *changes))
+        ready = prepare_worlds(scenario, variant=variant, overrides=(*texts, *changes))
     time = np.arange(stamps[0], stamps[-1] + 1e-9, ready.scenario.step)
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():

@@ -18,9 +18,9 @@ from asrsim.live.pace import Pace
 from asrsim.live.publisher import APPLIED
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep, prepared_twin
+from asrsim.simulation.prepare import Source, prepare_worlds
+from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 """Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
@@ -40,15 +40,16 @@ class LiveTwin:
     """Twin that follows a robot in real time. `tell` receives messages for the user."""
 
     def __init__(
-        self, scenario: Scenario, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
+        self, scenario: Source, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
         namespace: str = "", duration: float | None = None, tell: Callable[[str], None] = lambda text: None,
     ) -> None:  # fmt: skip
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
         stops.
         """
-        prepared = prepared_twin(scenario, settable=True)
+        prepared = prepare_worlds(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
-        self._twin, self._step, self._duration, self._tell = Twin(prepared, bandwidth=bandwidth), scenario.step, duration, tell
+        self._step, self._duration, self._tell = prepared.scenario.step, duration, tell
+        self._twin = Twin(prepared, bandwidth=bandwidth)
         self._commands = CommandInput(prepared.info.joints, ranges, prefix=prefix, tell=tell)
         sources = [LiveTopic(prefix + name, "sensor_msgs/JointState") for name in (APPLIED, "/joint_states")]
         names = [f"{prefix}/twin/{joint}/{field}" for joint in self._twin.joints for field in FIELDS]

@@ -13,12 +13,9 @@ from numpy.typing import NDArray
 
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.scenario import one_scenario
-from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Prepared, Start, prepare
-from asrsim.simulation.worlds import Worlds, engine_of_worlds
+from asrsim.simulation.prepare import Source, Start, prepare_worlds
+from asrsim.simulation.worlds import Worlds
 from asrsim.twin.loops import AlarmLimits, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
@@ -80,20 +77,6 @@ class TwinStep:
     """Messages about faults of this step, after which the twin continues."""
 
 
-def prepared_twin(
-    scenario: str | Path | Scenario | Plan | Prepared, *, variant: str | None = None, overrides: Overrides = (),
-    settable: bool = False,
-) -> Prepared:  # fmt: skip
-    """The scenario of a twin, in MuJoCo if it states no engine, since a twin has to keep up with its robot. Raises the errors
-    of `asrsim.prepare`, which explains the arguments."""
-    if isinstance(scenario, Prepared):
-        return scenario
-    if isinstance(scenario, Plan):
-        return prepare(scenario.on(engine=engine_of_worlds(scenario.scenario, None)), settable=settable)
-    scenario = one_scenario(scenario, variant=variant, overrides=overrides)
-    return prepare(replace(scenario, engine=engine_of_worlds(scenario, None)), settable=settable)
-
-
 class Twin:
     """Twin of a robot that a scenario describes; a context manager.
 
@@ -107,12 +90,12 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: str | Path | Scenario | Prepared, *, bandwidth: float = 8.0, variant: str | None = None,
-        overrides: Overrides = (), compiled: bool | None = None,
+        self, scenario: Source, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
-        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides: as for
-        `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
-        ready = prepared_twin(scenario, variant=variant, overrides=overrides)
+        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
+        for `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
+        ready = prepare_worlds(scenario, variant=variant, overrides=overrides, plugins=plugins)
         step = self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / step:
             message = f"must be above 0 and at most a twentieth of the rate of steps, {0.05 / step:g} Hz"

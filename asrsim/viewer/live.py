@@ -18,7 +18,7 @@ from asrsim.live.transport import Tell
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
-from asrsim.scenario.data import Scenario
+from asrsim.simulation.examine import Plan
 from asrsim.simulation.prepare import Numbers, Prepared
 from asrsim.simulation.run import simulate
 from asrsim.summary import RunSummary
@@ -27,7 +27,7 @@ from asrsim.viewer.history import History
 from asrsim.viewer.page import FRAME, Page
 from asrsim.viewer.painter import Painter
 from asrsim.viewer.subject import Companion, Subject, as_companion
-from asrsim.viewer.tuning import differences, tunable, tuned_scenario
+from asrsim.viewer.tuning import differences, tunable, tuned
 
 BEFORE = "the run before"
 """Label of the ghost of the run before a reset."""
@@ -53,18 +53,18 @@ class LiveView:
     """Live runs of a scenario's variants on a page."""
 
     def __init__(
-        self, page: Page, scenarios: Sequence[Scenario], *, variant: str | None = None, out: Path | None = None,
+        self, page: Page, plans: Sequence[Plan], *, variant: str | None = None, out: Path | None = None,
         overwrite: bool = False, settings: Settings | None = None, companions: Sequence[Companion] = (),
         tell: Tell = lambda text: None,
     ) -> None:  # fmt: skip
         """variant: variant of the first run; out: folder of the log, or of a folder for each
         of several variants; settings: of the live runs; companions: ghosts."""
-        self._page, self._scenarios, self._tell = page, {one.variant: one for one in scenarios}, tell
+        self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
         if not self._settings.transports:
             self._settings = replace(self._settings, tick=TICK)
         self._out, self._overwrite, self._companions = out, overwrite, list(companions)
-        first = variant or scenarios[0].variant
+        first = variant or plans[0].scenario.variant
         self._wish = Wish(variant=first, tuned={}, speed=self._settings.speed)
         self.session: Session | None = None
         """The present run."""
@@ -116,10 +116,11 @@ class LiveView:
         return summary
 
     def _session(self, wish: Wish) -> Session:
-        scenario, robot = tuned_scenario(self._scenarios[wish.variant], wish.tuned)
+        plan = tuned(self._plans[wish.variant], wish.tuned)
+        scenario = plan.scenario
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
-            folder = self._out / scenario.variant if len(self._scenarios) > 1 else self._out
+            folder = self._out / scenario.variant if len(self._plans) > 1 else self._out
         # The first run replaces what a run of the scenario left in the folder that the user names. Nothing else is lost.
         if self._out is None or self._episodes:
             folder = next(path for path in _numbered(folder) if not path.exists())
@@ -127,7 +128,7 @@ class LiveView:
         if self._episodes > 1:
             self._tell(f"run {self._episodes} is written to {folder}")
         settings = replace(self._settings, speed=wish.speed)
-        return Session(scenario, folder, settings, robot=robot, overwrite=self._overwrite, tell=self._tell)
+        return Session(plan, folder, settings, overwrite=self._overwrite, tell=self._tell)
 
     def _desk(self, session: Session, desk: Desk | None, *, same: bool) -> Desk:
         """The desk for a run: the desk of the run before, or a new one for another variant."""
@@ -136,7 +137,7 @@ class LiveView:
         self._numbers = tunable(prepared)
         if desk is None or before is None or not same:
             return Desk(
-                self._page, session, live_subject(prepared), variants=tuple(self._scenarios), companions=self._companions,
+                self._page, session, live_subject(prepared), variants=tuple(self._plans), companions=self._companions,
                 simulate=self._ghost_of,
             )  # fmt: skip
         subject = replace(before, history=History(prepared.info.joints))
@@ -149,7 +150,7 @@ class LiveView:
 
     def _ghost_of(self, variant: str) -> Companion:
         """Motion of a variant as its scenario states it, without what is done by hand."""
-        run = simulate(self._scenarios[variant])
+        run = simulate(self._plans[variant])
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
         subject = Subject(

@@ -14,12 +14,11 @@ from asrsim.errors import InputError
 from asrsim.live.session import Settings
 from asrsim.log import open_log
 from asrsim.recordings.align import LagChoice
-from asrsim.runs.execute import with_plugins
 from asrsim.runs.folder import find_logs
 from asrsim.samples import RunInfo, Samples
-from asrsim.scenario import load_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.examine import Plan, examine_all
 from asrsim.viewer.events import events_of
 from asrsim.viewer.live import LiveView
 from asrsim.viewer.page import Page
@@ -147,8 +146,6 @@ def maker(
     tell: Callable[[str], None] = lambda text: None,
 ) -> Callable[[Page], Show]:  # fmt: skip
     """Function that returns what a page shows; arguments and errors as for `view`. All files are read before the page opens."""
-    from asrsim.plugins import load_plugin_file
-
     if not SLOWEST <= speed <= FASTEST:
         message = f"must be from {SLOWEST:g} to {FASTEST:g}"
         raise InputError(message, key="speed", value=speed, code="speed")
@@ -160,21 +157,16 @@ def maker(
             return lambda page: PoseView(page, path, xacro_arguments=arguments, package_paths=packages)
         if path.suffix not in SCENARIOS:
             return _playback(path, others, experiments, speed, recordings)
-        for file in plugins:
-            load_plugin_file(Path(file))
-        scenarios = load_scenario(path, overrides=overrides)
-    else:
-        scenarios = (target,)
-    if variant is not None and variant not in (known := tuple(one.variant for one in scenarios)):
+    plans = examine_all(target, overrides=overrides, plugins=plugins)
+    if variant is not None and variant not in (known := tuple(plan.scenario.variant for plan in plans)):
         raise InputError(f"no variant is called '{variant}'", choices=known, meant=variant, code="unknown-variant")
-    scenarios = tuple(with_plugins(one, plugins) for one in scenarios)
-    first = next(one for one in scenarios if variant in (None, one.variant))
+    first = next(plan for plan in plans if variant in (None, plan.scenario.variant))
     others += _recorded_beside(first, experiments, recordings)
     settings = replace(settings or Settings(), speed=speed)
     return lambda page: LiveView(
         page,
-        scenarios,
-        variant=first.variant,
+        plans,
+        variant=first.scenario.variant,
         out=None if out is None else Path(out),
         overwrite=overwrite,
         settings=settings,
@@ -202,14 +194,14 @@ def _playback(
     return lambda page: Player(page, subject, companions=others, events=events, speed=speed)
 
 
-def _recorded_beside(scenario: Scenario, experiments: Sequence[str | Path], recordings: dict[str, Any]) -> list[Companion]:
+def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: dict[str, Any]) -> list[Companion]:
     """Recordings beside a live run, on the clock of a run of the scenario as it is written."""
     if not experiments:
         return []
     from asrsim.recordings.align import Reader
     from asrsim.simulation.run import simulate
 
-    run = simulate(scenario)
+    run = simulate(plan)
     samples, info = run.samples, run.info
     assert samples is not None
 

@@ -12,9 +12,9 @@ from typing import Any
 from asrsim.actuators import ACTUATORS
 from asrsim.robot import Robot, load_robot
 from asrsim.robot.edit import edited_urdf
-from asrsim.scenario.check import robot_of
-from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import SteppedJoint
+from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.prepare import Numbers, Prepared
 
 OF_JOINTS = {"damping": "N m s/rad", "friction": "N m"}
@@ -47,23 +47,23 @@ def unit_of_number(prepared: Prepared, joint: Any, name: Any) -> str:
     return next((parameter.unit for parameter in declared if parameter.name == name), "")
 
 
-def tuned_scenario(scenario: Scenario, numbers: Numbers) -> tuple[Scenario, Robot | None]:
-    """Scenario and robot with other numbers, by joint and name, which the run's log describes completely; None for the
-    scenario's own robot.
+def tuned(plan: Plan, numbers: Numbers) -> Plan:
+    """Plan with other numbers, by joint and name, which the run's log describes completely.
 
     Parameters of actuators become parameters of the scenario, numbers of joints are edited in the robot's text. Raises
-    RobotError.
+    RobotError and ScenarioError.
     """
     if not numbers:
-        return scenario, None
+        return plan
+    scenario = plan.scenario
     parameters, joints = dict(scenario.parameters), {}
     for joint, own in numbers.items():
         if given := {name: value for name, value in own.items() if name not in OF_JOINTS}:
             parameters[joint] = {**for_joint(scenario.parameters, joint, {}), **given}
         if edited := {name: value for name, value in own.items() if name in OF_JOINTS}:
             joints[joint] = edited
-    robot = _edited(robot_of(scenario), joints) if joints else None
-    return replace(scenario, parameters=parameters), robot
+    robot = _edited(plan.source, joints) if joints else None
+    return examine(replace(scenario, parameters=parameters), robot)
 
 
 def _edited(robot: Robot, changes: Numbers) -> Robot:

@@ -206,6 +206,6 @@ def test_too_little_memory_is_said_in_words(tiny, asrsim_command, monkeypatch):
     def exhausted(*_, **__):
         raise MemoryError
 
-    monkeypatch.setattr("asrsim.scenario.load_scenario", exhausted)
+    monkeypatch.setattr("asrsim.simulation.examine.read_scenarios", exhausted)
     outcome = no_crash(asrsim_command("run", tiny.scenario))
     assert (outcome.code, outcome.err) == (1, "asrsim: this needs more memory than there is\n")

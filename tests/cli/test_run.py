@@ -336,7 +336,7 @@ def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkey
     def fail(*_arguments, **_options):
         raise ZeroDivisionError("by zero")
 
-    monkeypatch.setattr("asrsim.scenario.load_scenario", fail)
+    monkeypatch.setattr("asrsim.simulation.examine.read_scenarios", fail)
     outcome = asrsim_command("run", "any.yaml")
     assert outcome.code == 1
     assert "ZeroDivisionError" in outcome.err

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from asrsim.engines import ENGINES
-from asrsim.scenario import load_scenario, only_variant
+from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
 
 pytestmark = pytest.mark.skipif(not ENGINES.get("bullet").available, reason="PyBullet has no wheel here")
@@ -45,7 +45,7 @@ def chain(folder):
 
 
 def make(engine, path):
-    scenario = only_variant(load_scenario(path))
+    (scenario,) = load_scenario(path)
     return ENGINES.get(engine).make(scenario, examine(scenario).robot)[0]
 
 

@@ -9,7 +9,8 @@ from asrsim.summary.claims import claim_problems
 
 def check_against_robot(scenario, robot):
     """Pair (errors, warnings) about a scenario and the robot of its file."""
-    changed, errors = misfits(scenario, robot)
+    changed, faults, errors = misfits(scenario, robot)
+    errors = [*faults, *errors]
     return errors, [] if errors or scenario.unread or changed is None else [*doubts(scenario, changed)]
 
 

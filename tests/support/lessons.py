@@ -7,12 +7,13 @@ from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import prepare_learning
 from asrsim.scenario import load_scenario
 from asrsim.signals.recorded import read_column
+from asrsim.simulation.examine import examine
 
 
 def plant_of(folder, arm, motion, duration, **ilc):
     """Model of an arm that learns a motion. ilc: further keys of the block `ilc`."""
     block = {"trajectory": motion, "tolerance": 0.005, "max_iterations": 15, **ilc}
-    return make_plant(load_scenario(arm.write(folder, duration=duration, initial="equilibrium", ilc=block))[0])
+    return make_plant(examine(load_scenario(arm.write(folder, duration=duration, initial="equilibrium", ilc=block))[0]))
 
 
 def learned(plant):

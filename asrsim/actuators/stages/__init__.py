@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from asrsim.actuators.stages.backlash import Backlash
 from asrsim.actuators.stages.base import Stage
 from asrsim.actuators.stages.damper import Damper
@@ -14,11 +16,20 @@ from asrsim.registry import Registry
 class Stages(Registry[type[Stage]]):
     """Table of the stages; the quantities of a stage are known from its registration on."""
 
-    def add(self, name: str, entry: type[Stage], *, replace: bool = False) -> type[Stage]:
-        """Register a stage. Raises InputError if the name is taken and `replace` is not set."""
-        found = super().add(name, entry, replace=replace)
+    def _take(self, name: str, entry: type[Stage]) -> type[Stage]:
         QUANTITIES.update({quantity.name: quantity for quantity in entry.quantities})
-        return found
+        return super()._take(name, entry)
+
+    def state(self) -> Any:
+        """A copy of what the registry contains, for `put`."""
+        return super().state(), dict(QUANTITIES)
+
+    def put(self, state: Any) -> None:
+        """Contain what the registry contained when it had this state."""
+        entries, quantities = state
+        super().put(entries)
+        for name in QUANTITIES.keys() - quantities.keys():
+            del QUANTITIES[name]
 
 
 STAGES = Stages("stage", entry_point_group="asrsim.stages", base=Stage)

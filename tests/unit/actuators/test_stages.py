@@ -11,8 +11,11 @@ from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.errors import ActuatorError
+from asrsim.identification.door import comparable
+from asrsim.metrics.measures import MEASURES
 from asrsim.plugins import load_plugin_file
 from asrsim.quantities import MOST_MOTORS, QUANTITIES
+from asrsim.recordings.names import column_quantities
 from asrsim.records import constant
 from asrsim.simulation.quantities import simulated_quantities
 from support.paths import EXAMPLES, ROOT
@@ -103,6 +106,36 @@ def test_stages_of_one_file_have_different_names(tmp_path):
         load_plugin_file(path)
     assert [problem.key for problem in caught.value.problems] == ["Two.name"]
     assert "twice" not in STAGES
+
+
+def test_of_a_file_with_a_fault_nothing_stays(tmp_path):
+    path = tmp_path / "half.py"
+    path.write_text(
+        "from asrsim.actuators import Actuator, Parameter\n"
+        "from asrsim.actuators.stages.damper import Damper\n"
+        "from asrsim.metrics.measures import MEASURES\n"
+        "from asrsim.quantities import Quantity\n"
+        "MEASURES.add('half', lambda time, values: 0.0)\n\n\n"
+        "class Half(Damper):\n"
+        "    name = 'half'\n"
+        "    lost = 'half_loss'\n"
+        "    quantities = (Quantity('half_loss', 'J', 'E', 'loss'),)\n"
+        "    parameters = (Parameter(name='half', default=0.0, unit='N m s/rad', minimum=0.0, optional=True, doc='d'),)\n"
+        "\n\nclass Wrong(Actuator):\n    name = 'wrong one'\n"
+    )
+    with pytest.raises(ActuatorError) as caught:
+        load_plugin_file(path)
+    assert all((problem.key or "").startswith("Wrong") for problem in caught.value.problems)
+    assert "half" not in STAGES
+    assert "half" not in MEASURES
+    assert "half_loss" not in QUANTITIES
+
+
+def test_quantities_of_a_stage_of_a_file_are_columns_of_recordings_and_of_fits():
+    load_plugin_file(EXAMPLE)
+    logged = {one.name for one in STAGES.get("clutch").quantities}
+    assert logged <= column_quantities().keys()
+    assert logged & set(comparable()) == {name for name in logged if QUANTITIES[name].unit != "J"}
 
 
 def test_what_a_stage_logs_is_declared_for_every_motor():

@@ -18,6 +18,7 @@ from asrsim.learning.plant import make_plant
 from asrsim.learning.prepared import learning_model, prepare_learning
 from asrsim.learning.twin import Unexplained, fit_twin
 from asrsim.scenario import apply_to_robot, make_scenario
+from asrsim.simulation.examine import examine
 from asrsim.simulation.run import simulate
 from support.examined import checked_robot
 from support.identify_files import save
@@ -72,7 +73,7 @@ def test_joints_that_do_not_learn_are_soft_too():
     moved = []
     for joints in (("joint_1", "joint_2"), ("joint_1",)):
         block = {"trajectory": dict.fromkeys(joints, 0.0), "tolerance": 1e-3}
-        plant = make_plant(make_scenario(ARM, ilc=block, **still))
+        plant = make_plant(examine(make_scenario(ARM, ilc=block, **still)))
         linear = learning_model(plant).linear
         moved.append(pushed(linear, len(joints)))
         held = replace(linear, springs=linear.springs * np.array([1.0, 1e4])[:, None])
@@ -215,7 +216,7 @@ def test_the_model_of_learning_contains_the_scenario_s_effects(changes):
     block = {"trajectory": motion, "tolerance": 1e-3, "max_iterations": 12}
     stiff = {"*": {"stiffness_preset": 0.2}}
     scenario = make_scenario(ARM, duration=1.5, references=stiff, ilc=block, **changes)
-    _, result = learned(make_plant(scenario))
+    _, result = learned(make_plant(examine(scenario)))
     worst = [trial.worst for trial in result.trials]
     assert worst[0] < 5e-3
     assert worst == sorted(worst, reverse=True)

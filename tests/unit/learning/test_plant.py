@@ -10,6 +10,7 @@ from asrsim.learning import learn
 from asrsim.learning.plant import make_plant
 from asrsim.robot.vary import varied_robot
 from asrsim.scenario import load_scenario, make_scenario
+from asrsim.simulation.examine import examine
 from asrsim.simulation.run import simulate
 from asrsim.summary import claim_results
 from support.lessons import learned
@@ -35,7 +36,7 @@ def plant(robot=CUBE, **changes):
         ilc={**block, **changes.pop("ilc", {})},
         **changes,
     )
-    return make_plant(scenario)
+    return make_plant(examine(scenario))
 
 
 def holds(scenario, robot=None):
@@ -69,7 +70,7 @@ def test_playback_of_some_joints_does_not_change_the_others(tmp_path, computed):
         ilc=learning,
         inverse_dynamics=computed,
     )
-    chosen = make_plant(scenario)
+    chosen = make_plant(examine(scenario))
     session = learn(chosen.scenario, tmp_path, picture=False)
     replayed = load_scenario(tmp_path / "learned.yaml")[0]
     samples = simulate(replayed).samples
@@ -128,7 +129,7 @@ def test_learning_is_not_resumed_after_a_file_changed(tmp_path, changed):
 
 def test_learning_needs_a_block_ilc_and_a_position_mode():
     with pytest.raises(ScenarioError, match="ilc"):
-        make_plant(make_scenario(CUBE, duration=1.0))
+        make_plant(examine(make_scenario(CUBE, duration=1.0)))
     with pytest.raises(ScenarioError, match="mode 4"):
         plant(modes=4)
 
@@ -136,7 +137,7 @@ def test_learning_needs_a_block_ilc_and_a_position_mode():
 @pytest.mark.slow
 def test_the_paper_s_learning_converges_in_eleven_iterations():
     """Section 4.3 and figure 15: iterations, last errors, norms and final equilibrium."""
-    chosen = make_plant(load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml")[0])
+    chosen = make_plant(examine(load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml")[0]))
     _, result = learned(chosen)
     trials = result.trials
     assert result.converged

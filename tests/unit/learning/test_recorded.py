@@ -9,6 +9,7 @@ from asrsim.learning.plant import make_plant
 from asrsim.learning.recorded import MISSING, recorded
 from asrsim.recordings import read_recording
 from asrsim.scenario import make_scenario
+from asrsim.simulation.examine import examine
 from support.paths import ROOT
 
 ARM = ROOT / "examples" / "urdf" / "dof2_vertical.urdf"
@@ -18,7 +19,7 @@ MOTION = {"joint_1": {"minimum_jerk": {"duration": 2.0, "to": 0.4}}, "joint_2": 
 @pytest.fixture(scope="module")
 def plant():
     block = {"trajectory": MOTION, "tolerance": 1e-3}
-    return make_plant(make_scenario(ARM, duration=2.5, references={"*": {"stiffness_preset": 0.3}}, ilc=block))
+    return make_plant(examine(make_scenario(ARM, duration=2.5, references={"*": {"stiffness_preset": 0.3}}, ilc=block)))
 
 
 def write(path, plant, header, *, rate=200.0, late=0.0, scale=(1.0, 1.0), gap=(0.0, 0.0), mark=".", apart=","):
@@ -111,7 +112,7 @@ def test_the_last_recording_may_be_given_again(tmp_path):
     """With the right lag the last trial is replaced, and the next input equals that after the right reading alone."""
     block = {"trajectory": {"joint_1": {"minimum_jerk": {"duration": 0.3, "to": 0.3}}}, "tolerance": 1e-3}
     fast = {"engine": "mujoco", "step": 0.004, "substeps": 1, "parameters": {"joint_1": {"spring_k": 10.0}}}
-    plant = make_plant(make_scenario(ROOT / "examples/urdf/dof1_sea.urdf", duration=0.4, ilc=block, **fast))
+    plant = make_plant(examine(make_scenario(ROOT / "examples/urdf/dof1_sea.urdf", duration=0.4, ilc=block, **fast)))
     header, late = "time [s],joint_1 [rad]", tmp_path / "late.csv"
     early = write(tmp_path / "early.csv", plant, header, scale=(1.0,))
     write(late, plant, header, late=0.1, scale=(1.0,))

@@ -1,5 +1,6 @@
 """Live runs without any network: what comes in is checked and recorded, what goes out is in the log, and that repeats it."""
 
+import gc
 import math
 import random
 import struct
@@ -17,6 +18,7 @@ from asrsim.live.session import Session, Settings
 from asrsim.log import open_log, read_log
 from asrsim.runs.rerun import rerun
 from asrsim.samples import Command, HeldWrench, JointInfo, WrenchCommand
+from asrsim.simulation.examine import examine
 from support.paths import EXAMPLES
 
 
@@ -55,7 +57,7 @@ def arm(**changes):
 def run_live(folder, script, *, scenario=None, duration=0.4, tell=lambda text: None, **settings):
     TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
     settings = Settings(duration=duration, transports=["script"], **{"speed": math.inf, **settings})
-    session = Session(scenario or arm(), folder, settings, tell=tell)
+    session = Session(examine(scenario or arm()), folder, settings, tell=tell)
     return session, session.run(stop=lambda: False)
 
 
@@ -102,7 +104,7 @@ def test_a_wrench_that_an_operator_holds_on_a_box_is_repeated_bit_for_bit(tmp_pa
 
     box = {"shape": "box", "size": [0.2, 0.2, 0.2], "mass": 0.5, "friction": 0.1, "position": [2.0, 0.0, 0.1]}
     scenario = arm(world={"ground": {}, "objects": {"box": box}})
-    session = Session(scenario, tmp_path / "run", Settings(speed=math.inf, duration=0.1))
+    session = Session(examine(scenario), tmp_path / "run", Settings(speed=math.inf, duration=0.1))
     session.operator = Hand()
     assert session.run(stop=lambda: False).ok
     log = open_log(tmp_path / "run" / "log.mcap")
@@ -132,7 +134,7 @@ def test_a_transport_that_cannot_be_had_costs_no_earlier_log(tmp_path):
     script = Script()
     TRANSPORTS.add("script", TransportEntry(make=script.make, doc="", module="json"), replace=True)
     TRANSPORTS.add("taken", TransportEntry(make=taken, doc="", module="json"), replace=True)
-    session = Session(arm(), tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["script", "taken"]))
+    session = Session(examine(arm()), tmp_path / "run", Settings(speed=math.inf, duration=0.1, transports=["script", "taken"]))
     with pytest.raises(asrsim.AsrsimError, match="the port is taken"):
         session.run(stop=lambda: False)
     assert script.closed
@@ -264,6 +266,12 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
     assert rerun(tmp_path / "run" / "log.mcap").identical
 
 
+def test_objects_that_a_program_has_excluded_from_garbage_collection_stay_excluded(tmp_path):
+    gc.freeze()
+    run_live(tmp_path / "run", Script(), duration=0.01)
+    assert gc.get_freeze_count() > 0
+
+
 @pytest.mark.parametrize(
     ("names", "points", "why"),
     [
@@ -386,7 +394,7 @@ def test_a_run_is_late_after_two_seconds_of_lateness():
 
 
 def test_a_run_stops_within_a_second_of_long_ticks(tmp_path):
-    session = Session(arm(step=0.01), tmp_path / "run", Settings(speed=0.001))
+    session = Session(examine(arm(step=0.01)), tmp_path / "run", Settings(speed=0.001))
     asked = []
 
     def stop():

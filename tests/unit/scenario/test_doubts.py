@@ -5,6 +5,7 @@ import yaml
 
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.dynamics import robot_model
 from asrsim.scenario import apply_to_robot, load_scenario
 from asrsim.scenario.signal_checks import undersampled
 from asrsim.statics.sizing import weight_warnings
@@ -53,7 +54,8 @@ def warned(tiny, more):
     errors, warnings = check_against_robot(scenario, robot)
     assert not errors
     changed = apply_to_robot(scenario, robot)
-    warnings += [*map(scenario.placed, warnings_of(changed)), *weight_warnings(scenario, changed)]
+    warnings += map(scenario.placed, warnings_of(changed))
+    warnings += weight_warnings(scenario, changed, robot_model(scenario, changed))
     for problem in warnings:
         assert problem.line or problem.key is None or problem.key.startswith("elbow")
         entry = given

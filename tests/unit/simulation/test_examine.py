@@ -10,6 +10,8 @@ from asrsim.scenario import check as checks
 from asrsim.simulation import examine as examination
 from asrsim.simulation.examine import examine
 from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
+from asrsim.viewer.open import maker
 
 CLAIM = "\nexpect: [{joint: elbow, quantity: link_position, measure: no_such_measure, value: 0}]\n"
 
@@ -63,15 +65,64 @@ def test_a_plan_is_not_examined_again(tiny, counted):
     assert dict(counted) == before
 
 
-def test_problems_of_robot_scenario_and_claims_come_in_one_error(tiny):
+@pytest.fixture
+def faulty(tiny):
+    """The tiny scenario with a fault in the robot, an unknown key, an unknown joint, and an unknown measure."""
     robot = tiny.robot.read_text()
     tiny.robot.write_text(robot.replace('<mass value="', '<mass value="-', 1))
-    text = tiny.scenario.read_text()
-    tiny.scenario.write_text(text + "initial: {nobody: 0}\n" + CLAIM)
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}initial: {{nobody: 0}}\nduraton: 1\n{CLAIM}")
+    return tiny
+
+
+DOORS = {
+    "run": asrsim.run,
+    "run_variants": asrsim.run_variants,
+    "simulate": simulate,
+    "Simulation": asrsim.Simulation,
+    "Worlds": lambda path: asrsim.Worlds(path, 2),
+    "prepare": asrsim.prepare,
+    "Twin": asrsim.Twin,
+    "learn": lambda path: asrsim.learn(path, path.parent / "learned"),
+    "sweep": lambda path: asrsim.sweep(path, {"duration": [0.1, 0.2]}),
+    "make_env": lambda path: asrsim.make_env(path),
+    "view": lambda path: maker(path),
+    "export": lambda path: asrsim.export(path, path.parent / "robot.xml"),
+}
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_every_door_shows_the_problems_of_robot_scenario_and_claims_together(door, faulty):
     with pytest.raises(InputError) as caught:
-        examine(tiny.scenario)
-    files = {problem.file.name for problem in caught.value.problems}
-    codes = {problem.code for problem in caught.value.problems}
-    assert files == {tiny.robot.name, tiny.scenario.name}
-    assert {"unknown-joint", "bad-expectation"} <= codes, codes
-    assert all(problem.line for problem in caught.value.problems)
+        DOORS[door](faulty.scenario)
+    problems = caught.value.problems
+    assert {problem.file.name for problem in problems} == {faulty.robot.name, faulty.scenario.name}
+    codes = sorted(problem.code for problem in problems)
+    assert codes == ["bad-expectation", "negative-mass", "unknown-joint", "unknown-key"]
+    assert all(problem.line for problem in problems)
+
+
+@pytest.mark.parametrize("command", ["check", "run", "sweep", "live", "view", "ilc"])
+def test_every_command_shows_the_same_problems(command, faulty, asrsim_command):
+    more = ["--over", "duration=[0.1, 0.2]"] if command == "sweep" else []
+    outcome = asrsim_command(command, faulty.scenario, *more)
+    assert outcome.code == 1
+    text = outcome.out + outcome.err
+    assert all(word in text for word in ("mass", "nobody", "duraton", "no_such_measure")), text
+
+
+def test_variants_are_examined_before_the_first_one_runs(tiny, asrsim_command):
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {first: {}, second: {initial: {nobody: 0}}}\n")
+    outcome = asrsim_command("run", tiny.scenario, "--out", "out")
+    assert outcome.code == 1
+    assert "initial.nobody" in outcome.err
+    assert not (tiny.folder / "out").exists()
+
+
+def test_a_folder_of_other_results_is_reported_with_the_problems_of_the_scenario(faulty):
+    folder = faulty.folder / "taken"
+    folder.mkdir()
+    (folder / "log.mcap").write_text("mine")
+    with pytest.raises(InputError) as caught:
+        asrsim.run(faulty.scenario, out=folder)
+    assert "output" in {problem.code for problem in caught.value.problems}
+    assert "log.mcap: exists and was not written by asrsim" in str(caught.value)
