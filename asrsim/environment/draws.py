@@ -66,11 +66,9 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
         Problem("cannot change from episode to episode: the scenario would have to be read anew", key=key, code="randomise")
         for key in wrong
     ]
-    problems += [
-        Problem("changes nothing: no such joint has a controller whose sensor could be late", key=key, code="randomise")
-        for key in late
-        if not numbers[key]
-    ]
+    joints = ("*", *(drive.name for drive in prepared.drives))
+    why = "changes nothing: no such joint has a controller whose sensor could be late"
+    problems += [Problem(why, key=key, choices=joints, code="randomise") for key in late if not numbers[key]]
     if problems:
         raise InputError(problems)
     return replace(found, numbers=numbers)

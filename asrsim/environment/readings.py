@@ -57,12 +57,14 @@ class Readings:
                 why = "exists for no joint in its mode" if name in KNOWN else "cannot be observed here"
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
-                problems.append(Problem(f"'{name}' {why}", choices=choices, hint=hint, code="unknown-quantity"))
+                problems.append(Problem(f"'{name}' {why}", key="observe", choices=choices, hint=hint, code="unknown-quantity"))
         self._model = robot_model(source.prepared.scenario, source.prepared.robot)
         if tip is not None and tip[0] not in self._model.links:
-            problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=self._model.links, code="unknown-link"))
+            problems.append(
+                Problem(f"the robot has no link '{tip[0]}'", key="tip", choices=self._model.links, code="unknown-link")
+            )
         if not names:
-            problems.append(Problem("the option observe names no quantity", choices=choices, code="no-quantity"))
+            problems.append(Problem("names no quantity", key="observe", choices=choices, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._moved = any(name in _MOTORS for name in names)

@@ -16,7 +16,7 @@ from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Start
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Worlds, check_number
 
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
@@ -39,6 +39,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device,
             render_mode=render_mode, size=size, autoreset=autoreset,
         )  # fmt: skip
+        check_number(num_envs, "num_envs")
         if render_mode not in (None, "rgb_array"):
             raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
@@ -48,10 +49,10 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self.render_mode, self._size = render_mode, size
         self._picture: Any = None
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP
+        self.task = task = ControlTask(scenario, options, engine=engine)
         self.metadata = {
             **self.metadata, "autoreset_mode": AUTORESET[autoreset], "render_fps": max(1, round(options["control_rate"]))
         }  # fmt: skip
-        self.task = task = ControlTask(scenario, options, engine=engine)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared,
@@ -97,6 +98,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         """Begin new episodes with new random values. seed: seed of environment 0, where environment i gets seed + i, or a seed
         for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset."""
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
+        if mask.shape not in ((), (self.num_envs,)):
+            raise InputError(f"must be {self.num_envs} flags", key="reset_mask", value=mask, code="worlds")
         mask = np.broadcast_to(mask, self.num_envs).astype(bool)
         if seed is not None:
             seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else list(seed)
@@ -123,7 +126,10 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
-        given = np.asarray(actions, dtype=np.float64)
+        try:
+            given = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError("must be numbers", key="actions", value=actions, code="action") from error
         if len(given) != self.num_envs:
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)

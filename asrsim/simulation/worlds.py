@@ -126,8 +126,12 @@ class Worlds:
                 computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
         """
-        if index(count) < 1 or index(threads) < 1:
-            raise InputError("must be at least 1", key="count", value=min(count, threads), code="worlds")
+        for key, value in (("count", count), ("threads", threads)):
+            check_number(value, key)
+        if device != "cpu" and engine != WARP:
+            raise InputError(
+                "only worlds on Warp choose a device", key="device", value=device, hint=f"engine: {WARP}", code="warp"
+            )
         prepared = prepare_worlds(scenario, engine=engine, variant=variant, overrides=overrides, plugins=plugins)
         self.on_warp = engine == WARP
         """Whether the worlds are on a device of Warp."""
@@ -622,6 +626,12 @@ def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
         return np.broadcast_to(np.asarray(values, dtype=float), shape)
     except (TypeError, ValueError) as error:
         raise InputError(f"must be numbers of the shape {shape}", key=name, value=values, code="shape") from error
+
+
+def check_number(value: Any, key: str) -> None:
+    """Raise InputError for what is no whole number of at least 1."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
+        raise InputError("must be a whole number of at least 1", key=key, value=value, code="worlds")
 
 
 def count_of(steps: int) -> int:

@@ -8,7 +8,7 @@ import pytest
 gymnasium = pytest.importorskip("gymnasium", reason="gymnasium is not here")
 
 import asrsim  # noqa: E402
-from asrsim.errors import InputError  # noqa: E402
+from asrsim.errors import AsrsimError, InputError  # noqa: E402
 from support.paths import EXAMPLES  # noqa: E402
 
 RANGES = {"*": {"equilibrium_position": [-1.0, 1.0], "stiffness_preset": [0.05, 0.4]}}
@@ -209,3 +209,24 @@ def test_many_worlds_are_in_mujoco_unless_told_otherwise():
     assert made(1, engine=None).worlds.prepared.scenario.engine == "mujoco"
     assert made(1, engine="bullet").worlds.prepared.scenario.engine == "bullet"
     assert made(1, engine=None, threads=1, observe="link_position").task.prepared.scenario.engine == "mujoco"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"noise": {"link_position": -1.0}}, "noise.link_position.*at least 0"),
+        ({"history": 11}, "history.*0 to 10 control periods"),
+        ({"history": True}, "history.*number of control periods"),
+        ({"delay": -0.02}, r"delay.*0 to 0\.2 s"),
+        ({"delay": "normal(0.02, 0.01)"}, r"delay.*0 to 0\.2 s"),
+        ({"control_rate": float("nan")}, "control_rate.*above 0 Hz"),
+        ({"randomise": {"joint_1.damping": [-1.0]}}, "joint_1.damping.*at least 0"),
+        ({"randomise": {"effects.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*changes nothing.*joint_1, joint_2"),
+        ({"count": 1.5}, "num_envs.*whole number"),
+        ({"threads": 0}, "threads.*whole number"),
+        ({"device": "cuda"}, "device.*only worlds on Warp"),
+    ],
+)
+def test_a_wrong_option_is_refused_when_the_environment_is_made(options, words):
+    with pytest.raises(AsrsimError, match=words):
+        made(**options)
