@@ -108,6 +108,8 @@ class Data:
     commands: tuple[PlayedCommand, ...]
     modes: Mapping[str, int]
     """Operation modes, by joint, that replace the robot's modes to suit the commands."""
+    torques: Mapping[str, str]
+    """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
@@ -158,6 +160,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
         duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
+        torques={joint: column.source for joint, column in plan.compared if column.quantity == "link_torque"},
     )  # fmt: skip
 
 
