@@ -85,10 +85,12 @@ def with_longest_delays(scenario: Scenario, draws: Draws) -> Scenario:
                 "must be at least 0 s and have an upper bound", key=key, value=(shortest, longest), code="randomise"
             )
         joint = split_path(key)[2]
-        tables = {field: dict(getattr(scenario, field)) for field in ("command_effects", "sensor_effects")}
-        table = tables["command_effects" if name == COMMAND_DELAY else "sensor_effects"]
-        table[joint] = replace(table.get(joint, Effects()), delay=longest)
-        scenario = replace(scenario, **tables)
+        own = scenario.command_effects if name == COMMAND_DELAY else scenario.sensor_effects
+        table = {**own, joint: replace(own.get(joint, Effects()), delay=longest)}
+        if name == COMMAND_DELAY:
+            scenario = replace(scenario, command_effects=table)
+        else:
+            scenario = replace(scenario, sensor_effects=table)
     return scenario
 
 

@@ -119,8 +119,8 @@ class ControlTask:
         if not 0 <= self.history <= self.last:
             message = f"must be 0 to {self.last} control periods, an episode"
             raise InputError(message, key="history", value=self.history, code="option-type")
-        low, high = ([0.0, *ends] for ends in self._delay.bounds())
-        if min(low) < 0.0 or not max(high) <= self.last * self._period:
+        shortest, longest_delay = ([0.0, *ends] for ends in self._delay.bounds())
+        if min(shortest) < 0.0 or not max(longest_delay) <= self.last * self._period:
             message = f"must be 0 to {self.last * self._period:g} s, an episode"
             raise InputError(message, key="delay", value=options["delay"], code="option-type")
 

@@ -133,9 +133,9 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         if len(given) != self.num_envs:
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)
-        going, fresh, everyone = ~self._over, self._over.copy(), range(self.num_envs)
+        going, fresh = ~self._over, self._over.copy()
         # A single number, and all worlds (None), are handled faster than arrays and masks.
-        which = None
+        which, everyone = None, list(range(self.num_envs))
         if np.count_nonzero(fresh):
             self._begin(fresh)
             which, everyone = going, np.flatnonzero(going).tolist()
