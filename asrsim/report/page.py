@@ -10,8 +10,8 @@ from typing import Any
 from asrsim.report.html import document, script_json
 
 HINT = (
-    "<p class='note'>Drag to zoom, double-click to see all again; click a name to hide its lines. Plots over the same quantity "
-    "share their range, and one cursor marks the time in all of them.</p>"
+    "<p class='note hint'>Drag to zoom, double-click to see all again; click a name to hide its lines. Plots over the same "
+    "quantity share their range, and one cursor marks the time in all of them.</p>"
 )
 """How to use the plots of a page."""
 NO_SCRIPT = "<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>"
@@ -46,7 +46,7 @@ def build(
     if data is not None:
         licence = f"/*! uPlot, MIT licence\n{asset('LICENSE.uPlot').strip()}\n*/"
         scripts += [packed("data", data), f"<script>{licence}\n{asset('uPlot.iife.min.js')}</script>"]
-        scripts.append(f"<script>{asset('page.js')}</script>")
+        scripts += [f"<script>{asset('page.js')}</script>", f"<script>{asset('old.js')}</script>"]
     style = "\n".join([*([asset("uPlot.min.css")] if data is not None else []), asset("page.css")])
     return document(f"{title} · asrsim", style, "\n".join(filter(None, [header, *sections, footer])), scripts=scripts)
 

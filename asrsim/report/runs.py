@@ -132,8 +132,11 @@ def _compared(compared: Compared | None) -> str:
 
 
 def _plots(data: Mapping[str, Any]) -> str:
-    note = "The cursor moves the robot, too. Long series are thinned: every interval keeps its smallest and largest sample."
-    parts = [HINT, f"<p class='note'>{note}</p>"]
+    note = (
+        "<p class='note'><span class='hint'>The cursor moves the robot, too. </span>"
+        "Long series are thinned: every interval keeps its smallest and largest sample.</p>"
+    )
+    parts = [HINT, note]
     if len(data["runs"]) > 1:
         parts.append('<div id="runs" role="group" aria-label="variants"></div>')
     groups = enumerate(data["groups"])

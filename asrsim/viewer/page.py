@@ -33,7 +33,7 @@ LIFT = 0.2
 """Distance by which the robot stands above the middle of a narrow window, as a fraction of the window's height."""
 LINE = 21
 """Height of a line of text that changes, pixels."""
-SAID = 4
+SAID = 3
 """Number of lines of the text above the tabs."""
 UP = (0.0, 0.0, 1.0)
 """Direction that is up on the page."""
@@ -55,7 +55,7 @@ class Page:
         self._drawn = self._plotted = -1.0
         """Wall-clock times of the last pictures, s."""
         self.server.on_client_connect(self._make_room)
-        self.server.gui.add_html(lines(SAID, PREPARING))
+        self.server.gui.add_html(lines(0, PREPARING))
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
 
     def _make_room(self, client: Any) -> None:

@@ -7,7 +7,13 @@
   const data = JSON.parse(text.textContent);
   const canvas = place.querySelector("canvas");
   const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
-  if (!gl) { place.hidden = true; return; }
+  if (!gl) {
+    const words = document.createElement("p");
+    words.className = "bad";
+    words.textContent = "The moving robot needs WebGL 2, which this browser lacks or has switched off: switch hardware acceleration on, or take a newer browser.";
+    place.replaceChildren(words);
+    return;
+  }
 
   // 4x4 matrices, row by row.
   const multiply = (a, b) => {

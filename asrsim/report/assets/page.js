@@ -3,6 +3,8 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const LEVELS = 65534, GAP = 65535, TALL = 225;
+  // Size at which a plot is drawn for paper, where two of them stand side by side.
+  const PAPER = { width: 480, height: 225 };
   const charts = [];
   const several = data.runs.length > 1;
   let zooming = false;
@@ -42,7 +44,7 @@
   // Very small and very large numbers would not fit beside the axis.
   function ticksText(splits) {
     const size = Math.max(...splits.map((v) => Math.abs(v ?? 0)));
-    const far = size > 0 && (size < 2e-3 || size >= 1e5);
+    const far = size > 0 && (size < 2e-4 || size >= 1e5);
     return splits.map((v) => (v == null ? "" : v === 0 ? "0" : far ? v.toExponential(1) : String(Number(v.toPrecision(6)))));
   }
   // Powers of ten, and 2 and 5 of each in a narrow range.
@@ -292,6 +294,13 @@
   window.addEventListener("beforeprint", () => {
     for (const part of document.querySelectorAll("details.joint:not([open])")) part.open = true;
     bodies.forEach(drawOnce);
+    charts.forEach((chart) => chart.setSize(PAPER));
+  });
+  window.addEventListener("afterprint", () => {
+    for (const chart of charts) {
+      const width = chart.root.parentElement.clientWidth;
+      if (width) chart.setSize({ width, height: height(width) });
+    }
   });
   window.asrsimCharts = charts;
 })();

@@ -18,11 +18,18 @@ from asrsim.report import write_report
 from asrsim.report.content import read_parameters
 from asrsim.report.plots import joint_sections
 from asrsim.report.series import pack, read_runs, unpack
-from support.browser import CHROMIUM
+from support.browser import CHROMIUM, Browser
 from support.pages import Page
 from support.plot_example import made_up_log, simulated_log
 
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+
+
+NO_WEBGL = """{
+  const get = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind) { return kind === "webgl2" ? null : get.call(this, kind); };
+}"""
+"""Program that takes the 3-D interface from a browser."""
 
 
 def page_data(page):
@@ -300,3 +307,36 @@ def test_paper_shows_every_plot_without_scrolling(browser, page):
     browser.evaluate("dispatchEvent(new Event('beforeprint'))")
     assert browser.evaluate("[...document.querySelectorAll('.plot .body')].every((body) => body.dataset.drawn)")
     assert all(browser.evaluate("[...document.querySelectorAll('details.joint')].map((part) => part.open)"))
+
+
+@needs_browser
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [(NO_WEBGL, "The moving robot needs WebGL 2"), ("delete window.ResizeObserver", "need a newer browser")],
+)
+def test_a_browser_that_cannot_draw_says_so_in_words(tmp_path, page, missing, words):
+    with Browser(tmp_path) as browser:
+        browser.call("Page.addScriptToEvaluateOnNewDocument", {"source": missing})
+        browser.open(page, width=1200)
+        assert words in browser.evaluate("document.body.innerText")
+
+
+@needs_browser
+@pytest.mark.slow
+def test_plots_stand_side_by_side_on_paper_and_keep_their_colours(browser, page):
+    """Paper of A4 has about 700 pixels; backgrounds, which the colours of legends are, are left out unless the page asks for
+    them."""
+    browser.open(page, width=700)
+    browser.call("Emulation.setEmulatedMedia", {"media": "print"})
+    browser.evaluate("dispatchEvent(new Event('beforeprint'))")
+    try:
+        boxes = browser.evaluate(
+            "[...document.querySelectorAll('.plot canvas')].map((one) => one.getBoundingClientRect().toJSON())"
+        )
+        assert boxes[0]["y"] == boxes[1]["y"]
+        assert 300 < boxes[0]["width"] < 350
+        assert browser.evaluate("document.documentElement.scrollWidth") <= 700
+        assert browser.evaluate("getComputedStyle(document.querySelector('.legend button')).printColorAdjust") == "exact"
+    finally:
+        browser.call("Emulation.setEmulatedMedia", {"media": ""})
