@@ -19,7 +19,7 @@ from asrsim.actuators.stage_checker import stage_problems
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import ActuatorError, Problem
 from asrsim.plain import one_or_more
-from asrsim.registry import Registry, plugin_file
+from asrsim.registry import Registry, all_or_none, plugin_file
 
 C = TypeVar("C")
 
@@ -57,13 +57,14 @@ def load_plugin_files(files: str | Path | Sequence[str | Path]) -> tuple[Path, .
     return paths
 
 
+@all_or_none()
 def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     """Run a plugin file and register every class of an actuator or a stage that it defines; a file may be loaded again.
 
     The file may also add to any other registry of asrsim: signals, measures, recording readers, engines. The file
     runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
     Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
-    malformed actuator or stage.
+    malformed actuator or stage; then nothing that the file adds stays.
     """
     path = Path(path)
     if not path.is_file():

@@ -2,8 +2,10 @@
 
     python benchmarks/causes.py                      every effect, --seeds each, and as many right models
     python benchmarks/causes.py --only backlash --seeds 10
+    python benchmarks/causes.py --adopt              the named effect is added, and the model is fitted again
 
-Prints for each robot whether the effect was named first, named at all, and what was named.
+Prints for each robot whether the effect was named first, named at all, and what was named; with --adopt, whether the model fits
+with the effect, and how many intervals contain the true value.
 """
 
 from __future__ import annotations
@@ -38,20 +40,31 @@ def main() -> None:
     parser.add_argument("--only", choices=(*EFFECTS, "right"))
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--adopt", action="store_true")
     options = parser.parse_args()
     effects = [options.only] if options.only else [*EFFECTS, "right"]
     for effect in effects:
-        named = 0
+        named, held, intervals, fitted = 0, 0, 0, 0
         for seed in range(options.first, options.first + options.seeds):
             began = time.process_time()
             with tempfile.TemporaryDirectory() as folder:
                 scenario, recording, truth = record(effect if effect != "right" else "", seed, Path(folder))
-                result = identify(scenario, [recording], free=list(truth))
+                result = identify(scenario, [recording], free=list(truth), adopt=options.adopt)
+            known = [one for one in result.estimates if one.key in truth and one.has_interval]
+            held += sum(one.low <= truth[one.key] <= one.high for one in known)
+            intervals, fitted = intervals + len(known), fitted + bool(result.fits)
+            if options.adopt:
+                more = [f"{one.key} {one.value:.4g}" for one in result.estimates if one.key not in truth]
+                print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {', '.join(more)}")
+                continue
             first = result.causes[0] if result.causes else ""
             right = any(word in first.partition(" would bring")[0] for word in WORDS.get(effect, ()))
             named += right
             print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {' | '.join(result.causes)}")
-        print(f"{effect}: {named} of {options.seeds} named first")
+        if options.adopt:
+            print(f"{effect}: {fitted} of {options.seeds} fit; {held} of {intervals} intervals contain the truth")
+        else:
+            print(f"{effect}: {named} of {options.seeds} named first")
 
 
 if __name__ == "__main__":

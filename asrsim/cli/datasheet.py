@@ -18,11 +18,13 @@ def datasheet(
     target: Annotated[
         list[str],
         argument(
-            "TARGET...", "Actuator by name, robot (.urdf, .xacro), or plugin file (.py).", autocompletion=complete.actuators
+            "TARGET...",
+            "Actuator by name, robot (.urdf, .xacro), scenario (.yaml), or plugin file (.py).",
+            autocompletion=complete.actuators,
         ),
     ],
     joint: Annotated[
-        Texts, option("Joint of a robot; may be repeated.", "--joint", default="all with actuators", metavar="NAME")
+        Texts, option("Joint of a robot or scenario; may be repeated.", "--joint", default="all with actuators", metavar="NAME")
     ] = None,
     compare: Annotated[bool, option("Also put all actuators side by side on one page.", "--compare")] = False,
     presets: Annotated[
@@ -56,7 +58,7 @@ def datasheet(
     Example: asrsim datasheet sea examples/plugins/my_vsa.py --compare --format pdf
     """
     from asrsim.cli.progress import FractionBar
-    from asrsim.datasheet import make_sheet, sources_of, write_sheets
+    from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
 
     if inertia is not None and not 0.0 < inertia < 1e6:
         raise typer.BadParameter("must be positive", param_hint="--inertia")
@@ -71,7 +73,8 @@ def datasheet(
     with FractionBar(show=not quiet) as bar:
         for i, source in enumerate(sources):
             bar.update(source.name, i / len(sources))
-            sheets.append(make_sheet(source, presets=presets, inertia=inertia, recording=experiment, mapping=mapping or ()))
+            measured = [] if experiment is None else [measured_curve(source, experiment, mapping or ())]
+            sheets.append(make_sheet(source, presets=presets, inertia=inertia, measured=measured))
     files = write_sheets(sheets, out, compare=compare, formats=formats or ("png",))
 
     def text() -> None:

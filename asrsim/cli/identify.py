@@ -92,6 +92,10 @@ def identify(
             default="no end",
         ),
     ] = None,
+    sheet: Annotated[
+        bool,
+        option("Also write the data sheet of each identified actuator, with its recorded torque over deflection.", "--sheet"),
+    ] = False,
     plot: Plot = True,
     *,
     plugin: list[Path],
@@ -125,7 +129,7 @@ def identify(
     if resume:
         return _resume(task, folder, everything=everything, accept=accept)
     result, code = _run(task, check=check, quiet=quiet, accept=accept, adopt=adopt, duration=duration)
-    files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot)
+    files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, sheet=sheet)
     data = {"ok": code == 0, **as_dict(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
@@ -186,7 +190,7 @@ def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[
     ]
 
 
-def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tuple[list[Path], list[str]]:
+def _write(result: Result, folder: Path, *, everything: bool, plot: bool, sheet: bool) -> tuple[list[Path], list[str]]:
     from asrsim.designs.advice import advice, design_line
     from asrsim.identification.folder import FIT
     from asrsim.identification.write import as_dict, write_curves_of
@@ -208,6 +212,10 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool) -> tup
             from asrsim.identification.write import draw
 
             files += draw(result, folder)
+        if sheet and result.status == "complete":
+            from asrsim.datasheet import fitted_sheets, write_sheets
+
+            files += write_sheets(fitted_sheets(result), folder / "datasheet")
     return files, said
 
 

@@ -29,14 +29,23 @@ class MeasuredCurve:
     """Torque on the link (n,), N m."""
 
 
-def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> MeasuredCurve:
+def measured_curve(
+    source: Source, path: Path, mapping: Sequence[str] = (), *, rate: float | None = None, locked: bool = False
+) -> MeasuredCurve:
     """Torque over deflection in a recording: of a column `deflection`, or of motor and link positions; the torque is
-    `link_torque`, or the sum of the elastic torques. Raises RecordingError if a column is missing."""
-    recording = read_recording(path, mapping=list(mapping) or None, joints=[source.drive.joint])
-    columns = {str(one.quantity): one for one in recording.channels.values() if one.quantity}
+    `link_torque`, or the sum of the elastic torques.
+
+    mapping: meanings of columns, as items of `--map`; rate: sampling rate of a recording without time, Hz; locked: whether a
+    link without recorded positions stands at 0. Raises RecordingError if a column is missing.
+    """
+    recording = read_recording(path, mapping=list(mapping) or None, joints=[source.drive.joint], rate=rate)
+    channels = [one for one in recording.channels.values() if one.quantity and one.joint in (None, source.drive.joint)]
+    columns = {str(one.quantity): one for one in channels}
     motors = [f"motor_{i}_position" for i in range(1, source.drive.actuator.motors + 1)]
     torques = ["link_torque"] if "link_torque" in columns else [name for name in columns if name.startswith("elastic_torque")]
     needed = ["deflection"] if "deflection" in columns else ["link_position", *motors]
+    if locked and "link_position" not in columns:
+        needed = [name for name in needed if name != "link_position"]
     missing = [name for name in needed if name not in columns] + ([] if torques else ["link_torque"])
     if missing:
         raise RecordingError(
@@ -53,7 +62,9 @@ def measured_curve(source: Source, path: Path, mapping: Sequence[str]) -> Measur
     else:
         places = [values(name) for name in motors]
         places += [np.zeros_like(time)] * (source.drive.actuator.positions() - len(places))
-        deflection = over_arrays(source.drive.actuator.equilibrium_position)(*places) - values("link_position")
+        deflection = over_arrays(source.drive.actuator.equilibrium_position)(*places)
+        if "link_position" in needed:
+            deflection = deflection - values("link_position")
     torque = np.sum([values(name) for name in torques], axis=0)
     kept = slice(None, None, max(1, len(time) // MOST_POINTS))
     return MeasuredCurve(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept])

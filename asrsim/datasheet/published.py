@@ -6,6 +6,16 @@ from asrsim.datasheet.data import Published
 
 QB_MANUAL = "qbrobotics, qbmove Advanced Kit user manual, 28 April 2021, section 3.2.2"
 AWAS_II_2014 = "Jafari, Tsagarakis, Sardellitti, Caldwell (2014), IEEE/ASME Trans. Mechatronics 19(1), 55-63, abstract"
+PARNENZINI = (
+    "Parnenzini, Simulation of a variable stiffness actuator in Gazebo, table I and section IV "
+    "(qbmove_project.pdf in github.com/nickparnenzini/qbmove_plugin)"
+)
+QB_ROS = "qbrobotics, ROS-qbmove, qb_move_description/config/default.yaml"
+QB_FIRMWARE = "qbrobotics, firmware of the qbmove Maker Pro 6.1.0, commands.h"
+EDINBURGH = (
+    "Howard (2010), libmaccepa, University of Edinburgh, which cites Van Ham et al. (2007), Robotics and Autonomous Systems "
+    "55, 761-768, for the law"
+)
 PAPER = "Mengacci et al. (2021), section 4.1 and figure 8"
 FRIEDL_2011 = "Friedl, Hoeppner, Petit, Hirzinger (2011), Wrist and forearm rotation of the DLR Hand Arm System, IROS, abstract"
 VAN_HAM_2006 = "Van Ham, Vanderborght, Verrelst, Van Damme, Lefeber (2006), MACCEPA, abstract"
@@ -24,6 +34,27 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
             key="stiffness_min", text="the same law at preset 0: 0.0333 N m/rad", source=QB_MANUAL,
             why="0.0342 with the toolbox's numbers",
         ),
+        Published(
+            key="stiffness_max", source=PARNENZINI,
+            text="an earlier qbmove has k = 0.022 N m, a = 6.85 1/rad: 9.2 N m/rad at preset 0.6 rad, 0.30 at preset 0",
+            why="the same law, k sinh(a d) for each motor, with other springs",
+        ),
+        Published(
+            key="top_speed", text="3.75 rad/s, measured as rise over time of a step without load", source=PARNENZINI,
+            why="a mean over the rise, and of another motor: 0.8 N m of friction, 1 g m^2; 6 rad/s is the toolbox's limit",
+        ),
+        Published(
+            key="change_loaded", text="its change of stiffness was measured at a nominal torque of 1.5 N m", source=PARNENZINI,
+            why="the sheet loads the softest setting by 20 % of its largest torque; the times are a figure only",
+        ),
+        Published(
+            key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,
+            why="the toolbox's file states no limits; mot_1_minPos and the like would",
+        ),
+        Published(
+            key="resolution", text="16 bits over 360 to 92160 degrees, as chosen: 9.6e-5 rad at the finest", source=QB_FIRMWARE,
+            why="sensors belong to scenarios: `quantum: 9.6e-5` states it",
+        ),
     ),
     "bavs": (
         Published(
@@ -41,6 +72,11 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         Published(
             key="deflection_soft", source=VAN_HAM_2006, text="torque nearly linear in the angle, and in the pretension",
             why="the first chart shows it; numbers depend on the lengths, which are ours",
+        ),
+        Published(
+            key="stiffness_loaded", source=EDINBURGH,
+            text="-0.6579 to 0.4154 N m/rad over all deflections of a joint with k = 323 N/m, B = 0.03 m, drum 7.5 mm",
+            why="our law gives -0.6579 and 0.4155 with C = 0.13 m, which the source leaves open; the sheet's spring is ours",
         ),
     ),
     "awas": (Published(key="", text=NONE, source="Jafari et al. (2010)", why="the law is theirs, the numbers are ours"),),

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 
-from asrsim.datasheet.bench import MeasuredCurve, measured_curve
+from asrsim.datasheet.bench import MeasuredCurve
 from asrsim.datasheet.data import Entry, Sheet
 from asrsim.datasheet.linear import Load, position_bandwidth, preset_bandwidth
 from asrsim.datasheet.published import PUBLISHED
@@ -27,8 +26,8 @@ LAW = "closed form"
 
 
 def make_sheet(
-    source: Source, *, presets: tuple[float, float] | None = None, inertia: float | None = None, recording: Path | None = None,
-    mapping: Sequence[str] = (),
+    source: Source, *, presets: tuple[float, float] | None = None, inertia: float | None = None,
+    measured: Sequence[MeasuredCurve] = (),
 ) -> Sheet:  # fmt: skip
     """Data sheet of an actuator, with simulated trials.
 
@@ -36,21 +35,17 @@ def make_sheet(
         source: The actuator and its values.
         presets: Smallest and largest second reference; None: the actuator's range.
         inertia: Inertia of the test load, kg m^2; None: 3 Hz on the mean stiffness.
-        recording: Recording of a test bench, whose torque over deflection is drawn beside the law.
-        mapping: Meanings of its columns, as items of `--map`.
-
-    Raises InputError for a recording that cannot be read.
+        measured: Curves of test benches, drawn beside the law.
     """
     statics = Statics(drive=source.drive, effort=source.effort, given=presets)
     load = usual_load(statics)
     load = load if inertia is None else Load(inertia=inertia, damping=load.damping * math.sqrt(inertia / load.inertia))
-    bench = None if recording is None else measured_curve(source, recording, mapping)
     trials = run_trials(source, statics, load)
     actuator = source.drive.actuator
     return Sheet(
         name=source.name, title=actuator.title, source=actuator.source, law=actuator.law, origin=source.origin,
         entries=(*_statics(source, statics), *_dynamics(source, statics, trials), *_unstated(source)),
-        rows=(_laws(statics, bench), _limits(statics, trials), _responses(trials)),
+        rows=(_laws(statics, measured), _limits(statics, trials), _responses(trials)),
         published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
         values=dict(source.drive.values), units={one.name: one.unit for one in actuator.all_parameters()},
     )  # fmt: skip
@@ -163,8 +158,10 @@ def _unstated(source: Source) -> Iterator[Entry]:
         key="resolution",
         words="resolution of position",
         unit="rad",
-        value=None,
-        how="not stated: the key `quantum` of `sensors` in a scenario",
+        value=source.resolution,
+        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario"
+        if source.resolution
+        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
@@ -191,7 +188,7 @@ def _settings(statics: Statics) -> list[tuple[str, float]]:
     return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(*statics.presets, CURVES)]
 
 
-def _laws(statics: Statics, bench: MeasuredCurve | None) -> tuple[Chart, ...]:
+def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, ...]:
     torques, stiffnesses = [], []
     for i, (label, preset) in enumerate(_settings(statics)):
         deflection = np.linspace(-(reach := statics.reach(preset)), reach, 201)
@@ -201,8 +198,7 @@ def _laws(statics: Statics, bench: MeasuredCurve | None) -> tuple[Chart, ...]:
         torques.append(Line(label=label, x=deflection, y=torque, colour=colour))
         stiffness = statics.stiffness(deflection, presets)
         stiffnesses.append(Line(label=label, x=torque[order], y=stiffness[order], colour=colour))
-    if bench is not None:
-        torques.append(Line(label=bench.label, x=bench.deflection, y=bench.torque, colour=style.BLACK, kind="points"))
+    torques += [Line(label=one.label, x=one.deflection, y=one.torque, colour=style.BLACK, kind="points") for one in measured]
     return (
         Chart(words="torque", unit="N·m", across="deflection", across_unit="rad", lines=torques),
         Chart(words="stiffness", unit="N·m/rad", across="torque", across_unit="N·m", lines=stiffnesses),

@@ -5,19 +5,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem
 from asrsim.plugins import load_plugin_file
-from asrsim.robot import ActuatorBlock, load_robot
+from asrsim.robot import ActuatorBlock, Robot, load_robot
 from asrsim.robot.mounting import block_for, drive_of
+from asrsim.scenario import load_scenario
+from asrsim.simulation.examine import examine
 
 SHEET_MODE = 6
 """Mode of the sheets: controllers bring the motors to equilibrium and preset."""
-ROBOTS = (".urdf", ".xacro")
+ROBOTS, SCENARIOS = (".urdf", ".xacro"), (".yaml", ".yml")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +35,8 @@ class Source:
     """Values that differ from the defaults, by parameter."""
     effort: float = math.inf
     """Effort limit of the joint, N m."""
+    resolution: float | None = None
+    """Resolution of the encoders that a scenario states, rad."""
     plugins: tuple[Path, ...] = ()
 
 
@@ -40,7 +44,7 @@ def sources_of(
     targets: Sequence[str], *, joints: Sequence[str] = (), arguments: Mapping[str, str] | None = None,
     packages: Mapping[str, Path] | None = None, plugins: Sequence[Path] = (),
 ) -> tuple[Source, ...]:  # fmt: skip
-    """Actuators of all targets: names of actuators, plugin files (.py), and robots (.urdf, .xacro).
+    """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
     joints: joints of robots; all with actuators if there are none. arguments, packages: of xacro files. plugins: plugin files
     that are loaded already. Raises InputError for an unknown name, joint or file.
@@ -52,10 +56,12 @@ def sources_of(
             found += [_by_name(kind.name, f"defaults of {path.name}", (path,)) for kind in load_plugin_file(path)]
         elif path.suffix.lower() in ROBOTS:
             found += _of_robot(path, joints, arguments, packages, tuple(plugins))
+        elif path.suffix.lower() in SCENARIOS:
+            found += _of_scenario(path, joints, tuple(plugins))
         elif target in ACTUATORS:
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
-            hint = "Or give a robot (.urdf, .xacro), or a plugin file (.py)"
+            hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
             message = "is no actuator"
             raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
     names = [one.name for one in found]
@@ -77,8 +83,32 @@ def _of_robot(
     path: Path, joints: Sequence[str], arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None,
     plugins: tuple[Path, ...],
 ) -> list[Source]:  # fmt: skip
-    robot = load_robot(path, xacro_arguments=arguments, package_paths=packages)
-    blocks = {block.joint: block for block in robot.actuators}
+    return sources_in(load_robot(path, xacro_arguments=arguments, package_paths=packages), joints, plugins)
+
+
+def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -> list[Source]:
+    """Actuators of a scenario's first variant, with its parameters, and the resolution of its sensors."""
+    first = load_scenario(path, plugins=plugins)[0]
+    found = []
+    for source in sources_in(examine(first).robot, joints, plugins):
+        joint = source.drive.joint
+        sensors = first.sensor_effects.get(joint) or first.sensor_effects.get("*")
+        found.append(
+            replace(
+                source, name=_named(path, joint), origin=f"{path.name}, joint {joint}",
+                resolution=(sensors.quantum if sensors else 0.0) or None,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _named(path: Path, joint: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "_", f"{path.stem}_{joint}")
+
+
+def sources_in(robot: Robot, joints: Sequence[str] = (), plugins: tuple[Path, ...] = ()) -> list[Source]:
+    """Actuators of a robot with their values. joints: as for `sources_of`. Raises InputError for a joint without actuator."""
+    path, blocks = robot.path, {block.joint: block for block in robot.actuators}
     if not blocks:
         hint = "Give the name of an actuator instead, or put one on with `asrsim init --actuator`"
         raise InputError("has no actuators", file=path, hint=hint, code="no-actuator")
@@ -97,7 +127,7 @@ def _of_block(path: Path, block: ActuatorBlock, effort: float, plugins: tuple[Pa
     values = {name: value for name, value in block.values().items() if name in usual}
     drive = Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[SHEET_MODE], values={**usual, **values})
     return Source(
-        name=re.sub(r"[^A-Za-z0-9_-]", "_", f"{path.stem}_{block.joint}"), drive=drive, effort=effort,
+        name=_named(path, block.joint), drive=drive, effort=effort,
         origin=f"{path.name}, joint {block.joint}", plugins=plugins,
         stated={name: value for name, value in values.items() if value != usual[name] and math.isfinite(value)},
     )  # fmt: skip

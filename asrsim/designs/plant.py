@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.designs.limits import DesignLimits, interval
 from asrsim.designs.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identification.door import COMPARABLE, Door, Drive, Start
+from asrsim.identification.door import Door, Drive, Start, comparable
 from asrsim.identification.parameters import Layout, numbers_of, parameters_of
 from asrsim.quantities import each_motor
 from asrsim.robot.model import Robot
@@ -93,7 +93,7 @@ class DesignPlant:
         self.step, self.rows = scenario.step, round(seconds / scenario.step) + 1
         self._problems: list[Problem] = []
         bounds = tuple(self._bounds(limits))
-        self.bounds = tuple(bound for bound in bounds if bound.quantity in COMPARABLE)
+        self.bounds = tuple(bound for bound in bounds if bound.quantity in comparable())
         self.references = tuple(one for drive in self.door.drives for one in self._references(drive, bounds))
         self.channels = tuple(self._channels(limits))
         parameters = tuple(parameters_of(self.door.robot, (), {}))
@@ -139,7 +139,7 @@ class DesignPlant:
             for name, given in ranges.items():
                 quantities = references.get(name) or _quantities(name)
                 if not quantities:
-                    message, choices = "no quantity or reference has this name", (*references, *COMPARABLE)
+                    message, choices = "no quantity or reference has this name", (*references, *comparable())
                     self._fault(f"limits.{joint}.{name}", message, meant=name, choices=choices)
                 yield from (LimitBound(joint, quantity, *interval(given)) for quantity in quantities)
 
@@ -176,7 +176,7 @@ class DesignPlant:
             owner, _, quantity = name.rpartition(".")
             quantities = _quantities(quantity)
             if not quantities or owner not in ("", *self.door.joints):
-                self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=COMPARABLE)
+                self._fault(f"noise.{name}", "no sensor measures this quantity", meant=name, choices=comparable())
             sensor = name if name in limits.sensors else ""
             for drive in self.door.drives:
                 if owner in ("", drive.name) and (drive.dynamic_motors or not quantity.startswith("motor")):
@@ -257,4 +257,5 @@ def _quantities(name: str) -> list[str]:
     all motors, `elastic_torque` for those of all springs.
     """
     each = ([*each_motor(name.replace("motor_", "motor_{}_"))], [*each_motor(name + "_{}")])
-    return next((several for several in ([name], *each) if several[0] in COMPARABLE), [])
+    known = comparable()
+    return next((several for several in ([name], *each) if several[0] in known), [])

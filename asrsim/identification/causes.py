@@ -11,7 +11,7 @@ import numpy as np
 from asrsim.identification.combinations import percent
 from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
-from asrsim.identification.judge import missing_mode
+from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
@@ -115,6 +115,21 @@ def _suspected(found: Extended, rest: str) -> str:
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
+
+
+def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
+    """Sentences on joints that do not follow their recorded motion under their controller, although the torque of their drive
+    was recorded.
+    """
+    for part, left in differences(problem, x):
+        track, joint = problem.tracks[part.track], part.channel.joint
+        mode = next(drive.mode for drive in track.door.drives if drive.name == joint)
+        lost = not np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded)
+        if part.channel.quantity == "link_position" and lost and mode and mode.controller and joint in track.data.torques:
+            names = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
+            maps = [f"'{track.data.torques[joint]}={joint}.reference_1'", *(f"'{name}=ignore'" for name in names)]
+            options = " ".join(f"--map {text}" for text in maps)
+            yield f"the robot's controller of {joint} may be another one: play the recorded torque instead (--mode 0 {options})"
 
 
 def _delays(problem: Problem, _: Array) -> Iterator[Extension]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identification.door import COMPARABLE, EXTERNAL
+from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import fine_noise, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
@@ -108,6 +108,8 @@ class Data:
     commands: tuple[PlayedCommand, ...]
     modes: Mapping[str, int]
     """Operation modes, by joint, that replace the robot's modes to suit the commands."""
+    torques: Mapping[str, str]
+    """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
@@ -158,6 +160,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
         duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
+        torques={joint: column.source for joint, column in plan.compared if column.quantity == "link_torque"},
     )  # fmt: skip
 
 
@@ -175,9 +178,8 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
 
 def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
     """Compared channels: all measured quantities that the simulation computes."""
-    possible = {
-        f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in COMPARABLE
-    }
+    known = comparable()
+    possible = {f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in known}
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
     blocks, left_out = {block.joint: block for block in plan.robot.actuators}, dict[str, list[str]]()
     for key, (joint, column) in possible.items():

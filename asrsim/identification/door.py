@@ -24,17 +24,13 @@ from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "COMPARABLE", "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "examine",
+    "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "comparable", "examine",
 ]  # fmt: skip
 
 SOURCES = ("link_position", *each_motor("motor_{}_position"))
 """Quantities from which derived quantities are computed."""
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities computed from motor and link positions."""
-COMPARABLE = (
-    *(name for name in simulated_quantities(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad")), *DERIVED,
-)  # fmt: skip
-"""Quantities that a sensor can measure and a simulation computes."""
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
 ENGINES_KEPT = 3
@@ -47,6 +43,12 @@ Numbers = Mapping[str, Mapping[str, float]]
 """Values of parameters, by joint or link and by name."""
 Substeps = tuple[int, int]
 """Number of substeps in a step, and number of motor substeps in a substep."""
+
+
+def comparable() -> tuple[str, ...]:
+    """Quantities that a sensor can measure and a simulation computes, with those of all stages that are registered by now."""
+    measured = (name for name in simulated_quantities(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad"))
+    return *measured, *DERIVED
 
 
 class Door:
@@ -73,7 +75,8 @@ class Door:
                 # The substeps suit the estimates. With the start values, springs may be too stiff for them.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
-            names = [name for name in columns_of(shape_of(self.drives)) if name in COMPARABLE]
+            known = comparable()
+            names = [name for name in columns_of(shape_of(self.drives)) if name in known]
             found = Worlds(
                 prepared, AT_ONCE, names=names, watched=False, expected_substeps=OFTEN, threads=AT_ONCE
             )  # fmt: skip

@@ -12,6 +12,7 @@ import numpy as np
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Differences, Problem, differences
+from asrsim.identification.track import Track
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
@@ -28,7 +29,7 @@ SHAKEN = 2.0
 """Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
 HIDDEN = 3.0
 """Ratio of residuals to noise above which only noise of the commands explains the residuals of a model that fits."""
-EXPLAINED = 0.5
+FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
@@ -163,7 +164,7 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
                 explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
                 fault=fault,
                 shaken=rms(change[count:]), steps=channel.quantum / 3.0**0.5,
-                suspicion=_suspicion(channel, part.recorded + left, part.recorded),
+                suspicion=_suspicion(problem.tracks[part.track], channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
                 track=part.track, lines=lines,
             )
@@ -171,7 +172,10 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
     return found
 
 
-def _suspicion(channel: Channel, predicted: Array, recorded: Array) -> str:
+def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array) -> str:
+    if channel.quantity == "deflection" and channel.column and track.is_reversed(channel):
+        hint = f"--map '{channel.column.source}=-{channel.key}'"
+        return f"the link accelerates against the torque of its spring: is the sign of the deflection reversed? ({hint})"
     found = beside(predicted, recorded, channel.column, channel.joint, "the prediction") if channel.column else []
     return f"{found[0].message} ({found[0].hint})" if found else ""
 
@@ -209,7 +213,7 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    lowest = 0.0 if any(one.explained > EXPLAINED for one in fits) else EXPLAINED
+    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
     doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
     found = {one.key: f"{one.key}: {one.suspicion or doubt}" for one in fits if one.explained < lowest}
     return list(found.values())

@@ -21,6 +21,8 @@ BETWEEN = 0.2
 """Interval between corrections in units of 1 / w, if samples are closer: corrections by noise then cost less."""
 FASTEST = 0.5
 """Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
+REVERSED = 0.7
+"""A deflection has the wrong sign if with the other sign at most this fraction of the unexplained acceleration remains."""
 GAP = 3.0
 """Distance of two samples, in usual intervals, beyond which nothing is measured between them."""
 
@@ -90,6 +92,39 @@ def link_channel(drive: Drive, shown: Mapping[str, Recorded]) -> tuple[Channel, 
         noise=math.hypot(*noises), quantum=max(quanta),
     )  # fmt: skip
     return place, (motor.key, deflection.key)
+
+
+def is_reversed(drive: Drive, shown: Mapping[str, Recorded], band: float) -> bool:
+    """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, where
+    the link's position follows from motor and deflection. band: of the motion, rad/s.
+    """
+    deflection, link = shown.get(f"{drive.name}.deflection"), link_channel(drive, shown)
+    if deflection is None or link is None or deflection.key not in link[1]:
+        return False
+    step = float(np.median(np.diff(link[0].time)))
+    time = np.arange(link[0].time[0], link[0].time[-1], step)
+    place, bent = (np.interp(time, one.time, one.values) for one in (link[0], deflection))
+    width = 1.0 / (band * step)
+    if len(time) < 10.0 * width:
+        return False
+    return _unpulled(place + 2.0 * bent, -bent, width) < REVERSED * _unpulled(place, bent, width)
+
+
+def _unpulled(place: Array, bent: Array, width: float) -> float:
+    """Fraction of the acceleration of a link that a spring with this deflection (n,), a damper and a constant torque leave
+    unexplained; 1 if the spring would push away from rest. width: standard deviation of a Gaussian filter, in samples.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    edge = int(3.0 * width) + 1
+    acceleration, speed, turned = (
+        gaussian_filter1d(values, width, order=order)[edge:-edge] for values, order in ((place, 2), (place, 1), (bent, 0))
+    )
+    terms = np.column_stack([turned, speed, np.ones(len(turned))])
+    terms /= np.maximum(np.abs(terms).max(axis=0), 1e-300)
+    sizes, *_ = np.linalg.lstsq(terms, acceleration)
+    left = acceleration - terms @ sizes
+    return float(np.var(left) / np.var(acceleration)) if sizes[0] > 0.0 else 1.0
 
 
 class _Curve:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes
+from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
@@ -214,6 +214,7 @@ def _judged(
     if misfit:
         watch.stage("what may be missing")
         causes += foreign(channel_fits(problem, before, trained) if best.free else fits)
+        causes += wrong_controllers(*followed)
         with watch.in_time(), suppress(OutOfTime):
             for one in _causes(*followed):
                 suspected.append(one)

@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
-from asrsim.identification.judge import HELD_OUT, fits, is_explained, rms
+from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained, rms
 from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
@@ -46,8 +46,6 @@ TIMED = 3
 """Number of linear solutions for instants of jumps."""
 RISE, LIMITED = 2.0, 1.5
 """Factor between rising bandwidths; ratio of errors to noise below which noise limits the predictions."""
-FOLLOWED = 0.5
-"""Explained fraction of the variance of a channel below which a prediction does not follow the channel."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
 """Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel."""
 SPRINGS = ("stiffness", "spring_k")

@@ -13,7 +13,7 @@ from asrsim.identification.data import Channel, Data, PlayedCommand, Recorded
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import motion_band
-from asrsim.identification.observed import Measured, link_channel
+from asrsim.identification.observed import Measured, is_reversed, link_channel
 from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -142,8 +142,7 @@ class Track:
 
         A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
         """
-        sensors, seen = {one.key: one for one in self.channels}, set[str]()
-        series: dict[str, Recorded] = {**{one.key: one for one in self.data.commands}, **sensors}
+        sensors, seen, series = {one.key: one for one in self.channels}, set[str](), self._series
         for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
             keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
             self.initial |= dict(zip(keys, (position, velocity), strict=True))
@@ -183,6 +182,16 @@ class Track:
                     # A link at rest moves with the initial positions of its motors.
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 
+    @property
+    def _series(self) -> dict[str, Recorded]:
+        """Commands and channels by key."""
+        return {one.key: one for one in (*self.data.commands, *self.channels)}
+
+    def is_reversed(self, channel: Channel) -> bool:
+        """Whether a recorded deflection has the wrong sign."""
+        drive = next(drive for drive in self.door.drives if drive.name == channel.joint)
+        return channel.quantity == "deflection" and is_reversed(drive, self._series, self.motion)
+
     def elastic(self, joint: str, frequency: float) -> Track | None:
         """The recording with the simulation of a robot whose link behind a joint is elastic; None if there is no such robot.
         frequency: natural frequency of the link's second body, rad/s.
@@ -208,7 +217,9 @@ class Track:
         return next(self.predictions([dict(values)], playing, until))
 
     def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
-        """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
+        """Predictions of `predict` for several sets of parameters, or none, simulated in one rollout."""
+        if not tables:
+            return
         steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         observer = self._observer(tables, playing, steps) if playing.bandwidth else None

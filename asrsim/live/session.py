@@ -135,10 +135,12 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = log_file.enter_context(LogWriter(path, described))
-            # Exclude the existing objects from garbage collection, which would make ticks late.
-            gc.collect()
-            gc.freeze()
-            stack.callback(gc.unfreeze)
+            # Exclude the existing objects from garbage collection, which would make ticks late. A program that has excluded its
+            # own objects keeps them so.
+            if not gc.get_freeze_count():
+                gc.collect()
+                gc.freeze()
+                stack.callback(gc.unfreeze)
             try:
                 self._advance(0)
                 self.pace.start()

@@ -5,15 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from asrsim.quantities import DERIVED, QUANTITIES
+from asrsim.quantities import DERIVED, QUANTITIES, Quantity
 from asrsim.recordings.commands import is_command, kind_of, unknown_words
 from asrsim.recordings.data import RawColumn
 from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.units import Unit, fits, split_header
 from asrsim.recordings.words import REFERENCE, CommandDoubtError, DoubtError, one_of, tokens_of, words_of
 
-KNOWN = {name: one for name, one in (QUANTITIES | DERIVED).items() if not name.startswith("sent_")}
-"""All quantities that a column may contain, by name. A recorded reference is a command as it was sent."""
 ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
     "reference": "reference_1", "stiffness_preset": "reference_2", "motor_position": "motor_1_position",
@@ -38,6 +36,12 @@ _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflectio
 """Words of an ambiguous name about which the user is asked."""
 
 
+def column_quantities() -> dict[str, Quantity]:
+    """All quantities that a column may contain, by name, with those of all stages that are registered by now. A recorded
+    reference is a command as it was sent."""
+    return {name: one for name, one in (QUANTITIES | DERIVED).items() if not name.startswith("sent_")}
+
+
 def stated_unit(name: str) -> Unit | None:
     """Unit in the name of a column. A velocity in deg is read in deg/s."""
     unit = split_header(name)[1]
@@ -52,9 +56,9 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     joints: joints of the simulation; None: the name states the joint. file: name of the column's file, if several files make
     the recording; it says what the column's name leaves open.
     """
-    plain = split_header(name)[0]
+    known, plain = column_quantities(), split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
-    if dot and ALIASES.get(last, last) in KNOWN and (last in KNOWN or not is_command([*re.split(r"[./]", head), file])):
+    if dot and ALIASES.get(last, last) in known and (last in known or not is_command([*re.split(r"[./]", head), file])):
         return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)
     joint, rest = find_joint(plain, joints or ())
     elsewhere, file = find_joint(file, joints or ()) if file else (None, "")
@@ -76,7 +80,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     if named and unit is not None and unit.si == "rad":
         words.append("position")  # for example hub1_rad, Joint 1 [deg], elbow [deg]
     exact = "_".join(tokens)
-    if exact in KNOWN:
+    if exact in known:
         quantity: str | None = exact
     elif REFERENCE in words:
         quantity = _commanded([" ".join(said), *above, tail], words, unit, owned=joint is not None)
@@ -92,7 +96,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     quantity = _fitting(quantity, unit)
     owner = above[-1] if above else ""
     count = len(numbers) + (array is not None)
-    unclear = bool(numbers) and exact in KNOWN
+    unclear = bool(numbers) and exact in known
     if unclear and (joint or len(joints or ()) == 1):  # for example reference_1, motor_1_torque
         return joint or (joints or [""])[0], exact
     if owner == "field" and array is None and numbers == [0] and joints is not None and len(joints) == 1:
@@ -144,7 +148,7 @@ def _joint_called(name: str, joints: Sequence[str] | None) -> str:
 
 def _fitting(quantity: str, unit: Unit | None) -> str:
     """Quantity, after checking that the unit fits the quantity. Raises DoubtError."""
-    if unit is not None and not fits(unit.si, KNOWN[quantity].unit):
+    if unit is not None and not fits(unit.si, column_quantities()[quantity].unit):
         raise DoubtError(f"its name means {quantity}, but its unit is {unit.symbol}")
     return quantity
 

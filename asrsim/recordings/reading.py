@@ -14,7 +14,7 @@ from asrsim.document.file import read_file
 from asrsim.document.kinds import NUMBER, Choice, Either, Integer, ListOf, MapOf, Number, Text
 from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
-from asrsim.recordings.names import ALIASES, KNOWN
+from asrsim.recordings.names import ALIASES, column_quantities
 from asrsim.recordings.units import Unit, find_unit, parse_unit
 
 ENDING = ".yaml"
@@ -246,8 +246,9 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
         hint = None if found is None else f"Did you mean {found['name']}.link_position?"
         raise _error(column, f"'{target}' is not JOINT.QUANTITY", hint=hint)
     quantity = ALIASES.get(found["name"], found["name"])
-    if quantity not in KNOWN:
-        raise _error(column, f"no quantity is called '{found['name']}'", choices=(*KNOWN, *ALIASES), meant=found["name"])
+    known = column_quantities()
+    if quantity not in known:
+        raise _error(column, f"no quantity is called '{found['name']}'", choices=(*known, *ALIASES), meant=found["name"])
     return ColumnMap(
         column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target,
         unit=parse_unit(found["unit"]) if found["unit"] else None, unwrapped=found["unwrapped"] is not None,

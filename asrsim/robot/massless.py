@@ -31,6 +31,17 @@ def carries_mass(robot: Robot, joint: Joint) -> bool:
     return False
 
 
+def springable_joints(robot: Robot) -> tuple[str, ...]:
+    """Joints that follow no other joint, and move mass even if their rotors move with the motors of springs."""
+    bare = replace(robot, joints=tuple(replace(joint, rotor_inertia=0.0) for joint in robot.joints))
+    idle = {joint.name for joint in _idle_joints(bare, ())}
+    return tuple(
+        joint.name
+        for joint in robot.moving_joints
+        if joint.name not in robot.followers and joint.name not in idle and carries_mass(robot, joint)
+    )
+
+
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     """Robot in which joints that move no mass are fixed, since their motion is undefined: the motion of the other joints does
     not depend on them.
@@ -86,6 +97,8 @@ def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
     coupled |= {int(couplings.master[j]) for j in coupled}
     idle: dict[Joint, str] = {}
     stays = [j for j, joint in enumerate(joints) if j in coupled or joint.name in driven]
+    if stays and not (heavy[stays].all() and _regular(scaled, stays)):
+        return {}  # these joints move no mass whatever is fixed
     for j in sorted({*range(len(joints))} - {*stays}, key=lambda j: joints[j].stops[0] - joints[j].stops[1]):
         if heavy[j] and _regular(scaled, [*stays, j]):
             stays.append(j)

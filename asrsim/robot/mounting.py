@@ -67,14 +67,7 @@ def mounted(
         return robot, []
     moving = {joint.name: joint for joint in robot.moving_joints}
     names = tuple(moving)
-    problems = [
-        Problem(
-            "the robot has no such moving joint", key=f"actuators.{name}", choices=names,
-            hint=did_you_mean(name, names) or "For all joints write \"*\"", code="unknown-joint",
-        )
-        for name in types
-        if name != "*" and name not in moving
-    ]  # fmt: skip
+    problems = [_unmoved(robot, name, names) for name in types if name != "*" and name not in moving]
     kinds = ACTUATORS.names()
     problems += [
         Problem(
@@ -101,6 +94,19 @@ def mounted(
     changed, faults = overridden(replace(robot, actuators=tuple(blocks), unread=frozenset(unread)), {}, known)
     problems += [replace(fault, key=_key(fault.key or "")) for fault in faults]
     return changed, problems
+
+
+def _unmoved(robot: Robot, name: str, moving: tuple[str, ...]) -> Problem:
+    """Error about an actuator on a joint that does not move or exist; a warning of the file may say why it does not move."""
+    hint = did_you_mean(name, moving) or 'For all joints write "*"'
+    message = "the robot has no such moving joint"
+    if name in {joint.name for joint in robot.joints}:
+        told = next((one for one in robot.findings if one.key == name), None)
+        message, hint = (
+            "this joint does not move" + (f": {told.message}" if told else ""),
+            (told.hint if told else None) or hint,
+        )
+    return Problem(message, key=f"actuators.{name}", choices=moving, hint=hint, code="unknown-joint")
 
 
 def _key(key: str) -> str:

@@ -290,8 +290,10 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
         )  # fmt: skip
     columns = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
                         for c in list(recording.channels.values())[:30])  # fmt: skip
+    torques = [c.source for c in recording.channels.values() if c.quantity == "link_torque"]
+    rigid = f"--mode 0 plays the torque of '{torques[0]}' on the rigid link, without motor and spring. " if torques else ""
     return RecordingError(
         f"no column is a command that could be played; its columns: {columns}", file=recording.path, code="no-command",
-        hint=f"Name the command's column: --map COLUMN={robot.actuators[0].joint}.reference_1, or .motor_1_position for "
+        hint=f"{rigid}Name the command's column: --map COLUMN={robot.actuators[0].joint}.reference_1, or .motor_1_position for "
         "springs on a bench. `asrsim plot LOG --experiment FILE` compares a recording without commands with a run",
     )  # fmt: skip

@@ -19,7 +19,7 @@ from asrsim.outfile import check_output, make_folder, written
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot, with_actuators, with_overrides
 from asrsim.robot.doubts import warnings_of
-from asrsim.robot.massless import carries_mass
+from asrsim.robot.massless import springable_joints
 from asrsim.robot.mounting import reference_names, with_rotors
 from asrsim.scenario.check import nothing_moves
 from asrsim.scenario.data import Scenario
@@ -289,11 +289,7 @@ def write_starter(
     """
     loaded = moving_robot(robot, arguments, packages)
     chosen = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
-    # Behind a spring a rotor moves with the motor: a joint that carries nothing else would then have no inertia.
-    carrying = [
-        joint.name for joint in loaded.moving_joints if joint.name not in loaded.followers and carries_mass(loaded, joint)
-    ]
-    given = {joint: chosen["*"] for joint in carrying if "*" in chosen}
+    given = {joint: chosen["*"] for joint in springable_joints(loaded) if "*" in chosen}
     given |= {joint: entry for joint, entry in chosen.items() if joint != "*"}
     changed = with_actuators(loaded, given, {})
     bare = Starter(

@@ -114,7 +114,8 @@ class Plot:
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
                     series.append({"label": name, "stroke": stroke, "width": 1.5, "dash": DASHES})
-        if len(time) and curves:
+        # A single sample has no width, from which the page could find a scale of the time.
+        if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
@@ -131,14 +132,15 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        if self._plot is None:
-            with self._folder:
-                self._plot = self._gui.add_uplot(
-                    data, lines, scales=scales, height=HEIGHT, axes=axes, legend={"show": True},
-                    padding=(8, 12, 0, 0),
-                )  # fmt: skip
-            return
-        self._plot.scales, self._plot.axes, self._plot.series, self._plot.data = scales, axes, lines, data
+        # A plot that got other curves would find a wrong scale of the time: viser keeps what part of the time a plot shows, and
+        # takes a plot that is not drawn yet for one whose time ends at 1 s.
+        if self._plot is not None:
+            self._plot.remove()
+        with self._folder:
+            self._plot = self._gui.add_uplot(
+                data, lines, scales=scales, height=HEIGHT, axes=axes, legend={"show": True},
+                padding=(8, 12, 0, 0),
+            )  # fmt: skip
 
 
 def _hex(colour: tuple[int, int, int]) -> str:

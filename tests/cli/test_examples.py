@@ -24,6 +24,9 @@ FASTER = {
     "ilc examples": ["--set", "step=0.002"],
     "run out/ilc_2dof": ["--no-plot"],
     "plot out/step_2dof --format": ["--joint", "joint_1"],
+    # Live runs and views would take the time that they simulate.
+    "live examples": ["--speed", "5"],
+    "view examples": ["--speed", "5"],
 }
 """Options that make a command faster in this test, by words of the command."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))

@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 import asrsim
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
+from asrsim.scenario import load_scenario
+from support.accepted import faults_of
 from validation.models import INSTALLED
 
 G, MASS, ARM = 9.81, 0.8, 0.3
@@ -99,3 +101,15 @@ def test_of_two_joints_on_one_axis_without_mass_between_them_one_is_fixed(tmp_pa
     glued = joint("second", "continuous", axis="0 1 0") + joint("roll", "fixed", parent="body", child="tip")
     alone = moved(tmp_path, engine, glued, links, initial={"second": start})
     np.testing.assert_allclose(found["second"], alone["second"], rtol=0.0, atol=1e-12)
+
+
+def test_init_leaves_joints_without_actuator_that_only_their_rotors_move(tmp_path):
+    """Two joints on one axis, whose rotors would move with the motors of springs: one of them gets a spring."""
+    path, words = tmp_path / "robot.urdf", '<dynamics armature="1e-3"/>'
+    links = f'<link name="base"/><link name="middle"/><link name="body">{BODY}</link>'
+    first = joint("first", "revolute", axis="0 1 0", child="middle", words=words)
+    second = joint("second", "continuous", axis="0 1 0", parent="middle", words=words)
+    path.write_text(f'<robot name="r">{links}{first}{second}</robot>')
+    assert faults_of(path, tmp_path, "sea", duration=0.05, compiled=False) == []
+    (scenario,) = load_scenario(tmp_path / "robot_sea.yaml")
+    assert [*scenario.actuators] == ["second"]

@@ -2,26 +2,46 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from asrsim.actuators.stages.backlash import Backlash
 from asrsim.actuators.stages.base import Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.quantities import QUANTITIES
-from asrsim.registry import Registry
+from asrsim.registry import Registry, is_declared
+
+GROUP = "asrsim.stages"
+"""Entry point group of the stages of installed packages."""
 
 
 class Stages(Registry[type[Stage]]):
     """Table of the stages; the quantities of a stage are known from its registration on."""
 
-    def add(self, name: str, entry: type[Stage], *, replace: bool = False) -> type[Stage]:
-        """Register a stage. Raises InputError if the name is taken and `replace` is not set."""
-        found = super().add(name, entry, replace=replace)
+    def loaded(self) -> tuple[type[Stage], ...]:
+        """All stages, in the order of registration. A stage acts as soon as its package is installed."""
+        if is_declared(GROUP):
+            self.names()
+        return super().loaded()
+
+    def _take(self, name: str, entry: type[Stage]) -> type[Stage]:
         QUANTITIES.update({quantity.name: quantity for quantity in entry.quantities})
-        return found
+        return super()._take(name, entry)
+
+    def state(self) -> Any:
+        """A copy of what the registry contains, for `put`."""
+        return super().state(), dict(QUANTITIES)
+
+    def put(self, state: Any) -> None:
+        """Contain what the registry contained when it had this state."""
+        entries, quantities = state
+        super().put(entries)
+        for name in QUANTITIES.keys() - quantities.keys():
+            del QUANTITIES[name]
 
 
-STAGES = Stages("stage", entry_point_group="asrsim.stages", base=Stage)
+STAGES = Stages("stage", entry_point_group=GROUP, base=Stage)
 for _stage in (Hysteresis, Damper, Backlash, Heating):
     STAGES.add(_stage.name, _stage)
 

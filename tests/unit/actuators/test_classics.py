@@ -28,6 +28,17 @@ def test_the_torque_of_maccepa_is_that_of_a_cable_at_a_lever(d):
     assert Maccepa.elastic_torques(0.0, d, tension, (k, lever, hole, 1.0))[0] == pytest.approx(torque, rel=1e-12)
 
 
+def test_the_stiffness_of_maccepa_has_the_range_that_edinburgh_published_for_its_joint():
+    """-0.657894 to 0.415422 N m/rad: libmaccepa (Howard 2010) for 323 N/m, a lever of 0.03 m, and half a turn of a drum of
+    7.5 mm, over sampled positions. The distance of the hole, 0.13 m, is not stated: one number for two."""
+    constants, tension = (323.0, 0.03, 0.13, 4.0), 7.5e-3 * np.pi
+    stiffness = [
+        Maccepa.stiffness(0.0, d, pull, constants) for d in np.linspace(-np.pi, np.pi, 1001) for pull in (0.0, tension)
+    ]
+    assert min(stiffness) == pytest.approx(-0.657894, abs=1e-6)
+    assert max(stiffness) == pytest.approx(0.415422, rel=1e-4)
+
+
 @pytest.mark.parametrize("d", [-0.25, 0.1, 0.29])
 def test_the_torque_of_awas_is_that_of_two_springs_at_a_lever(d):
     k, r = 6000.0, 0.07

@@ -1,5 +1,8 @@
 """Stages of users: a plugin file brings one with the rights of our own; the checker finds wrong bounds and gained energy."""
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +14,11 @@ from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.errors import ActuatorError
+from asrsim.identification.door import comparable
+from asrsim.metrics.measures import MEASURES
 from asrsim.plugins import load_plugin_file
 from asrsim.quantities import MOST_MOTORS, QUANTITIES
+from asrsim.recordings.names import column_quantities
 from asrsim.records import constant
 from asrsim.simulation.quantities import simulated_quantities
 from support.paths import EXAMPLES, ROOT
@@ -103,6 +109,51 @@ def test_stages_of_one_file_have_different_names(tmp_path):
         load_plugin_file(path)
     assert [problem.key for problem in caught.value.problems] == ["Two.name"]
     assert "twice" not in STAGES
+
+
+def test_of_a_file_with_a_fault_nothing_stays(tmp_path):
+    path = tmp_path / "half.py"
+    path.write_text(
+        "from asrsim.actuators import Actuator, Parameter\n"
+        "from asrsim.actuators.stages.damper import Damper\n"
+        "from asrsim.metrics.measures import MEASURES\n"
+        "from asrsim.quantities import Quantity\n"
+        "MEASURES.add('half', lambda time, values: 0.0)\n\n\n"
+        "class Half(Damper):\n"
+        "    name = 'half'\n"
+        "    lost = 'half_loss'\n"
+        "    quantities = (Quantity('half_loss', 'J', 'E', 'loss'),)\n"
+        "    parameters = (Parameter(name='half', default=0.0, unit='N m s/rad', minimum=0.0, optional=True, doc='d'),)\n"
+        "\n\nclass Wrong(Actuator):\n    name = 'wrong one'\n"
+    )
+    with pytest.raises(ActuatorError) as caught:
+        load_plugin_file(path)
+    assert all((problem.key or "").startswith("Wrong") for problem in caught.value.problems)
+    assert "half" not in STAGES
+    assert "half" not in MEASURES
+    assert "half_loss" not in QUANTITIES
+
+
+def test_quantities_of_a_stage_of_a_file_are_columns_of_recordings_and_of_fits():
+    load_plugin_file(EXAMPLE)
+    logged = {one.name for one in STAGES.get("clutch").quantities}
+    assert logged <= column_quantities().keys()
+    assert logged & set(comparable()) == {name for name in logged if QUANTITIES[name].unit != "J"}
+
+
+def test_a_stage_of_an_installed_package_acts_without_being_asked_for(tmp_path):
+    package = tmp_path / "clutches-1.0.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: clutches\nVersion: 1.0\n")
+    (package / "entry_points.txt").write_text("[asrsim.stages]\nclutch = clutches:Clutch\n")
+    (tmp_path / "clutches.py").write_text(EXAMPLE.read_text(encoding="utf-8"))
+    code = (
+        "from asrsim.actuators import ACTUATORS; from asrsim.quantities import QUANTITIES\n"
+        "names = {one.name for one in ACTUATORS.get('sea').all_parameters()}\n"
+        "assert 'clutch_torque' in names and 'clutch_loss' in QUANTITIES"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), *filter(None, sys.path)))}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 
 
 def test_what_a_stage_logs_is_declared_for_every_motor():

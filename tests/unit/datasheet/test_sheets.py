@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -10,10 +11,10 @@ from scipy.optimize import brentq
 
 import asrsim
 from asrsim.actuators import ACTUATORS
-from asrsim.datasheet import make_sheet, sources_of
+from asrsim.datasheet import make_sheet, measured_curve, sources_of
 from asrsim.datasheet.published import PUBLISHED
 from asrsim.datasheet.trials import AT, BAND
-from asrsim.errors import InputError
+from asrsim.errors import InputError, RecordingError
 from asrsim.plots.chart import Line
 from support.paths import ROOT
 
@@ -164,15 +165,61 @@ def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_co
     assert asrsim_command("datasheet", "sea").code != 0
 
 
+def measured(sheet):
+    """Measured deflection (n,) and torque (n,) on a sheet."""
+    (line,) = [line for line in sheet.rows[0][0].lines if line.kind == "points"]
+    assert isinstance(line, Line)
+    return line.x, line.y
+
+
 def test_measured_points_stand_beside_the_law(tmp_path):
     deflection = np.linspace(-0.3, 0.3, 50)
     table = np.column_stack([np.arange(50) * 0.01, deflection, 11.0 * deflection])
     np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time,deflection [rad],torque [Nm]", comments="")
     (source,) = sources_of(["sea"])
-    sheet = make_sheet(source, recording=tmp_path / "bench.csv")
-    measured = [line for line in sheet.rows[0][0].lines if line.kind == "points"]
-    assert [type(line) for line in measured] == [Line]
-    np.testing.assert_allclose(measured[0].y, 11.0 * measured[0].x)
+    angle, torque = measured(make_sheet(source, measured=[measured_curve(source, tmp_path / "bench.csv")]))
+    np.testing.assert_allclose(torque, 11.0 * angle)
+
+
+@pytest.mark.slow
+def test_identify_of_a_bench_writes_the_sheet_with_the_recorded_and_the_fitted_curve(tmp_path, asrsim_command, monkeypatch):
+    """A spring of 31 N m/rad whose link is locked: the sheet has the fitted stiffness, and the points that were recorded."""
+    monkeypatch.chdir(tmp_path)
+    time = np.arange(0.0, 2.0, 0.01)
+    angle = 0.2 * np.sin(3.0 * time)
+    torque = 31.0 * angle + 0.02 * np.random.default_rng(0).normal(size=len(time))
+    np.savetxt("a.csv", np.column_stack([time, angle, torque]), delimiter=",", header="time [s],angle,load", comments="")
+    (tmp_path / "r.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", SEA, flags=re.DOTALL))
+    maps = ["--map", "angle=j.motor_1_position [rad]", "--map", "load=j.elastic_torque_1 [N m]"]
+    done = asrsim_command("init", "r.urdf", "--actuator", "sea", "--experiment", "a.csv", *maps, "--out", "lab.yaml")
+    assert done.code == 0, done.err
+    done = asrsim_command("identify", "lab.fit.yaml", "--sheet", "--no-plot", "--json")
+    assert done.code == 0, done.err
+    (folder,) = tmp_path.rglob("datasheet")
+    numbers = json.loads((folder / "r_j.json").read_text())["numbers"]
+    assert numbers["stiffness_max"]["value"] == pytest.approx(31.0, rel=0.01)
+    assert "measured: a.csv" in (folder / "r_j.html").read_text()
+
+
+def test_a_recording_without_a_torque_curve_is_refused_with_the_missing_column(tmp_path):
+    np.savetxt(
+        tmp_path / "a.csv", 0.01 * np.ones((9, 2)).cumsum(axis=0), delimiter=",", header="time,link_position", comments=""
+    )
+    (source,) = sources_of(["sea"])
+    with pytest.raises(RecordingError, match="motor_1_position, link_torque"):
+        measured_curve(source, tmp_path / "a.csv")
+
+
+def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_encoder(tmp_path):
+    """A scenario mounts an SEA of 17 N m/rad behind an encoder of 4096 counts a turn."""
+    (tmp_path / "r.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", SEA, flags=re.DOTALL))
+    text = "robot: r.urdf\nduration: 1\nactuators: {j: {type: sea, mode: 6, parameters: {spring_stiffness: 17}}}\n"
+    (tmp_path / "lab.yaml").write_text(f"{text}effects: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
+    (source,) = sources_of([str(tmp_path / "lab.yaml")])
+    sheet = make_sheet(source)
+    assert value(sheet, "stiffness_max") == pytest.approx(17.0)
+    assert value(sheet, "resolution") == pytest.approx(math.tau / 4096)
+    assert "effects.sensors.j.quantum" in sheet.entry("resolution").how
 
 
 @pytest.mark.parametrize("target", ["qbmoove", "nothing.urdf"])

@@ -461,6 +461,7 @@ def test_softening_and_backlash_are_detected_on_the_bench(tmp_path, width, cause
     assert result.find("joint_1.spring_stiffness").margin > 0.05
 
 
+@pytest.mark.slow
 def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
     (tmp_path / "axis.urdf").write_text(
         '<robot name="axis"><link name="world"/><joint name="axis" type="prismatic"><parent link="world"/><child link="mass"/>'

@@ -1,11 +1,18 @@
 """A fit names the effect that its model lacks; recordings are from an independent integrator."""
 
+from contextlib import ExitStack
+
+import numpy as np
 import pytest
 
 from asrsim.identification import identify
+from asrsim.identification.causes import wrong_controllers
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.robot import load_robot
 from asrsim.robot.dynamics import RobotModel
+from support.identify_files import CHIRP, prepared, save, write
+from support.identify_files import SEA as LAB
+from support.identify_files import record as log_of
 from support.odd_arm import drawn, record
 from support.soft_arm import SEA
 
@@ -78,3 +85,33 @@ def test_an_adopted_cause_is_identified_and_the_springs_are_right(tmp_path, effe
         one = found.find(name)
         assert one.low < value < one.high
         assert one.verdict == "identified"
+
+
+def test_a_recorded_torque_is_proposed_if_the_controller_is_another_one(tmp_path):
+    """A link of 0.009 kg m^2 under its recorded torque; the goal says little about its motion."""
+    time = np.arange(0.0, 2.0, 0.005)
+    place = 0.3 * np.sin(9.0 * time) + 0.1 * np.sin(17.0 * time)
+    torque = -0.009 * (24.3 * np.sin(9.0 * time) + 28.9 * np.sin(17.0 * time))
+    columns = {"time [s]": time, "joint_1.reference_1 [rad]": 0.1 * np.sin(2.0 * time), "joint_1.link_position [rad]": place}
+    with ExitStack() as stack:
+        problem = prepared(stack, tmp_path, {**columns, "joint_1.link_torque [N m]": torque}, ["joint_1.damping"], mode=1)
+        (text,) = wrong_controllers(problem, np.zeros(len(problem.layout)))
+    maps = "joint_1.link_torque [N m]=joint_1.reference_1", "joint_1.reference_1 [rad]=ignore"
+    assert text.endswith(f"(--mode 0 --map '{maps[0]}' --map '{maps[1]}')")
+
+
+@pytest.mark.slow
+def test_a_spring_that_saturates_and_a_zero_of_a_command_are_named(tmp_path):
+    """A simulated spring of 4 N m/rad whose torque stays constant beyond 0.03 rad; a torque that is 0.03 N m too small."""
+    chirp = f"{{equilibrium_position: {CHIRP}}}"
+    limited = write(tmp_path, "true", {**LAB, "tags": "<spring_k>4.0</spring_k><max_def>0.03</max_def>"}, chirp)
+    free = ["joint_1.spring_stiffness", "joint_1.damping"]
+    found = identify(write(tmp_path, "lab", LAB), [log_of(limited, tmp_path / "a.csv")], free=free)
+    assert found.causes[0].startswith("a limit max_deflection of joint_1 (0.03")
+    time = np.arange(0.0, 3.0, 1e-3)
+    place = 0.4 * (1.0 - np.cos(5.0 * time)) + 1e-4 * np.random.default_rng(0).normal(size=len(time))
+    moved = 0.4 * (0.009 * 25.0 * np.cos(5.0 * time) + 0.05 * 5.0 * np.sin(5.0 * time))
+    heading = "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]"
+    table = save(tmp_path / "b.csv", heading, time, moved - 0.03, place)
+    found = identify(write(tmp_path, "lab", {**LAB, "mode": 0}), [table], free=["joint_1.damping", "link_1.izz"])
+    assert found.causes[0].startswith("a zero offset of joint_1.reference_1 (-30"), found.causes

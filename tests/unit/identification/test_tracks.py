@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from asrsim.identification import door
-from asrsim.identification.problem import jacobian
-from support.identify_files import prepared
+from asrsim.identification.judge import channel_fits
+from asrsim.identification.problem import differences, jacobian, set_up
+from asrsim.identification.task import task_of
+from support.identify_files import SEA, prepared, save, write
 
 
 def noise(*shape, seed=0):
@@ -107,3 +109,39 @@ def test_a_link_starts_where_motor_and_deflection_say(tmp_path, mode, motor):
         assert initial["joint_1.initial_velocity"] == pytest.approx(2.0, abs=0.1)
         starts = ["joint_1.initial_position", "joint_1.initial_velocity"]
         assert [entry.key for entry in problem.layout.entries] == ["joint_1.damping", *starts]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("rate", [4.0, 12.0, 40.0])
+def test_a_deflection_with_the_wrong_sign_is_known_without_a_simulation(tmp_path, sign, rate):
+    """A link on a spring, at 12 rad/s with a damping ratio of 0.1, behind a motor that moves slower, as fast, and faster."""
+    place, speed, places, motor = 0.0, 0.0, [], 0.3 * np.sin(rate * TIME) + 0.1 * np.sin(5.0 * TIME)
+    for goal in motor.tolist():
+        places.append(place)
+        for _ in range(10):
+            speed += 1e-4 * (144.0 * (goal - place) - 2.4 * speed)
+            place += 1e-4 * speed
+    bent = sign * (motor - np.array(places)) + noise(len(TIME))
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": motor, "joint_1.deflection [rad]": bent}
+    with ExitStack() as stack:
+        problem = prepared(stack, tmp_path, columns, ["joint_1.damping"], mode=2)
+        start = np.zeros(len(problem.layout))
+        (found,) = channel_fits(problem, differences(problem.everything, start), start)
+        assert ("=-joint_1.deflection'" in found.suspicion) == (sign < 0.0)
+
+
+@pytest.mark.parametrize("level", [0.0, 2.0])
+def test_derivatives_by_a_parameter_of_the_second_recording_are_zero_in_the_first(tmp_path, level):
+    """With and without an observer."""
+    scenario = write(tmp_path, "lab", SEA, duration=0.8)
+    columns = TIME, 0.3 * np.sin(9.0 * TIME), 0.2 * np.sin(9.0 * TIME) + noise(len(TIME))
+    heading = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
+    tables = [save(tmp_path / f"{name}.csv", heading, *columns) for name in "ab"]
+    task = task_of(scenario, tables, free=["joint_1.damping"], own=["joint_1.link_position.offset"])
+    with ExitStack() as stack:
+        problem = set_up(task, stack).problem.observed(level)
+        keys = [(entry.key, entry.track) for entry in problem.layout.entries]
+        column = keys.index(("joint_1.link_position.offset", 1))
+        slopes = jacobian(problem, np.zeros(len(keys)), columns=[column])[:, 0]
+        assert not slopes[problem.rows(0)].any()
+        assert slopes[problem.rows(1)].any()

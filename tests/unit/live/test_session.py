@@ -1,5 +1,6 @@
 """Live runs without any network: what comes in is checked and recorded, what goes out is in the log, and that repeats it."""
 
+import gc
 import math
 import random
 import struct
@@ -263,6 +264,12 @@ def test_a_trajectory_moves_its_joints_through_its_points(tmp_path, smooth):
     for row, references in wanted.items():
         np.testing.assert_allclose(samples.values["reference_1"][row], references, atol=1e-12)
     assert rerun(tmp_path / "run" / "log.mcap").identical
+
+
+def test_objects_that_a_program_has_excluded_from_garbage_collection_stay_excluded(tmp_path):
+    gc.freeze()
+    run_live(tmp_path / "run", Script(), duration=0.01)
+    assert gc.get_freeze_count() > 0
 
 
 @pytest.mark.parametrize(

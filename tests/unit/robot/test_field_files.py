@@ -176,6 +176,13 @@ def test_a_joint_that_moves_no_mass_is_fixed_with_a_warning(tiny):
     assert told == ["finger_left", "finger_right"]
 
 
+def test_an_actuator_on_a_joint_that_the_file_left_without_mass_is_refused_with_the_reason(tiny, asrsim_command):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}actuators: {{finger_left: sea}}\n")
+    told = asrsim_command("check", tiny.scenario).out
+    assert "actuators.finger_left: this joint does not move: nothing behind this joint has mass" in " ".join(told.split())
+
+
 def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     text = PENDULUM.replace("<joint>elbow<", "<joint>finger_left<")
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
