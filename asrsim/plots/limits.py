@@ -47,9 +47,12 @@ def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
     if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None or info.motors > 2:
         return []
-    if two is None or one is None or style.has_adjuster(info):
+    if info.motors < 2 or style.has_adjuster(info):
         time = np.asarray(run.curves[joint, "deflection"].time[[0, -1]])
         left = np.full(2, limit)
+    elif one is None or two is None:
+        # The preset is unknown: the curves were read without the motors.
+        return []
     else:
         time = one.time
         left = limit - 0.5 * np.abs(one.values - np.interp(time, two.time, two.values))
