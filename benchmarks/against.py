@@ -21,6 +21,7 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,19 +98,20 @@ def worlds(path: str) -> float:
         return _median(lambda: [part.advance(20) for part in parts]) / (64 * 20)
 
 
-def environments(path: str) -> float:
-    """CPU time of a step of 64 environments of 20 ms each, s; versions without `make_vec_env` use Gymnasium's SyncVectorEnv."""
+def environments(count: int, path: str) -> float:
+    """CPU time of a physics step of 1 ms of one of `count` environments with a reward, in control steps of 20 ms with random
+    actions, s. Versions that know rewards of all environments at once use them."""
     import asrsim
+    from asrsim.environment.options import Options
 
-    if hasattr(asrsim, "make_vec_env"):
-        many = asrsim.make_vec_env(path, 64)
-    else:
-        import gymnasium
+    def reward(state: Any) -> Any:
+        return -np.abs(state.values["link_position"] - 0.5).sum(axis=-1)
 
-        many = gymnasium.vector.SyncVectorEnv([lambda: asrsim.make_env(path)] * 64)
+    more: dict[str, Any] = {"batched": True} if "batched" in Options.__annotations__ else {}
+    many = asrsim.make_vec_env(path, count, reward=reward, **more)
     many.reset(seed=0)
-    actions = np.zeros(many.action_space.shape, dtype=np.float32)
-    return _median(lambda: many.step(actions))
+    actions = iter(np.random.default_rng(0).uniform(-1.0, 1.0, (21, *many.action_space.shape)).astype(np.float32))
+    return _median(lambda: many.step(next(actions))) / (count * round(0.02 / many.worlds.prepared.scenario.step))
 
 
 def environment(path: str) -> float:
@@ -174,18 +176,22 @@ def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
         found[f"worlds_{joints}"] = (worlds, _scenario(folder, robot, duration=50.0))
         for engine in ("mujoco", "bullet"):
             found[f"motion_{engine}_{joints}"] = (motion, _scenario(folder, robot, duration=1.0, engine=engine))
-    found["environments"] = (environments, _scenario(folder, chain(folder, 2), duration=60.0))
+    two = EXAMPLES.parent / "urdf" / "dof2_horizontal.urdf"
+    ranges = '{"*": {equilibrium_position: [-1, 1], stiffness_preset: [0.05, 0.4]}}'
+    free = _scenario(folder, two, duration=60.0, substeps=None, extra=f"reference_ranges: {ranges}\n")
+    for count in (64, 1024):
+        found[f"environments_{count}"] = (partial(environments, count), free)
     found["one_environment"] = (environment, _scenario(folder, chain(folder, 2), duration=60.0))
     found["twin"] = (twin, _scenario(folder, chain(folder, 2), duration=60.0))
     return found
 
 
-def _scenario(folder: Path, robot: Path, **options: Any) -> str:
-    """Compiled scenario of a robot in `folder`, with all actuators in mode 6."""
+def _scenario(folder: Path, robot: Path, *, extra: str = "", **options: Any) -> str:
+    """Compiled scenario of a robot in `folder`, with all actuators in mode 6. extra: additional lines of YAML."""
     copy = folder / robot.name
     if robot != copy:
         shutil.copy(robot, copy)
-    return scenario(copy, extra="compiled: true\nmodes: 6\n", **options)
+    return scenario(copy, extra=f"compiled: true\nmodes: 6\n{extra}", **options)
 
 
 def _run(tree: Path, command: list[str]) -> float:

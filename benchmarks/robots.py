@@ -59,14 +59,16 @@ def _write(path: Path, parts: list[str]) -> Path:
 
 
 def scenario(
-    robot: Path, *, engine: str = "mujoco", duration: float = 10.0, substeps: int = 1, amplitude: float = 0.3, extra: str = ""
-) -> str:
-    """Write a scenario next to the robot file, in which every motor follows a sine. extra: additional lines of YAML."""
+    robot: Path, *, engine: str = "mujoco", duration: float = 10.0, substeps: int | None = 1, amplitude: float = 0.3,
+    extra: str = "",
+) -> str:  # fmt: skip
+    """Write a scenario next to the robot file, in which every motor follows a sine. substeps: None: as many as
+    the springs need; extra: additional lines of YAML."""
     text = f"""robot: {robot}
 duration: {duration}
 step: 0.001
 engine: {engine}
-substeps: {substeps}
+substeps: {"auto" if substeps is None else substeps}
 motor_substeps: 1
 references:
   "*":

@@ -88,7 +88,7 @@ def init(
 
         files, notes = write_starter(robot, target, **options)
         return _done(files, notes, [f"wrote {', '.join(map(str, files))}; {run}"])
-    from asrsim.runs.from_recording import write_from_recording
+    from asrsim.starter.recording import write_from_recording
 
     made = write_from_recording(robot, experiment, target, mapping=columns, rate=rate, plugins=plugin, **options)
     remarks = [Problem(text, file=experiment) for text in made.remarks]

@@ -8,6 +8,7 @@ The names made here contain a digest of all code that the function depends on: e
 from __future__ import annotations
 
 import hashlib
+import os
 import sys
 import types
 from collections import OrderedDict
@@ -30,7 +31,8 @@ substep, and without tests for divisions by 0, which give inf or NaN."""
 VECTORISED = 0
 """Numba's setting for the vectorisation of loops. Our loops over joints and motors are short, and read numbers that have just
 been written one by one: a vector of such numbers would have to wait until they are in the cache."""
-_loaded: OrderedDict[tuple[str, Path | None], Any] = OrderedDict()
+_loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
+"""What this process has compiled or loaded, by digest and folder of the cache."""
 
 
 def available() -> bool:
@@ -117,7 +119,7 @@ def _at_address(address: int, state: int, exchange: int, wrenches: int, lengths:
     record = _unpacked(address)
     joints, rows, columns = _sizes(record)
     _function(
-        record, _row(state), _table(exchange, pieces, joints, 5), _table(wrenches, pieces, rows, columns),
+        record, _row(state), _table(exchange, pieces, joints, 6), _table(wrenches, pieces, rows, columns),
         _table(lengths, 1, 1, pieces)[0, 0],
     )  # fmt: skip
 
@@ -244,11 +246,11 @@ def _through_cache(
         repr(_code(function, names, set())),
     ]
     digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
-    cached = cache_file(digest)
-    key = digest, cached
+    key = digest, os.environ.get("XDG_CACHE_HOME", "")
     if key in _loaded:
         _loaded.move_to_end(key)
         return _loaded[key]  # type: ignore[no-any-return]
+    cached = cache_file(digest)
     usual, settings.LOOP_VECTORIZE = settings.LOOP_VECTORIZE, VECTORISED
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)

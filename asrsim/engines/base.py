@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.scenario.data import World
 
-POSITION, VELOCITY, TORQUE, DAMPING, FRICTION = range(5)
-"""Columns of an exchange, an array (p, n, 5) with a row for each piece of the kick and each joint. A step reads torque (N m,
+POSITION, VELOCITY, TORQUE, DAMPING, FRICTION, MIDDLE = range(6)
+"""Columns of an exchange, an array (p, n, 6) with a row for each piece of the kick and each joint. A step reads torque (N m,
 N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece; it writes position (rad, m) and
-velocity (rad/s, m/s) at its end to the rows of the last piece. It may also write the velocities after the other pieces to their
-rows; without them, the mean velocity of the kick is logged."""
+velocity (rad/s, m/s) at its end to the rows of the last piece. It may also write the velocities in the middle of the kick
+there, which are logged; without them, the means of the velocities before and after the kick are logged."""
 ROUNDING = 1e-9
 """Largest rounding error of the sum of the lengths of a kick's pieces."""
 GROUND, ROBOT = "ground", "robot"
@@ -38,7 +38,7 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
-    """Mean values of an exchange (n, 5) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
+    """Mean values of an exchange (n, 6) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
     fraction of a step, for engines that cannot divide a kick."""
     total = float(lengths.sum())
     shares = lengths / total
@@ -118,7 +118,7 @@ class Engine(Protocol):
         """
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance the world by one step. exchange: (p, n, 5), see `POSITION`. wrenches: force (N) and torque (N m) of each
+        """Advance the world by one step. exchange: (p, n, 6), see `POSITION`. wrenches: force (N) and torque (N m) of each
         wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or 1/2
         in the first step of a staggered run. All arrays are C-contiguous."""
 

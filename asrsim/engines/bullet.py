@@ -77,7 +77,7 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
     for i in range(room.freedoms):
         room.regime[i] = STICKING
         room.force[i] = push[i] = forces[0, i, 0]
-    find_change(room, exchange, 0, lengths[0])
+    find_change(room, exchange, 0, lengths[0], True)
     for j in range(room.joints):
         i = room.joint_v[j]
         mean = room.velocity[i] + room.scheme[IMPLICITNESS] * room.change[i]
@@ -171,7 +171,7 @@ class BulletContacts(BulletEngine):
         self._pushed: tuple[HeldWrench, ...] = ()
         """Wrenches that are held on objects."""
         self._calculation = Calculation(find_torques, self._room)
-        self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 5)), self._forces, np.ones(1)
+        self._arrays = np.zeros(len(self._before)), np.zeros((1, len(self._indices), 6)), self._forces, np.ones(1)
         """Arguments of `find_torques`."""
 
     def _add_object(self, item: WorldObject) -> int:

@@ -130,7 +130,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
             push(record, wrenches, piece)
             if room.reduced:
                 reduce_force(room)
-        kick(room, exchange, piece, lengths[piece])
+        kick(room, exchange, piece, lengths)
     finish(room, state, exchange, lengths)
 
 

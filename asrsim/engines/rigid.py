@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from asrsim.compiled import compiling
 from asrsim.compiled.compiling import Callback
 from asrsim.compiled.packed import pack
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
+from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.engines.loops import Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
@@ -41,6 +41,8 @@ Numbers = NDArray[Any]
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
 implicitness."""
+SLOW = 1e-9
+"""Speed in rad/s or m/s below which a joint at its stop rests there, as a margin for rounding."""
 INLINE = (
     "asrsim.engines.rigid", "asrsim.engines.loops", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step",
     "asrsim.engines.bullet",
@@ -99,8 +101,11 @@ class Room(NamedTuple):
     rebound: Numbers
     """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
     velocity: Numbers
-    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the next eight
-    fields."""
+    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the eight
+    fields after `middle`."""
+    middle: Numbers
+    """Velocity (v,) in the middle of the kick, at the time of the position before the drift. The impact of a joint that strikes
+    its stop in the drift is later."""
     impulse: Numbers
     bound: Numbers
     slowest: Numbers
@@ -258,26 +263,45 @@ def reduce_force(room: Any) -> None:
         room.force[room.owner[a]] += room.factor[a] * room.full_force[a]
 
 
-def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
-    """Change `room.velocity` in a piece of the kick. length: length of the piece as a fraction of a step.
+def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
+    """Change `room.velocity` and `room.middle` in a piece of the kick. lengths: lengths of the pieces as fractions of a step.
 
     The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
     sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
     have struck them.
     """
-    count, splits, resting = room.joints, 0, -1
+    count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
+    # Time from the beginning of the piece to the middle of the kick, as a fraction of a step.
+    ahead = 0.0
+    for k in range(len(lengths)):
+        ahead += 0.5 * lengths[k] if k >= piece else -0.5 * lengths[k]
+    for i in range(room.freedoms if piece == 0 else 0):
+        room.middle[i] = room.velocity[i]
+    splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and _has_impact(room)
     # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
     part, whole = 0.0 if impact else length, not impact
     # `find_change` is called at one place: it is compiled into each place where it is called.
     while True:
-        find_change(room, exchange, piece, part)
-        if whole and splits < count:
+        find_change(room, exchange, piece, part, last and not free)
+        if whole and splits < count and not free:
             resting = first_standstill(room)
             if resting != -1:
                 part *= -room.velocity[resting] / room.change[resting]
                 whole = False
                 continue
+        if ahead > 0.0 and not noted:
+            if not free and _has_strike(room):
+                # The middle of the kick is before the impact: the stop does not act on it.
+                free = True
+                continue
+            share = min(ahead / part, 1.0) if part > 0.0 else 1.0
+            for i in range(room.freedoms):
+                room.middle[i] += share * room.change[i]
+            if free:
+                free, noted = False, True
+                continue
+        ahead, noted = ahead - part, False
         for i in range(room.freedoms):
             room.velocity[i] += room.change[i]
         if whole:
@@ -289,15 +313,23 @@ def kick(room: Any, exchange: Any, piece: int, length: float) -> None:
             length -= part
             splits += 1
         part, whole, resting = length, True, -1
-    for j in range(count):
-        speed = room.velocity[room.joint_z[j]]
-        exchange[piece, j, VELOCITY] = room.ratio[j] * speed if room.reduced else speed
 
 
-def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
+def _has_strike(room: Any) -> bool:
+    """Whether a joint strikes its stop in the drift after this kick."""
+    count = 0
+    for i in range(room.freedoms):
+        goal = room.velocity[i] + room.change[i]
+        if abs(room.regime[i]) == AT_UPPER and (abs(goal) > SLOW or abs(room.velocity[i]) > SLOW):
+            count += 1
+    return count > 0
+
+
+def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool) -> None:
     """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
 
-    length: length of the part as a fraction of a step.
+    length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, only joints that
+    rest at their stops feel these.
     """
     step = room.scheme[STEP]
     time = length * step
@@ -323,6 +355,12 @@ def find_change(room: Any, exchange: Any, piece: int, length: float) -> None:
         # back would give the joint a velocity.
         room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
         room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
+        if not last and room.slowest[i] < -SLOW:
+            room.slowest[i] = -inf
+            room.regime[i] = max(room.regime[i], NEGATIVE)
+        if not last and room.fastest[i] > SLOW:
+            room.fastest[i] = inf
+            room.regime[i] = min(room.regime[i], POSITIVE)
     settle(room)
 
 
@@ -393,6 +431,7 @@ def _leave_stops(room: Any, state: Any) -> None:
     solve_states(room)
     for i in range(room.freedoms):
         room.velocity[i] += room.change[i]
+        room.middle[i] += room.change[i]
         if room.rebound[i] != 1.0:
             room.regime[i] //= AT_UPPER
 
@@ -424,12 +463,14 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
             state[place] += step * speed
             exchange[last, j, POSITION] = state[place]
             exchange[last, j, VELOCITY] = speed
+            exchange[last, j, MIDDLE] = room.middle[room.joint_z[j]]
     if room.reduced:
         _place_followers(room, state, step)
         for j in range(room.joints):
             place = room.joint_q[j]
             exchange[last, j, POSITION] = state[place]
             exchange[last, j, VELOCITY] = room.ratio[j] * state[first + room.joint_z[j]]
+            exchange[last, j, MIDDLE] = room.ratio[j] * room.middle[room.joint_z[j]]
             if room.loops.chains and room.master[j] != j:
                 # The mean velocity of the drift, since the ratio of a loop is not constant.
                 exchange[last, j, VELOCITY] = (state[place] - room.qpos[place]) / step
@@ -469,7 +510,7 @@ def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> 
             room.full_force[i] = forces[piece, i, 0]
         if room.reduced:
             reduce_force(room)
-        kick(room, exchange, piece, lengths[piece])
+        kick(room, exchange, piece, lengths)
     finish(room, state, exchange, lengths)
     aim(room, state)
 

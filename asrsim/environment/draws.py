@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from asrsim.errors import InputError, Problem
+from asrsim.scenario.data import Effects
+from asrsim.scenario.overrides import split_path
+from asrsim.simulation.drives import COMMAND_DELAY, SENSOR_DELAY
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.laws import Distribution, Values
 from asrsim.sweeps.study import axis_of
 
 if TYPE_CHECKING:
+    from asrsim.scenario.data import Scenario
     from asrsim.simulation.prepare import Prepared
 
 
@@ -52,12 +58,59 @@ class Draws:
 
 def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     """Parts of the scenario that the keys set. Raises InputError for keys that require reading the scenario again."""
-    found = plan_keys(keys, dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
-    wrong = [key for key in keys if key not in found.numbers and key not in found.references]
-    if wrong:
-        message = "cannot change from episode to episode: the scenario would have to be read anew"
-        raise InputError([Problem(message, key=key, code="randomise") for key in wrong])
-    return found
+    late = {key: name for key in keys if (name := _delay(key))}
+    found = plan_keys([key for key in keys if key not in late], dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
+    numbers = {**found.numbers, **{key: _late_joints(key, name, prepared) for key, name in late.items()}}
+    wrong = [key for key in keys if key not in numbers and key not in found.references]
+    problems = [
+        Problem("cannot change from episode to episode: the scenario would have to be read anew", key=key, code="randomise")
+        for key in wrong
+    ]
+    joints = ("*", *(drive.name for drive in prepared.drives))
+    why = "changes nothing: no such joint has a controller whose sensor could be late"
+    problems += [Problem(why, key=key, choices=joints, code="randomise") for key in late if not numbers[key]]
+    if problems:
+        raise InputError(problems)
+    return replace(found, numbers=numbers)
+
+
+def with_longest_delays(scenario: Scenario, draws: Draws) -> Scenario:
+    """The scenario with the longest delays of commands and sensors that can be drawn, since worlds keep memory for these.
+    Raises InputError."""
+    for key, longest, shortest in zip(draws.keys, *reversed(draws.bounds()), strict=True):
+        if not (name := _delay(key)):
+            continue
+        if not (shortest >= 0.0 and math.isfinite(longest)):
+            raise InputError(
+                "must be at least 0 s and have an upper bound", key=key, value=(shortest, longest), code="randomise"
+            )
+        joint = split_path(key)[2]
+        own = scenario.command_effects if name == COMMAND_DELAY else scenario.sensor_effects
+        table = {**own, joint: replace(own.get(joint, Effects()), delay=longest)}
+        if name == COMMAND_DELAY:
+            scenario = replace(scenario, command_effects=table)
+        else:
+            scenario = replace(scenario, sensor_effects=table)
+    return scenario
+
+
+def _delay(key: str) -> str:
+    """Name of the delay that a key of the scenario sets, such as `effects.sensors.joint_1.delay`; empty for other keys."""
+    parts = split_path(key)
+    known = {"commands": COMMAND_DELAY, "sensors": SENSOR_DELAY}
+    return known.get(parts[1], "") if len(parts) == 4 and parts[::3] == ("effects", "delay") else ""
+
+
+def _late_joints(key: str, name: str, prepared: Prepared) -> tuple[tuple[str, str], ...]:
+    """Joints whose delay a key sets, with the name of the delay."""
+    commands, joint = name == COMMAND_DELAY, split_path(key)[2]
+    own = prepared.scenario.command_effects if commands else prepared.scenario.sensor_effects
+    return tuple(
+        (drive.name, name)
+        for drive in prepared.drives
+        if (drive.name == joint or (joint == "*" and drive.name not in own))
+        and (drive.command_effects if commands else drive.sensor) is not None
+    )
 
 
 def _is_number(value: Any) -> bool:

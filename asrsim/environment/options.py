@@ -49,6 +49,8 @@ def _is_tip(value: Any) -> bool:
 
 def _fits(value: Any, types: Any) -> bool:
     """Whether a value has one of the types. Entries of a list and keys of a mapping must be texts."""
+    if isinstance(value, bool):
+        return types in (bool, object)
     named = types is not object and isinstance(value, Sequence | Mapping)
     return isinstance(value, types) and (not named or all(isinstance(name, str) for name in value))
 
@@ -64,7 +66,7 @@ _FORMS: dict[str, tuple[Any, Any, str]] = {
     "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
     "batched": (False, bool, "True or False"), "fit": (None, str | Path | None, "the path of a fit.json"),
     "push": ({}, Mapping, "a mapping from joints to laws of a torque in N m, such as {'joint_1': 'uniform(-0.1, 0.1)'}"),
-    "delay": (None, int | float | str | Sequence | None, "a time in s, or a law of it, such as 'uniform(0, 0.04)'"),
+    "delay": (None, object, ""),
     "noise": ({}, Mapping, "a mapping from observed quantities to standard deviations in their units"),
     "history": (0, int, "a number of control periods"),
     "tip": (None, object, ""),

@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.quantities import MOST_MOTORS, each_motor
 from asrsim.robot.dynamics import robot_model
-from asrsim.samples import Array
+from asrsim.samples import Array, picking
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 
@@ -48,19 +48,23 @@ class Readings:
         recorded = [recorded_quantities(drive) for drive in drives]
         problems = []
         choices = tuple(name for name in KNOWN if name == TIP or any(name in own for own in recorded))
-        self._joints: dict[str, list[int]] = {}
+        self._joints: dict[str, Any] = {}
+        """Index of the joints that have each quantity."""
         for name in names:
-            self._joints[name] = [j for j, own in enumerate(recorded) if name in own]
-            if name not in KNOWN or (name == TIP and tip is None) or not (self._joints[name] or name == TIP):
+            having = [j for j, own in enumerate(recorded) if name in own]
+            self._joints[name] = picking(having or [0])
+            if name not in KNOWN or (name == TIP and tip is None) or not (having or name == TIP):
                 why = "exists for no joint in its mode" if name in KNOWN else "cannot be observed here"
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
-                problems.append(Problem(f"'{name}' {why}", choices=choices, hint=hint, code="unknown-quantity"))
+                problems.append(Problem(f"'{name}' {why}", key="observe", choices=choices, hint=hint, code="unknown-quantity"))
         self._model = robot_model(source.prepared.scenario, source.prepared.robot)
         if tip is not None and tip[0] not in self._model.links:
-            problems.append(Problem(f"the robot has no link '{tip[0]}'", choices=self._model.links, code="unknown-link"))
+            problems.append(
+                Problem(f"the robot has no link '{tip[0]}'", key="tip", choices=self._model.links, code="unknown-link")
+            )
         if not names:
-            problems.append(Problem("the option observe names no quantity", choices=choices, code="no-quantity"))
+            problems.append(Problem("names no quantity", key="observe", choices=choices, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._moved = any(name in _MOTORS for name in names)
@@ -70,10 +74,10 @@ class Readings:
         """Lower and upper bounds of the observed values; infinite where a value is unbounded."""
         parts = []
         for name, joints in self._joints.items():
-            part = np.full((2, 3 if name == TIP else len(joints)), np.inf)
+            part = np.full((2, len(self._source.joints)), np.inf)
             if name == "link_position":
-                part = np.array([-self._model.lower, self._model.upper])[:, joints] + BEYOND
-            parts.append(part)
+                part = np.array([-self._model.lower, self._model.upper]) + BEYOND
+            parts.append(np.full((2, 3), np.inf) if name == TIP else part[:, joints])
         low, high = np.concatenate(parts, axis=1)
         return -low, high
 
@@ -83,7 +87,7 @@ class Readings:
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
 
-    def _one(self, name: str, joints: list[int], state: Any, step: dict[str, Array]) -> Array:
+    def _one(self, name: str, joints: Any, state: Any, step: dict[str, Array]) -> Array:
         if name == TIP and self._tip is not None:
             link, (x, y, z) = self._tip
             return self._model.pose(state.link_position, link, (x, y, z))[0]

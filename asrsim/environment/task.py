@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from asrsim.environment.draws import Draws, plan
+from asrsim.environment.draws import Draws, plan, with_longest_delays
 from asrsim.environment.readings import KNOWN, Readings
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plain import one_or_more
@@ -20,11 +20,14 @@ from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
+from asrsim.simulation.examine import examine
 from asrsim.simulation.prepare import Prepared, Start, prepare_worlds
 from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 
+TRIED = 20
+"""Number of episodes whose random values are tried when an environment is made."""
 LARGEST = float(np.finfo(np.float32).max)
 """Bound that the observation space states for unbounded values."""
 Single = NDArray[np.float32]
@@ -66,10 +69,13 @@ class ControlTask:
     ) -> None:  # fmt: skip
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
-        self.prepared = prepared = prepare_worlds(
-            scenario, engine=engine, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"],
-            settable=True,
-        )  # fmt: skip
+        self._random, self._start, self._goal, self._push = (
+            Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
+        )
+        stated = examine(scenario, variant=options["variant"], overrides=options["overrides"], plugins=options["plugins"])
+        longest = with_longest_delays(stated.scenario, self._random)
+        given = stated if longest is stated.scenario else longest
+        self.prepared = prepared = prepare_worlds(given, engine=engine, settable=True)
         scenario = prepared.scenario
         self.steps = _steps(options["control_rate"], scenario.step)
         """Number of simulation steps per action."""
@@ -81,9 +87,6 @@ class ControlTask:
         self._reward, self._terminated = options["reward"], options["terminated"]
         self.batched: bool = options["batched"]
         """Whether the user's functions take the states of all environments at once."""
-        self._random, self._start, self._goal, self._push = (
-            Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
-        )
         delay = options["delay"]
         self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
         self._period = self.steps * scenario.step
@@ -98,15 +101,28 @@ class ControlTask:
             prepared.started(Start(positions=positions))
         drawn = () if self._fit is None else tuple(key for group in self._fit.groups for key in group)
         self._plan = plan((*self._random.keys, *drawn), prepared)
+        # So must numbers that are not physical.
+        chance = np.random.default_rng(0)
+        for _ in range(TRIED if self._random.keys or drawn else 0):
+            prepared.vary(self.changes(self.draw(chance)))
         self._observe, self._tip = one_or_more(options["observe"]), options["tip"]
         self.noise: Mapping[str, float] = options["noise"]
         """Standard deviation of the noise of each observed quantity, in its unit."""
         if unknown := [name for name in self.noise if name not in self._observe]:
             raise InputError("is not observed", key="noise", value=unknown[0], choices=tuple(self._observe), code="noise")
+        for name, value in self.noise.items():
+            if not (isinstance(value, int | float | np.number) and 0.0 <= value < math.inf):
+                message = "must be a standard deviation of at least 0"
+                raise InputError(message, key=f"noise.{name}", value=value, code="noise")
         self.history: int = options["history"]
         """Number of control periods whose observations and actions belong to an observation."""
-        if self.history < 0:
-            raise InputError("must not be negative", key="history", value=self.history, code="option-type")
+        if not 0 <= self.history <= self.last:
+            message = f"must be 0 to {self.last} control periods, an episode"
+            raise InputError(message, key="history", value=self.history, code="option-type")
+        shortest, longest_delay = ([0.0, *ends] for ends in self._delay.bounds())
+        if min(shortest) < 0.0 or not max(longest_delay) <= self.last * self._period:
+            message = f"must be 0 to {self.last * self._period:g} s, an episode"
+            raise InputError(message, key="delay", value=options["delay"], code="option-type")
 
     @property
     def read_names(self) -> list[str]:
@@ -175,9 +191,10 @@ class ControlTask:
 
     def values_of(self, actions: Array) -> Array:
         """References (environments, actions) in SI units for the actions of some environments. Raises InputError."""
-        if actions.shape[1:] != (len(self.actions),) or not np.isfinite(actions).all():
+        if actions.shape[1:] != (len(self.actions),) or np.count_nonzero(np.isfinite(actions)) < actions.size:
             raise InputError(f"an action must be {len(self.actions)} finite numbers", value=actions, code="action")
-        return self._middle + self._half * np.clip(actions, -1.0, 1.0)
+        # numpy.clip takes twice as long.
+        return self._middle + self._half * np.minimum(np.maximum(actions, -1.0), 1.0)
 
     @property
     def judges(self) -> bool:
@@ -194,7 +211,10 @@ class ControlTask:
     def judge(self, state: State) -> tuple[float, bool]:
         """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
         reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
-        return reward, self._terminated is not None and bool(self._terminated(state))
+        over = False if self._terminated is None else self._terminated(state)
+        if np.size(over) != 1:
+            raise InputError("must return True or False", key="terminated", value=repr(over), code="option-kind")
+        return reward, bool(over)
 
 
 def _numbers(values: Any, count: int, key: str) -> Array:
@@ -220,11 +240,11 @@ def _rewarded(value: Any) -> float:
 
 def _steps(control_rate: float, step: float) -> int:
     if not (math.isfinite(control_rate) and control_rate > 0):
-        raise InputError("the control rate must be above 0 Hz", value=control_rate, code="control-rate")
+        raise InputError("must be above 0 Hz", key="control_rate", value=control_rate, code="control-rate")
     count = 1.0 / (control_rate * step)
     if round(count) < 1 or abs(count - round(count)) > 1e-6 * count:
-        message = f"the control period of {1.0 / control_rate:g} s is not a whole number of steps of {step:g} s"
-        raise InputError(message, value=control_rate, code="control-rate")
+        message = f"its period of {1.0 / control_rate:g} s is not a whole number of steps of {step:g} s"
+        raise InputError(message, key="control_rate", value=control_rate, code="control-rate")
     return round(count)
 
 
@@ -241,7 +261,7 @@ def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, s
             choices = (*dict.fromkeys(pair[1] for pair in known.values()), *known)
             hint = did_you_mean(name, choices)
             message = f"no joint has a reference '{name}' in its mode"
-            problems.append(Problem(message, choices=choices, hint=hint, code="unknown-reference"))
+            problems.append(Problem(message, key="act", value=name, choices=choices, hint=hint, code="unknown-reference"))
         found += [pair for pair in own if pair not in found]
     table = np.array([ranges[joint][name] for joint, name in found]).reshape(-1, 2)
     problems += [

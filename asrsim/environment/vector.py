@@ -16,7 +16,7 @@ from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.simulation.prepare import Start
-from asrsim.simulation.worlds import Worlds
+from asrsim.simulation.worlds import Worlds, check_number
 
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
@@ -39,6 +39,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device,
             render_mode=render_mode, size=size, autoreset=autoreset,
         )  # fmt: skip
+        check_number(num_envs, "num_envs")
         if render_mode not in (None, "rgb_array"):
             raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
@@ -48,10 +49,10 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self.render_mode, self._size = render_mode, size
         self._picture: Any = None
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP
+        self.task = task = ControlTask(scenario, options, engine=engine)
         self.metadata = {
             **self.metadata, "autoreset_mode": AUTORESET[autoreset], "render_fps": max(1, round(options["control_rate"]))
         }  # fmt: skip
-        self.task = task = ControlTask(scenario, options, engine=engine)
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared,
@@ -97,6 +98,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         """Begin new episodes with new random values. seed: seed of environment 0, where environment i gets seed + i, or a seed
         for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset."""
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
+        if mask.shape not in ((), (self.num_envs,)):
+            raise InputError(f"must be {self.num_envs} flags", key="reset_mask", value=mask, code="worlds")
         mask = np.broadcast_to(mask, self.num_envs).astype(bool)
         if seed is not None:
             seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int) else list(seed)
@@ -123,26 +126,30 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
-        given = np.asarray(actions, dtype=np.float64)
+        try:
+            given = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError("must be numbers", key="actions", value=actions, code="action") from error
         if len(given) != self.num_envs:
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)
         going, fresh = ~self._over, self._over.copy()
-        if fresh.any():
-            self._begin(fresh)
         # A single number, and all worlds (None), are handled faster than arrays and masks.
-        which = None if going.all() else going
-        acting, acts = going, which
+        which, everyone = None, list(range(self.num_envs))
+        if np.count_nonzero(fresh):
+            self._begin(fresh)
+            which, everyone = going, np.flatnonzero(going).tolist()
+        acts = which
         if self._late:
             self._sent = np.concatenate([values[:, None], self._sent[:, :-1]], axis=1)
             # Until the first action arrives, the scenario's references act.
             acting = going & (self._counts >= self._delays)
             acts = None if acting.all() else acting
             values = self._sent[np.arange(self.num_envs), self._delays]
-        for (joint, reference), column in zip(task.actions, values[acting].T, strict=True):
+        for (joint, reference), column in zip(task.actions, (values if acts is None else values[acts]).T, strict=True):
             worlds.set_reference(joint, reference, column.item() if len(column) == 1 else column, worlds=acts)
         worlds.advance(task.steps, worlds=which)
-        self._counts[going] += 1
+        self._counts += going
         found = self._readings.read()
         rewards, ended = np.zeros(self.num_envs), ~worlds.healthy
         if task.batched and task.judges:
@@ -151,7 +158,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             rewards[going], ended[going] = found_rewards[going], ended[going] | over_now[going]
         alone = task.judges and not task.batched
         times = worlds.time.tolist() if alone else ()
-        for i in np.flatnonzero(going).tolist() if alone else ():
+        for i in everyone if alone else ():
             own = {name: table[i] for name, table in found.items()}
             state = State(times[i], own, self.episodes[i].goal, given[i])
             rewards[i], over = task.judge(state)
@@ -188,15 +195,15 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         if self._spread:
             drawn = range(self.num_envs) if moved else np.flatnonzero(fresh).tolist()
             found = {name: self._noisy(name, values, drawn) for name, values in found.items()}
-        now, past = np.concatenate(list(found.values()), axis=1), self.task.history
-        parts = [now, self._goals]
+        parts, past = [*found.values(), self._goals], self.task.history
         if past:
+            now = np.concatenate(parts[:-1], axis=1)
             if moved:
                 self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
             # The history of a new episode is its start, with actions in the middle.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
-        shown = np.concatenate(parts, axis=1).astype(np.float32)
+        shown = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
         self._shown = shown if moved else np.where(fresh[:, None], shown, self._shown)
         return self._shown
 
@@ -213,7 +220,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def _infos(self, fresh: NDArray[np.bool_], infos: dict[str, Any] | None = None) -> dict[str, Any]:
         """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
         infos = infos or {}
-        if not fresh.any() or not self.task.draws:
+        if not np.count_nonzero(fresh) or not self.task.draws:
             return infos
         for i in np.flatnonzero(fresh).tolist():
             episode = self.episodes[i]

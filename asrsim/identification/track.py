@@ -217,7 +217,9 @@ class Track:
         return next(self.predictions([dict(values)], playing, until))
 
     def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
-        """Predictions of `predict` for several sets of parameters, simulated in one rollout."""
+        """Predictions of `predict` for several sets of parameters, or none, simulated in one rollout."""
+        if not tables:
+            return
         steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
         worlds = [self._world(values, playing) for values in tables]
         observer = self._observer(tables, playing, steps) if playing.bandwidth else None

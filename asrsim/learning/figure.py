@@ -12,7 +12,7 @@ from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import save_charts
 from asrsim.samples import Array
-from asrsim.scenario.blocks import Learning
+from asrsim.scenario.goals import Learning
 
 MOST_POINTS = 1000
 """Largest number of points drawn for a curve."""

@@ -16,7 +16,7 @@ from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
 from asrsim.learning.trial import FixedGain, Law, LearningProblem, LearningResult
 from asrsim.samples import Array
-from asrsim.scenario.blocks import Learning
+from asrsim.scenario.goals import Learning
 
 FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
 """Keys without effect under `law: auto`."""

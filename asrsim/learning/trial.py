@@ -16,7 +16,7 @@ import numpy as np
 
 from asrsim.quantities import shown
 from asrsim.samples import Array
-from asrsim.scenario.blocks import Learning
+from asrsim.scenario.goals import Learning
 
 Simulate = Callable[[Array], Array]
 """Function from inputs (n, joints) to link positions (n, joints)."""

@@ -95,6 +95,11 @@ class RobotModel:
         self._parents = [bodies[joint.parent] for joint in joints]
         self._at = np.array([bodies[joint.child] - 1 for joint in moving], dtype=np.int64)
         """Indices (n,) of the robot's joints among all joints."""
+        self._carries = np.eye(len(joints))
+        """Whether joint j carries body k + 1, (joints, joints): 1 or 0."""
+        for k, parent in enumerate(self._parents):
+            if parent:
+                self._carries[:, k] += self._carries[:, parent - 1]
         self._slides = np.array([joint.kind == "prismatic" for joint in joints])
         self._twists = np.array([_unit_twist(joint) for joint in joints]).reshape(-1, 4, 4)
         origins = [frame(joint.origin, rotation_matrix(joint.rpy)) for joint in joints]
@@ -141,8 +146,8 @@ class RobotModel:
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg). For a floating robot, the base is free to accelerate."""
-        unit, at, free = np.eye(len(self._parents)), self._at, slice(self._free)
-        matrix = self._torques(self._all(positions)[..., None, :], np.zeros_like(unit), unit, np.zeros(3))
+        at, free = self._at, slice(self._free)
+        matrix = self._all_masses(np.stack(self._bodies(positions)[1:], axis=-3))
         own, base, cross = matrix[..., at[:, None], at], matrix[..., free, free], matrix[..., free, at]
         if self._free:
             own = own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross)
@@ -210,6 +215,16 @@ class RobotModel:
         for parent, step in zip(self._parents, self._steps(self._all(positions)), strict=True):
             poses.append(poses[parent] @ step)
         return poses
+
+    def _all_masses(self, bodies: Array) -> Array:
+        """Mass matrix (..., joints, joints) of all joints, for poses (..., joints, 4, 4) of the bodies that they move. A joint
+        moves all bodies that it carries as one composite body."""
+        turned, flat = np.swapaxes(bodies, -1, -2), (*bodies.shape[:-2], 16)
+        twists = bodies @ self._twists @ np.linalg.inv(bodies)
+        carried = self._carries @ (bodies @ self._inertias[1:] @ turned).reshape(flat)
+        pushes = (twists @ carried.reshape(bodies.shape)).reshape(flat)
+        below: Array = pushes @ np.swapaxes(twists.reshape(flat), -1, -2) * self._carries.T
+        return below + np.swapaxes(np.tril(below, -1), -1, -2) + np.diag(self._armature)
 
     def _torques(self, positions: Array, velocities: Array, accelerations: Array, gravity: Array) -> Array:
         """Torques (..., joints) of all joints. An upward acceleration of the base replaces gravity."""

@@ -69,7 +69,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()
     if lacking:
         message = f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"
-        yield Problem(message, key=f"modes.{block.joint}", value=block.mode, code="operation-mode")
+        yield Problem(message, key=f"modes.{block.joint}", code="operation-mode")
     fault = law_fault(block)
     if fault is not None:
         given = ", ".join(f"{one.name} = {one.value:g}" for one in block.parameters.values() if one.origin == "scenario")

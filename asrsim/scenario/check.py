@@ -21,8 +21,8 @@ from asrsim.robot.findings import LARGEST
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
-from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import SCENARIO, Scenario
+from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults

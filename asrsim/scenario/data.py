@@ -30,35 +30,12 @@ from asrsim.errors import Problem
 from asrsim.registry.engines import ENGINES, default_engine
 from asrsim.registry.steppings import STEPPINGS
 from asrsim.samples import Array, grid
-from asrsim.scenario.blocks import (
-    EFFECTS_BY_JOINT,
-    INITIAL,
-    LINK,
-    MODE,
-    ORIGIN,
-    PARAMETERS,
-    POSITION,
-    RPY,
-    SIGNALS_BY_JOINT,
-    WORLD,
-    AnyData,
-    CartesianPose,
-    CartesianTask,
-    Effects,
-    Expectation,
-    FolderName,
-    GivenActuator,
-    Keys,
-    Learning,
-    LinkDamping,
-    LoopClosure,
-    ManagerFile,
-    Range,
-    Vector,
-    World,
-    WorldObject,
-    Wrench,
-)
+from asrsim.scenario.expectation import Expectation
+from asrsim.scenario.goals import CartesianPose, CartesianTask, Learning
+from asrsim.scenario.joints import EFFECTS_BY_JOINT, INITIAL, MODE, PARAMETERS, Effects, GivenActuator, LinkDamping, Range
+from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys, Vector
+from asrsim.scenario.manager import ManagerFile
+from asrsim.scenario.surroundings import WORLD, LoopClosure, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 

@@ -16,8 +16,8 @@ from asrsim.errors import Problem, listed
 from asrsim.robot import Robot
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
-from asrsim.scenario.blocks import prescribes_motion, released_order
 from asrsim.scenario.data import Scenario, for_joint
+from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, over_run, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal

@@ -16,8 +16,8 @@ from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
 from asrsim.samples import TIP
-from asrsim.scenario.blocks import names_a_folder, prescribes_motion
 from asrsim.scenario.data import SCENARIO, Scenario
+from asrsim.scenario.kinds import names_a_folder, prescribes_motion
 from asrsim.scenario.overrides import Overrides, apply_overrides
 
 PLUGINS = "plugins/"

@@ -11,8 +11,8 @@ from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.mounting import reference_names
-from asrsim.scenario.blocks import JOINT, LINK
 from asrsim.scenario.data import SCENARIO, Scenario
+from asrsim.scenario.kinds import JOINT, LINK
 
 MOVING = ("initial", "armature", "external_torques", "desired", "motion", "reference_ranges", "expect")
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""

@@ -55,7 +55,7 @@ class EngineCall(NamedTuple):
     record: Any
     """Address of the engine's record, which the step function receives."""
     exchange: Any
-    """Loads and motion of the links, (pieces, joints, 5); see `asrsim.engines.base`."""
+    """Loads and motion of the links, (pieces, joints, 6); see `asrsim.engines.base`."""
 
 
 class Recorded(NamedTuple):

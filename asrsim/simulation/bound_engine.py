@@ -24,7 +24,7 @@ class BoundEngine:
     def __init__(self, engine: Engine, watch: Callable[[], None] | None = None) -> None:
         """watch: function that is called before each step of the engine."""
         self.engine, self._watch = engine, watch
-        self._exchange = np.zeros((0, len(engine.joints), 5))
+        self._exchange = np.zeros((0, len(engine.joints), 6))
         self._parts: list[Array] = []
         """Exchange arrays, indexed by the number of pieces of the kick."""
         self.states: Any = {}
@@ -145,7 +145,7 @@ class NativeEngine(BoundEngine):
         elif len(call.exchange) >= pieces:
             return call
         address = self._records[-1].address if call is None else call.record
-        return EngineCall(self._native.address, address, np.zeros((pieces, len(self.engine.joints), 5)))
+        return EngineCall(self._native.address, address, np.zeros((pieces, len(self.engine.joints), 6)))
 
     def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel."""

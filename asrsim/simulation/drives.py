@@ -11,6 +11,7 @@ from asrsim.actuators import Actuator, Mode
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
 from asrsim.actuators.stages import STAGES, Stage
+from asrsim.errors import InputError
 from asrsim.quantities import MOST_MOTORS
 from asrsim.registry.steppings import Stepping
 from asrsim.robot import drive_of
@@ -26,6 +27,9 @@ TURN = math.pi
 """Range of a joint without limits in each direction, rad."""
 LEVER_SHARE = 0.5
 """Largest position of an adjuster, as a fraction of the lever length at which the stiffness becomes infinite."""
+
+COMMAND_DELAY, SENSOR_DELAY = DELAYS = "command_delay", "sensor_delay"
+"""Names of the delays of a joint's commands and sensors, which a prepared scenario can vary as parameters."""
 
 Range = tuple[float, float]
 
@@ -199,6 +203,32 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
             )  # fmt: skip
         found.append(replace(drive, sensor=sensor))
     return tuple(found)
+
+
+def command_delays(drives: Sequence[SteppedJoint]) -> list[float]:
+    """Delay of each joint's commands, s."""
+    return [drive.command_effects.delay if drive.command_effects else 0.0 for drive in drives]
+
+
+def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoint:
+    """The joint with other delays in s, by name (`DELAYS`). Raises InputError.
+
+    The memory of the sensors is that of the scenario: a delay can be shorter than the scenario's, and not longer.
+    """
+    for name, value in delays.items():
+        commands = name == COMMAND_DELAY
+        effects = drive.command_effects if commands else drive.sensor.effects if drive.sensor else None
+        longest = effects.delay if effects else 0.0
+        if effects is None or not 0.0 <= value <= longest:
+            message, hint = f"must be 0 to {longest:g} s, the delay of the scenario", "State the longest one in the scenario's "
+            hint += f"effects.{'commands' if commands else 'sensors'}"
+            raise InputError(message, key=f"{drive.name}.{name}", value=value, hint=hint, code="parameter-range")
+        other = replace(effects, delay=float(value))
+        if commands:
+            drive = replace(drive, command_effects=other)
+        elif drive.sensor:
+            drive = replace(drive, sensor=replace(drive.sensor, effects=other))
+    return drive
 
 
 def ranges_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> dict[str, dict[str, Range]]:

@@ -96,9 +96,8 @@ class Inputs:
         """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of
         the same form."""
         for joints, law in self._maps:
-            mapped = law(*(references[:, :, joints, GOALS + slot] for slot in (0, 1)))
-            for slot, values in enumerate(mapped):
-                inputs[:, :, joints, GOALS + slot] = values
+            mapped = law(references[:, :, joints, GOALS], references[:, :, joints, GOALS + 1])
+            inputs[:, :, joints, GOALS : GOALS + len(mapped)] = mapped.transpose(1, 2, 3, 0)
 
     def _make_chunk(self, first: int, count: int) -> Given:
         """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set). The rows of pieces follow those of the
@@ -177,7 +176,8 @@ class Inputs:
             np.copyto(references[:, 0, :, goals:], held[..., GOALS:], where=known[..., GOALS:])
         inputs[..., :goals] = references[..., :goals]
         self._map(inputs, references)
-        given.inputs[:, 1:], given.references[:, 1:] = inputs, references
+        if len(given.lengths[0]) > 1:
+            given.inputs[:, 1:], given.references[:, 1:] = inputs, references
 
     def _pieces(self, first: int, count: int) -> tuple[Array, Array, NDArray[np.int64]]:
         """Pieces of the kicks that are split because inputs or measurements jump in them, and of the first kick of a run: the

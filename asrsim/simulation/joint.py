@@ -83,7 +83,7 @@ def settle(
     now = 0.5 * (joint.engine_velocity + velocity)
     if first or scheme.staggered == 0.0:
         now = joint.engine_velocity
-    elif jumped and math.isfinite(at_time):
+    elif math.isfinite(at_time):
         now = at_time
     read_engine(joint, link, scheme, velocity, now, jumped)
     if kind.stages:

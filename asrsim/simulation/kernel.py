@@ -7,7 +7,6 @@ one after the other.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 from asrsim.simulation.arguments import Common, Corrections, EngineCall, Recorded, Stretch, Tables
@@ -66,9 +65,7 @@ def run(
             engine_step(engine.step, engine.record, x, exchange, pushes[begin:end], lengths[begin:end], end - begin)
             for j in range(len(kinds)):
                 joint, link, kind = joint_of(states, constants, kinds, j)
-                position, velocity = motion_of(exchange, end - begin - 1, j)
-                # Without a jump, or in the first kick, no piece ends at the time of the substep.
-                at_time = motion_of(exchange, on_time - begin - 1, j)[1] if on_time > begin else math.nan
+                position, velocity, at_time = motion_of(exchange, end - begin - 1, j)
                 settle(joint, link, kind, scheme, velocity, at_time, begins, jumped)
                 if watched:
                     update_ledger(joint, link, kind, scheme, begins, jumped, asked)

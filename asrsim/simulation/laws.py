@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
-from asrsim.engines.base import DAMPING, FRICTION, POSITION, TORQUE, VELOCITY
+from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, TORQUE, VELOCITY
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 
 
@@ -31,16 +31,17 @@ pieces: number of pieces of the kick."""
 
 
 def put_load(exchange: Any, piece: int, j: int, torque: float, damping: float, friction: float) -> None:
-    """Put the loads of joint j in a piece of a kick into the exchange. Its velocity has no value until the engine writes it."""
-    exchange[piece, j, VELOCITY] = math.nan
+    """Put the loads of joint j in a piece of a kick into the exchange. The velocity
+    in the middle of the kick has no value, unless the engine writes it."""
+    exchange[piece, j, MIDDLE] = math.nan
     exchange[piece, j, TORQUE] = torque
     exchange[piece, j, DAMPING] = damping
     exchange[piece, j, FRICTION] = friction
 
 
-def motion_of(exchange: Any, piece: int, j: int) -> tuple[float, float]:
-    """Position and velocity of joint j after a piece of a kick."""
-    return exchange[piece, j, POSITION], exchange[piece, j, VELOCITY]
+def motion_of(exchange: Any, last: int, j: int) -> tuple[float, float, float]:
+    """Position and velocity of joint j after a kick, and its velocity in the middle of the kick. last: last piece."""
+    return exchange[last, j, POSITION], exchange[last, j, VELOCITY], exchange[last, j, MIDDLE]
 
 
 def inputs_of(table: Any, at: int, j: int) -> Any:

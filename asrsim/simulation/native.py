@@ -29,6 +29,7 @@ INLINE = (
 """Modules whose functions are inlined into their callers."""
 
 
+@cache
 def compiled_run() -> Any:
     """`asrsim.simulation.kernel.run`, compiled for arrays."""
     whole = {n: np.zeros((1,) * n, dtype=np.int64) for n in (1, 2, 3)}

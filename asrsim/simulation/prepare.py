@@ -1,4 +1,4 @@
-"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps, describe the run.
+"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps.
 
 A prepared scenario is immutable; simulations and worlds are made from it.
 """
@@ -22,23 +22,21 @@ from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.massless import SINGULAR
 from asrsim.robot.model import Robot
-from asrsim.robot.poses import quaternion
 from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, Frame, RunInfo
+from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
 from asrsim.signals.base import Signal
-from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_sensors
+from asrsim.simulation.description import describe
+from asrsim.simulation.drives import DELAYS, EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_delays, with_sensors
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import Resolution, resolution_of
-from asrsim.versions import version
 
-WORLD, MAP = "world", "map"
 WARP = "mujoco_warp"
 """Name of the engine of worlds on a device of Warp."""
 
@@ -243,13 +241,23 @@ class Prepared:
     def vary(self, parameters: Numbers) -> Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
-        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`), or by link and name
-        (`mass`; `x`, `y`, `z` of the centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start
-        at equilibrium is computed again. Raises RobotError that names unknown or unphysical parameters, ScenarioError for an
-        arm without equilibrium.
+        parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`; `command_delay` and
+        `sensor_delay` in s, at most those of the scenario's `effects`), or by link and name (`mass`; `x`, `y`, `z` of the
+        centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start at equilibrium is computed
+        again. Raises RobotError that names unknown or unphysical parameters, InputError for delays, ScenarioError for an arm
+        without equilibrium.
         """
-        robot, model = varied_robot(self.robot, parameters), self.model
+        delays = {
+            drive.name: {name: own[name] for name in DELAYS if name in own}
+            for drive in self.drives if (own := parameters.get(drive.name))
+        }  # fmt: skip
+        numbers = {
+            owner: {name: value for name, value in own.items() if name not in delays.get(owner, ())}
+            for owner, own in parameters.items()
+        }
+        robot, model = varied_robot(self.robot, numbers), self.model
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
+        drives = tuple(with_delays(drive, delays.get(drive.name, {})) for drive in drives)
         if model is not None and robot.inertials != self.robot.inertials:
             model = self._model_of(robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
@@ -384,61 +392,3 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
             hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
             code="massless-motion",
         )
-
-
-def describe(scenario: Scenario, plan: Plan, drives: Sequence[SteppedJoint], resolution: Resolution, engine: str) -> RunInfo:
-    """Description of the run for its log. engine: library and version of the engine."""
-    from asrsim import __version__
-
-    return RunInfo(
-        robot=plan.robot.name,
-        joints=plan.joints,
-        step=scenario.step,
-        log_every=scenario.log_every,
-        variant=scenario.variant,
-        urdf=plan.robot.text,
-        urdf_path=str(plan.robot.path),
-        scenario=scenario.text,
-        scenario_path=str(scenario.path or ""),
-        resolved={
-            "scenario": dict(scenario.resolved),
-            "parameters": {drive.name: dict(drive.values) for drive in drives if drive.values},
-        },
-        metadata={
-            "asrsim": __version__,
-            "numpy": version("numpy"),
-            "engine": scenario.engine,
-            "engine_version": engine,
-            "stepping": plan.stepping.name,
-            "order": str(plan.stepping.order),
-            "step": repr(scenario.step),
-            "substeps": str(resolution.substeps),
-            "motor_substeps": str(resolution.motor_substeps),
-            "omega_h": f"{resolution.omega_h:.4g}",
-            "seed": str(scenario.seed),
-            "gravity": repr(tuple(scenario.gravity)),
-        },
-        attachments={name: path.read_bytes() for name, path in scenario.attachments.items()},
-        frames=link_frames(scenario, plan.robot),
-        frame_rate=scenario.tf_rate,
-    )
-
-
-def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
-    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
-    listed among the bodies instead."""
-    frames = [
-        Frame(
-            parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
-            joint=joint.name if joint.moves else "", axis=joint.axis, prismatic=joint.kind == "prismatic",
-        )
-        for joint in robot.joints
-    ]  # fmt: skip
-    if scenario.fixed_base:
-        root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
-        # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless moved.
-        if root != WORLD or any((*position, *rpy)):
-            frames.append(
-                Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))
-            )
-    return tuple(frames)

@@ -71,9 +71,11 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
     if before is not None:
         stages = [tuple(dict.fromkeys((*old, *own))) for old, own in zip(before.stages, stages, strict=True)]
         kept = tuple(dict.fromkeys((*before.kept, *kept)))
+    ring = max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0)
     shape = RowShape(
         motors=max(drive.positions for drive in drives),
-        ring=max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0),
+        # Other parameters may shorten the delay of a sensor.
+        ring=ring if before is None else before.ring,
         stages=tuple(stages), kept=kept, constants=0,
     )  # fmt: skip
     sizes = (len(drive.elastic) + columns_of_stages(own, drive.motors) for drive, own in zip(drives, stages, strict=True))

@@ -18,6 +18,8 @@ from asrsim.scenario.overrides import split_path
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
 """Scenario keys that make every run choose its own substeps."""
+_OF_ACTUATORS = ("references", "reference_ranges", "parameters", "modes", "effects")
+"""Scenario keys whose entries belong to joints with an actuator."""
 Places = tuple[tuple[str, str], ...]
 """Pairs of (joint or link, name of its number or reference)."""
 
@@ -76,8 +78,19 @@ class KeyPlan:
 
 
 def _in_order(keys: Iterable[str]) -> list[str]:
-    """Keys such that the key of a joint comes after, and so replaces, a key that stands for several joints."""
-    return sorted(keys, key=lambda key: "*" not in key and "?" not in key)
+    """Keys such that the key of a joint comes after, and so replaces, a key that stands for several joints; and a pattern
+    after the key of all joints."""
+
+    def rank(key: str) -> int:
+        parts = split_path(key)
+        return 0 if "*" in parts else 2 - any(map(_is_pattern, parts))
+
+    return sorted(keys, key=rank)
+
+
+def _is_pattern(part: str) -> bool:
+    """Whether a part of a key stands for several joints; a scenario has entries of its own for `*`."""
+    return part != "*" and ("*" in part or "?" in part)
 
 
 def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> KeyPlan:
@@ -123,7 +136,8 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
                 problems.append(_no_effect(key, parts[1]))
     if problems:
         raise InputError(problems)
-    return KeyPlan(numbers, references, frozenset(signals), texts, own_resolution, still)
+    settable = {key: references[key] for key in _in_order(references) if key not in signals}
+    return KeyPlan(numbers, settable, frozenset(signals), texts, own_resolution, still)
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
@@ -149,12 +163,29 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
             return places, ()
     scenario_keys = tuple(known.name for known in SCENARIO.keys)
     if parts[0] in scenario_keys:
-        return (), (key,)
+        return (), _matched_keys(key, parts, robot) if any(map(_is_pattern, parts)) else (key,)
     if owners:
         known, name = names_of(owners[0], blocks, joints, links), ".".join(parts[1:])
         raise InputError(Problem("has no number of this name", key=key, choices=known, meant=name, code="key"))
     message = f"there is no key, joint or link '{parts[0]}'"
     raise InputError(message, key=key, hint=did_you_mean(parts[0], (*scenario_keys, *joints, *links)), code="unknown-key")
+
+
+def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
+    """Keys for `--set` of all joints that the pattern in a key of the scenario matches. Raises InputError if there is none."""
+    place = next(i for i, part in enumerate(parts) if _is_pattern(part))
+    blocks, driven = {block.joint: block for block in robot.actuators}, parts[0] in _OF_ACTUATORS
+    names = tuple(blocks) if driven else tuple(joint.name for joint in robot.moving_joints)
+    found = [name for name in names if fnmatchcase(name, parts[place])]
+    if parts[0] == "references" and len(parts) > 2:
+        found = [name for name in found if parts[2] in MODES[blocks[name].mode].references]
+    elif parts[0] == "parameters" and len(parts) > 2:
+        found = [name for name in found if parameter_name(ACTUATORS.get(blocks[name].actuator), parts[2]) is not None]
+    if not found:
+        message = "matches no joint with such a number" if driven else "matches no joint"
+        raise InputError(message, key=key, choices=names, code="sweep-nothing")
+    texts = (".".join(f'"{part}"' if "." in part else part for part in (*parts[:place], n, *parts[place + 1 :])) for n in found)
+    return tuple(texts)
 
 
 def _no_effect(key: str, joint: str) -> Problem:

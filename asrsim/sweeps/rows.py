@@ -168,7 +168,7 @@ class _Kind:
             worlds.reset(Start(parameters=plan.changes(values), references=references), worlds=[world])
             return all(
                 worlds.set_reference(joint, reference, float(values[name]), worlds=[world])[0] == float(values[name])
-                for name, places in sorted(plan.references.items(), key=lambda item: "*" not in item[0])
+                for name, places in plan.references.items()
                 for joint, reference in places
             )
         except AsrsimError:

@@ -21,7 +21,7 @@ from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.plugins import check_named
 from asrsim.samples import Array
-from asrsim.scenario.blocks import AnyData
+from asrsim.scenario.kinds import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of

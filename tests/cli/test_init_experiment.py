@@ -17,8 +17,8 @@ from asrsim.log import open_log
 from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
-from asrsim.runs.from_recording import write_from_recording
 from asrsim.scenario import apply_to_robot, load_scenario
+from asrsim.starter.recording import write_from_recording
 from asrsim.statics.sizing import sizing
 from support.bags import START, write_bag
 from support.examined import check_against_robot

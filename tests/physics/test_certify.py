@@ -35,6 +35,23 @@ def test_certificate_is_accurate_at_reduced_order(stepping, limited):
     assert found["position_max"] == pytest.approx(float(np.max(np.abs(error))), rel=0.2)
 
 
+@pytest.mark.parametrize("stage", [
+    {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.03}, {"spring_damping": 0.02}, {"backlash": 0.02},
+    {"thermal_resistance": 2.0, "thermal_capacity": 0.05, "winding_heat": 5.0, "derating_temperature": 30.0},
+])  # fmt: skip
+def test_certificate_holds_for_stages(stage):
+    """The edges of a play and of a limit lower the order; the reported error is still within a factor of two."""
+    scenario = make_scenario(
+        ARM, duration=0.25, step=2e-3, substeps=1, engine="mujoco", modes={"*": 5}, parameters={"*": stage},
+        references={"joint_1": {"reference_1": {"sinusoid": {"amplitude": 0.4, "angular_frequency": 9.0}}, "reference_2": 0.2}},
+    )  # fmt: skip
+    run, fine = simulate(scenario), simulate(replace(scenario, step=scenario.step / 16, log_every=16))
+    assert run.samples is not None
+    assert fine.samples is not None
+    error = np.abs(run.samples.values["link_position"] - fine.samples.values["link_position"]).max()
+    assert 0.5 * error < certify(examine(scenario), run)["joints"]["joint_1"]["position_max"] < 2.0 * error
+
+
 def test_certificate_does_not_depend_on_the_order_of_joints():
     """A manager file may list the joints in another order than the robot."""
     (given,) = load_scenario(ROOT / "examples/scenarios/step_2dof.yaml", variant="soft", overrides={"duration": 0.2})

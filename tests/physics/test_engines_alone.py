@@ -53,8 +53,8 @@ def motion(engine, path, *, stops=False, friction=0.05):
     """Positions (400, 5) in 0.4 s with oscillating torques, friction and damping, rad."""
     world = make(engine, path)
     world.start([0.1, -0.2, 0.3, 0.0, 0.1], [2.0, -1.0, 3.0, 1.0, -2.0], step=1e-3, staggered=True, implicitness=0.5)
-    exchange, wrenches = np.zeros((1, 5, 5)), np.zeros((1, 1, 6))
-    exchange[..., 3:] = 0.02, friction
+    exchange, wrenches = np.zeros((1, 5, 6)), np.zeros((1, 1, 6))
+    exchange[..., 3:5] = 0.02, friction
     wrenches[0, 0, :3] = 1.0, 0.5, -0.3
     rows = []
     for step in range(400):

@@ -27,9 +27,9 @@ def arm(random):
 
 
 def step(engine, place, before, torque, friction):
-    """Exchange array (joints, 5) after a step from the given state."""
+    """Exchange array (joints, 6) after a step from the given state."""
     engine.start(place.tolist(), before.tolist(), step=STEP, staggered=False, implicitness=0.0)
-    exchange = np.zeros((1, JOINTS, 5))
+    exchange = np.zeros((1, JOINTS, 6))
     exchange[0, :, TORQUE], exchange[0, :, FRICTION] = torque, friction
     engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))
     return exchange[0]

@@ -5,7 +5,7 @@ import shutil
 
 import pytest
 
-from support.rough import KINDS, made, trials, tried
+from support.rough import KINDS, import_all, made, trials, tried
 
 SEED = int(os.environ.get("ASRSIM_SEED", "0"))
 COUNT = int(os.environ.get("ASRSIM_DAMAGED", "60"))
@@ -29,6 +29,7 @@ def test_every_command_reads_the_whole_file(base, tmp_path, kind):
         shutil.copytree(base, tmp_path / "whole", dirs_exist_ok=True)
         outcome = tried(tmp_path / "whole", line.format(KINDS[kind].file))
         assert outcome.code == 0, f"{line}: {outcome.text}"
+        import_all(tmp_path / "whole")
 
 
 @pytest.mark.parametrize("kind", KINDS)

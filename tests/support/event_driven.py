@@ -6,15 +6,16 @@ of a sliding joint becomes 0, a joint reaches a stop, a resting joint starts to 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-Array = np.ndarray
+Array = NDArray[np.float64]
 AT_REST = 1e-9
 """Speed below which a joint is at rest (rad/s), and distance within which it touches its stop (rad)."""
 
@@ -22,9 +23,9 @@ AT_REST = 1e-9
 class Dynamics(Protocol):
     """Mass matrix (n, n), and torques (n,) of gravity, velocities and damping, N m."""
 
-    def mass_matrix(self, q): ...
+    def mass_matrix(self, q: Array) -> Array: ...
 
-    def bias(self, q, v): ...
+    def bias(self, q: Array, v: Array) -> Array: ...
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,10 @@ class Mass:
     inertia: float
     damping: float = 0.0
 
-    def mass_matrix(self, q):
+    def mass_matrix(self, q: Array) -> Array:
         return np.array([[self.inertia]])
 
-    def bias(self, q, v):
+    def bias(self, q: Array, v: Array) -> Array:
         return self.damping * v
 
 
@@ -50,7 +51,7 @@ class EventDriven:
     lower: tuple[float, ...] = (-np.inf,)
     upper: tuple[float, ...] = (np.inf,)
 
-    def motion(self, q, v, push, signs):
+    def motion(self, q: Array, v: Array, push: Array, signs: Sequence[int]) -> tuple[Array, Array]:
         """Accelerations (n,), and torques (n,) of friction or stops that keep resting joints (sign 0) at rest.
 
         signs: direction in which each joint slides, or 0.
@@ -63,17 +64,17 @@ class EventDriven:
             acceleration[free] = np.linalg.solve(inertia[np.ix_(free, free)], force[free])
         return acceleration, inertia @ acceleration - force
 
-    def outward(self, q):
+    def outward(self, q: Array) -> list[int]:
         """1 for a joint at its upper stop, -1 at its lower stop, otherwise 0."""
         stops = zip(q, self.lower, self.upper, strict=True)
         return [1 if x >= upper - AT_REST else -1 if x <= lower + AT_REST else 0 for x, lower, upper in stops]
 
-    def bounds(self, q, j):
+    def bounds(self, q: Array, j: int) -> tuple[float, float]:
         """Smallest and largest torque that friction and stop can exert on the resting joint j."""
         level, side = self.friction(np.zeros(len(q)))[j], self.outward(q)[j]
         return (-np.inf if side > 0 else -level), (np.inf if side < 0 else level)
 
-    def signs(self, q, v, push):
+    def signs(self, q: Array, v: Array, push: Array) -> tuple[int, ...]:
         """Direction in which each joint slides; 0 for a joint at rest."""
         choices = [(int(np.sign(speed)),) if abs(speed) > AT_REST else (0, 1, -1) for speed in v]
         for signs in product(*choices):
@@ -89,7 +90,7 @@ class EventDriven:
                 return signs
         raise AssertionError("no consistent state")
 
-    def impact(self, q, v):
+    def impact(self, q: Array, v: Array) -> Array:
         """Velocities after the impacts at the stops."""
         inverse, outward = np.linalg.inv(self.model.mass_matrix(q)), self.outward(q)
         touching = [j for j, side in enumerate(outward) if side]
@@ -103,7 +104,7 @@ class EventDriven:
                 return after
         raise AssertionError("no consistent impact")
 
-    def move(self, q, v, push, times):
+    def move(self, q: Array, v: Array, push: Callable[[float, Array], Array], times: Array) -> tuple[Array, int]:
         """Positions and velocities (n, 2 joints) at `times` (n,), the first of which is the start, and number of events.
 
         push: torques (joints,) at a time and at positions, N m.
@@ -114,7 +115,7 @@ class EventDriven:
         while now < times[-1]:
             signs = self.signs(q, v, push(now, q))
 
-            def motion(t, y, signs=signs):
+            def motion(t: float, y: Array, signs: tuple[int, ...] = signs) -> tuple[Array, Array]:
                 return self.motion(y[:n], y[n:], push(t, y[:n]), signs)
 
             watched: list[Callable[[float, Array], float]] = []

@@ -60,7 +60,7 @@ def differences(engine: Any, truth: PinocchioModel, q: Array, v: Array) -> Array
     single steps of a robot without stops."""
 
     def acceleration(velocity: Array, torque: Array) -> Array:
-        exchange = np.zeros((1, len(q), 5))
+        exchange = np.zeros((1, len(q), 6))
         exchange[0, :, TORQUE] = torque
         engine.start(q, velocity, step=1.0, staggered=False, implicitness=0.5)
         engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 import math
@@ -39,7 +40,9 @@ TEXTS = (
 WORD = re.compile(r"[-+\w.]+")
 NUMBERS = (math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324, 0.0, -1.0, 1e18, 2.0**63)
 PATIENCE, AFTERWARDS, CPU = 20.0, 15.0, 45
-"""Seconds after which a command gets Ctrl-C, in which it must then end, and of processor time that it may take."""
+"""Seconds of processor time after which a command gets Ctrl-C, in which it must then end, and which the system allows it."""
+WAITING = 5.0
+"""Seconds on the clock, while this process runs, that count as a second of processor time: a command may wait for ever."""
 MEMORY = 700e6
 """Largest growth of a command's memory, bytes."""
 
@@ -542,24 +545,39 @@ class Tried:
 def tried(folder: Path, line: str) -> Tried:
     """Outcome of the command in the folder. This process forks: what it has imported need not be imported again."""
     output = folder / "printed.txt"
-    began = time.monotonic()
     child = os.fork()
     if child == 0:
         _child(folder, line, output)
-    ended, interrupted = 0, False
+    ended, interrupted, waited, last = 0, False, 0.0, time.monotonic()
     while not ended:
         ended, status, usage = os.wait4(child, os.WNOHANG)
-        passed = time.monotonic() - began
-        if not ended and passed > PATIENCE + AFTERWARDS:
+        time.sleep(0.005)
+        # If the machine has stopped this process and its child, they have not waited.
+        waited, last = waited + min(time.monotonic() - last, 1.0), time.monotonic()
+        passed = 0.0 if ended else max(_processor_time(child), waited / WAITING)
+        if passed > PATIENCE + AFTERWARDS:
             os.kill(child, signal.SIGKILL)
-        elif not ended and passed > PATIENCE and not interrupted:
+        elif passed > PATIENCE and not interrupted:
             interrupted = True
             os.kill(child, signal.SIGINT)
-        time.sleep(0.005)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     code = os.waitstatus_to_exitcode(status)
     text = output.read_text(encoding="utf-8", errors="replace")
-    return Tried(code, text, 1024.0 * max(usage.ru_maxrss - before, 0), time.monotonic() - began)
+    return Tried(code, text, 1024.0 * max(usage.ru_maxrss - before, 0), waited)
+
+
+def _processor_time(process: int) -> float:
+    """Processor time in s of a process of ours and of its ended children."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
+def import_all(folder: Path) -> None:
+    """Import what the last command of `tried` in the folder has imported, so that further commands need not."""
+    for name in (folder / "imported.txt").read_text().split():
+        if name not in sys.modules:
+            with suppress(Exception):
+                importlib.import_module(name)
 
 
 def _child(folder: Path, line: str, output: Path) -> None:
@@ -592,6 +610,8 @@ def _child(folder: Path, line: str, output: Path) -> None:
     finally:
         sys.stdout.flush()
         sys.stderr.flush()
+        with suppress(OSError):
+            output.with_name("imported.txt").write_text("\n".join(sys.modules))
         os._exit(code)
 
 

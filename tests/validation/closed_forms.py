@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from asrsim.actuators import ACTUATORS
-from asrsim.signals import PulseTrain, Step
+from asrsim.signals import Constant, PulseTrain, Step
 from validation.check import Check
 from validation.fitting import crossings, extremes, frequency, leapfrog_frequency, modal_frequencies
 from validation.models import GRAVITY, LOAD, MOTOR_INERTIA, SETTINGS, Body, chain, column, run
@@ -18,6 +18,9 @@ INERTIA = LOAD.inertia + LOAD.mass * LOAD.reach**2
 WEIGHT = LOAD.mass * GRAVITY * LOAD.reach
 """Gravity torque of the load in the horizontal position, N m."""
 NO_FRICTION = {"motor_1_friction_torque": 0.0, "motor_2_friction_torque": 0.0}
+STRIKER = Body(mass=1.0, reach=0.1, inertia=0.01)
+"""Link that strikes a stop."""
+INERTIA_OF_STRIKER = STRIKER.inertia + STRIKER.mass * STRIKER.reach**2
 FREE_MOTOR = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf}
 
 
@@ -200,3 +203,33 @@ def terminal_velocity() -> Iterator[Check]:
             unit="rad/s",
             source="(tau - tau_f) / D",
         )
+
+
+def impacts() -> Iterator[Check]:
+    """Logged velocity of a link that strikes its stop within a step and rests there, or is pushed back from this time on."""
+    step, speed, start = 1e-3, 3.0, 20
+    for name, push, source in (
+        ("free", 0.0, "v before the impact, 0 after it"),
+        ("pressed", 1.0, "v before the impact, 0 after it"),
+        ("pushed back", -1.0, "v before the impact, tau / I (t - t_i) after it"),
+    ):
+        acceleration, worst = push / INERTIA_OF_STRIKER, 0.0
+        for late in (0.1, 0.3, 0.45, 0.8):
+            impact = (start + late) * step
+            stop = speed * impact + 0.5 * acceleration * impact**2
+            limits = f'<limit lower="-9" upper="{stop!r}" effort="99" velocity="99"/>'
+            result = run(
+                chain(replace(STRIKER, limits=limits)), gravity=0.0, duration=0.03, step=step,
+                external={"joint_1": Constant(value=push)}, initial_velocities={"joint_1": speed},
+            )  # fmt: skip
+            assert result.samples is not None
+            time = result.samples.time
+            after = min(acceleration, 0.0) * (time - impact)
+            truth = np.where(time < impact, speed + acceleration * time, after)
+            worst = max(worst, float(np.abs(column(result, "link_velocity") - truth).max()))
+        # The time of the impact is taken from the mean speed of a step, which the torque changes.
+        early = abs(acceleration) * step / (speed + acceleration * (start + 1) * step)
+        yield Check(
+            name=f"velocity in all rows beside an impact on a stop: a link that is {name}", figure=worst,
+            bound=1e-9 + abs(acceleration) * early * step, unit="rad/s", source=source,
+        )  # fmt: skip

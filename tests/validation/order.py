@@ -1,4 +1,4 @@
-"""Checks of the order of convergence: random robots against `support.independent_ode`, and dry friction."""
+"""Checks of the order of convergence: random robots against `support.independent_ode`, dry friction, impacts."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ import numpy as np
 from asrsim.signals import Sinusoid
 from support.convergence import errors, order_of, truth_of
 from support.random_runs import random_run
+from support.stopped_arm import stopped
 from validation.check import Check, engine
-from validation.models import Body, chain, run
+from validation.models import GRAVITY, Body, chain, column, run
 
 ROBOTS = 8
 KINDS: dict[str, dict[str, Any]] = {
@@ -97,3 +98,48 @@ def friction_orders() -> Iterator[Check]:
             source="a run with 1/512 ms",
         )
         yield Check(name=f"order under dry friction: {name}", figure=slope, bound=1.75, at_least=True, source="2")
+
+
+def impacts() -> Iterator[Check]:
+    """Errors of random arms with two joints, friction and 3 to 8 impacts and reversals, against an event-driven solution.
+
+    Between impacts, the order is two. The time of an impact is accurate to a step, and the error may grow afterwards.
+    """
+    for seed in range(6):
+        random = np.random.default_rng(seed)
+        link = Body(mass=random.uniform(0.3, 1.0), reach=0.15, inertia=random.uniform(1e-3, 5e-3), length=0.3)
+        friction = random.uniform(0.0, 0.3), random.choice([0.0, 0.05])
+        lower, upper = (tuple(random.uniform(0.3, 0.6, 2) * (1.0, 0.8)) for _ in (0, 1))
+        robot, truth = stopped(link, friction, (-lower[0], -lower[1]), upper, gravity=GRAVITY)
+        start, speed = random.uniform(-0.15, 0.15, 2), random.uniform(-4.0, 4.0, 2)
+        pushes = [
+            Sinusoid(
+                amplitude=float(random.uniform(0.5, 2.0)),
+                frequency=float(random.uniform(0.5, 2.0)),
+                phase=float(random.uniform(0, 6)),
+            )
+            for _ in (0, 1)
+        ]
+        end = 0.6
+
+        def push(t: float, q: Any, pushes: list[Sinusoid] = pushes) -> Any:
+            return np.array([float(signal.values(np.array([t]))[0]) for signal in pushes])
+
+        rows, events = truth.move(start, speed, push, np.array([0.0, end]))
+        assert events >= 3
+        found = []
+        for step in (1e-3, 2.5e-4):
+            result = run(
+                robot, duration=end, step=step, initial=start.tolist(),
+                initial_velocities={"joint_1": float(speed[0]), "joint_2": float(speed[1])},
+                external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
+            )  # fmt: skip
+            found.append(max(abs(column(result, "link_position", j)[-1] - rows[-1, j]) for j in (0, 1)))
+        yield Check(
+            name=f"error at .25 ms after impacts on stops: arm {seed}", figure=found[1], bound=1.5e-3, unit="rad",
+            source="an event-driven solution",
+        )  # fmt: skip
+        yield Check(
+            name=f"error after impacts at .25 ms over that at 1 ms: arm {seed}", figure=found[1] / found[0], bound=0.4,
+            source=".06 (order two) to .25 (one)",
+        )  # fmt: skip

@@ -41,6 +41,7 @@ SECTIONS: tuple[Section, ...] = (
             closed_forms.pendulum_period,
             closed_forms.coulomb_friction,
             closed_forms.terminal_velocity,
+            closed_forms.impacts,
         ),
     ),
     Section(
@@ -82,18 +83,14 @@ SECTIONS: tuple[Section, ...] = (
             "friction of joints and Dahl friction of motors keep the second order: a step is split where the velocity of a "
             "link becomes 0. A link that is pushed back while it strikes its stop leaves it from the time of the impact on, "
             "at second order (`tests/physics/test_joint_stops.py`); the velocity torques of an arm with several joints do "
-            "not change within the step of an impact, so that its order may be one (six random arms of two joints with 3 to "
-            "8 impacts and reversals: 1e-6 to 6e-4 rad after .6 s at .25 ms). "
-            "The logged link velocity is the mean of the mean velocities of the steps before and after the row, so that "
-            "in the two rows beside an impact it lies between the velocities before and after the impact (a link that "
-            "strikes its stop at 1 rad/s 30 % into a step: .65 and .15 instead of 1 and 0). Delayed, sampled, noisy and "
+            "not change within the step of an impact, so that its order may be one. Delayed, sampled, noisy and "
             "quantised commands and measurements keep the second order (`tests/physics/test_sensors.py`). For 16 sensors "
             "with random rates of 90 to 900 Hz and delays of .1 to 6 ms, the error is 3e-6 to 1.1e-5 rad at 1 ms; from "
             "one number of substeps to its double the order is .7 to 2.7, since ticks fall on other parts of a substep, "
             "but from 1 to 16 substeps its median is 2.000. "
             "With contacts, the engines' own solvers compute friction, and its order is one."
         ),
-        measures=(order.smooth, order.first_order_schemes, order.friction_orders),
+        measures=(order.smooth, order.first_order_schemes, order.friction_orders, order.impacts),
         slow=frozenset({"smooth", "first_order_schemes", "friction_orders"}),
         needs="pinocchio",
     ),

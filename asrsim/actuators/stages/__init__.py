@@ -10,11 +10,20 @@ from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
 from asrsim.quantities import QUANTITIES
-from asrsim.registry import Registry
+from asrsim.registry import Registry, is_declared
+
+GROUP = "asrsim.stages"
+"""Entry point group of the stages of installed packages."""
 
 
 class Stages(Registry[type[Stage]]):
     """Table of the stages; the quantities of a stage are known from its registration on."""
+
+    def loaded(self) -> tuple[type[Stage], ...]:
+        """All stages, in the order of registration. A stage acts as soon as its package is installed."""
+        if is_declared(GROUP):
+            self.names()
+        return super().loaded()
 
     def _take(self, name: str, entry: type[Stage]) -> type[Stage]:
         QUANTITIES.update({quantity.name: quantity for quantity in entry.quantities})
@@ -32,7 +41,7 @@ class Stages(Registry[type[Stage]]):
             del QUANTITIES[name]
 
 
-STAGES = Stages("stage", entry_point_group="asrsim.stages", base=Stage)
+STAGES = Stages("stage", entry_point_group=GROUP, base=Stage)
 for _stage in (Hysteresis, Damper, Backlash, Heating):
     STAGES.add(_stage.name, _stage)
 

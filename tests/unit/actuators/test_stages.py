@@ -1,5 +1,8 @@
 """Stages of users: a plugin file brings one with the rights of our own; the checker finds wrong bounds and gained energy."""
 
+import os
+import subprocess
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,6 +139,21 @@ def test_quantities_of_a_stage_of_a_file_are_columns_of_recordings_and_of_fits()
     logged = {one.name for one in STAGES.get("clutch").quantities}
     assert logged <= column_quantities().keys()
     assert logged & set(comparable()) == {name for name in logged if QUANTITIES[name].unit != "J"}
+
+
+def test_a_stage_of_an_installed_package_acts_without_being_asked_for(tmp_path):
+    package = tmp_path / "clutches-1.0.dist-info"
+    package.mkdir()
+    (package / "METADATA").write_text("Metadata-Version: 2.1\nName: clutches\nVersion: 1.0\n")
+    (package / "entry_points.txt").write_text("[asrsim.stages]\nclutch = clutches:Clutch\n")
+    (tmp_path / "clutches.py").write_text(EXAMPLE.read_text(encoding="utf-8"))
+    code = (
+        "from asrsim.actuators import ACTUATORS; from asrsim.quantities import QUANTITIES\n"
+        "names = {one.name for one in ACTUATORS.get('sea').all_parameters()}\n"
+        "assert 'clutch_torque' in names and 'clutch_loss' in QUANTITIES"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(tmp_path), *filter(None, sys.path)))}
+    subprocess.run([sys.executable, "-c", code], check=True, env=environment)
 
 
 def test_what_a_stage_logs_is_declared_for_every_motor():

@@ -27,7 +27,7 @@ def coriolis(engine):
     n = len(engine.joints)
     speeds, found = np.array([1.0, -2.0, 0.5][:n]), []
     for velocity in (speeds, 0.0 * speeds):
-        exchange = np.zeros((1, n, 5))
+        exchange = np.zeros((1, n, 6))
         engine.start([0.3] * n, velocity, step=1.0, staggered=False, implicitness=0.5)
         engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))
         found.append(exchange[0, :, VELOCITY] - velocity)
@@ -57,7 +57,7 @@ def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed, tmp_path, capfd):
         engine = BulletEngine(Scenario(name="engine", robot=path, fixed_base=fixed), load_robot(path))
         zero = np.zeros(len(engine.joints))
         engine.start(zero, zero, step=1e-3, staggered=False, implicitness=0.5)
-        engine.step(np.zeros((1, len(zero), 5)), np.zeros((1, 0, 6)), np.ones(1))
+        engine.step(np.zeros((1, len(zero), 6)), np.zeros((1, 0, 6)), np.ones(1))
         engine.close()
     assert capfd.readouterr() == ("", "")
 
@@ -65,7 +65,7 @@ def test_bullet_keeps_its_opinion_of_axes_to_itself(fixed, tmp_path, capfd):
 @pytest.mark.parametrize("lengths", [(1.0,), (0.25, 0.75), (0.2, 0.3)])
 def test_a_whole_kick_has_the_mean_of_its_pieces(lengths):
     source, shares = np.random.default_rng(0), np.array(lengths) / sum(lengths)
-    exchange, wrenches = source.normal(size=(len(lengths), 3, 5)), source.normal(size=(len(lengths), 2, 6))
+    exchange, wrenches = source.normal(size=(len(lengths), 3, 6)), source.normal(size=(len(lengths), 2, 6))
     mean, wrench, whole = whole_kick(exchange, wrenches, np.array(lengths))
     np.testing.assert_allclose(mean, np.einsum("p,pnc->nc", shares, exchange))
     np.testing.assert_allclose(wrench[0], np.einsum("p,pwc->wc", shares, wrenches))

@@ -20,7 +20,7 @@ def change_of_velocity(engine, seed):
     """Change of velocity in one step from a random state under random torques."""
     source, n = np.random.default_rng(seed), len(engine.joints)
     q, v = source.uniform(-2.0, 2.0, n), source.normal(size=n)
-    exchange = np.zeros((1, n, 5))
+    exchange = np.zeros((1, n, 6))
     exchange[0, :, TORQUE], exchange[0, :, DAMPING] = 100.0 * source.normal(size=n), source.uniform(0.0, 5.0, n)
     try:
         engine.start(q, v, step=1e-2, staggered=False, implicitness=0.5)

@@ -9,8 +9,9 @@ import pytest
 
 from asrsim.identification import door
 from asrsim.identification.judge import channel_fits
-from asrsim.identification.problem import differences, jacobian
-from support.identify_files import prepared
+from asrsim.identification.problem import differences, jacobian, set_up
+from asrsim.identification.task import task_of
+from support.identify_files import SEA, prepared, save, write
 
 
 def noise(*shape, seed=0):
@@ -127,3 +128,20 @@ def test_a_deflection_with_the_wrong_sign_is_known_without_a_simulation(tmp_path
         start = np.zeros(len(problem.layout))
         (found,) = channel_fits(problem, differences(problem.everything, start), start)
         assert ("=-joint_1.deflection'" in found.suspicion) == (sign < 0.0)
+
+
+@pytest.mark.parametrize("level", [0.0, 2.0])
+def test_derivatives_by_a_parameter_of_the_second_recording_are_zero_in_the_first(tmp_path, level):
+    """With and without an observer."""
+    scenario = write(tmp_path, "lab", SEA, duration=0.8)
+    columns = TIME, 0.3 * np.sin(9.0 * TIME), 0.2 * np.sin(9.0 * TIME) + noise(len(TIME))
+    heading = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
+    tables = [save(tmp_path / f"{name}.csv", heading, *columns) for name in "ab"]
+    task = task_of(scenario, tables, free=["joint_1.damping"], own=["joint_1.link_position.offset"])
+    with ExitStack() as stack:
+        problem = set_up(task, stack).problem.observed(level)
+        keys = [(entry.key, entry.track) for entry in problem.layout.entries]
+        column = keys.index(("joint_1.link_position.offset", 1))
+        slopes = jacobian(problem, np.zeros(len(keys)), columns=[column])[:, 0]
+        assert not slopes[problem.rows(0)].any()
+        assert slopes[problem.rows(1)].any()

@@ -9,7 +9,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.noise import beyond_steps, lag_correlation
-from asrsim.runs.from_recording import write_from_recording
+from asrsim.starter.recording import write_from_recording
 from support.identify_files import BENCH, CHIRP, SEA, bench, record, save, write
 
 ARM = """<robot name="rig"><link name="base"/><link name="arm"><inertial><origin xyz="0 0 -0.15"/><mass value="0.6"/>

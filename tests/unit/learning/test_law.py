@@ -10,7 +10,7 @@ from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, iterate, zero_phase
 from asrsim.learning.figure import learning_charts
 from asrsim.learning.state import LearningState, load_state, motion_basis, save_state
-from asrsim.scenario.blocks import Learning
+from asrsim.scenario.goals import Learning
 from asrsim.signals.pieces import Constant
 
 STEP = 1e-3

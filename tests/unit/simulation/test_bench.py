@@ -41,7 +41,7 @@ def test_the_links_follow_their_signals_in_any_order_of_steps():
     signal = Sinusoid(amplitude=0.5, frequency=7.0, phase=0.3)
     engine = bench.BenchEngine(scenario, load_robot(scenario.robot))
     engine.start([0.0], [0.0], step=scenario.step, staggered=True, implicitness=0.5)
-    exchange = np.zeros((1, 1, 5))
+    exchange = np.zeros((1, 1, 6))
     for row in (*range(1, 20), 3, 4, 90, 89, 1, 31, 32):
         engine.state = row - 1
         engine.step(exchange, np.zeros((1, 0, 6)), np.ones(1))

@@ -16,7 +16,7 @@ from asrsim.compiled import compiling
 from asrsim.compiled.kernel_cache import cache_file
 from asrsim.errors import SimulationError
 from asrsim.scenario import Scenario
-from asrsim.scenario.blocks import World
+from asrsim.scenario.surroundings import World
 from asrsim.signals import Constant, PulseTrain, Sinusoid, Step
 from asrsim.simulation import native
 from asrsim.simulation.core import SECONDS_TO_LOAD

@@ -90,6 +90,25 @@ def test_a_pattern_sets_the_parameter_of_each_actuator_that_it_matches(initial):
             assert row[f"{joint.name}.steady_state"] == joint.measures.as_dict()["steady_state"]
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.002])
+def test_a_pattern_sets_the_reference_of_each_joint_that_it_matches(delay):
+    """Also if effects change the references; the key of a joint replaces that of the pattern."""
+    name = "equilibrium_position"
+    over = {f"references.joint_1.{name}": [0.3], f"references.joint_?.{name}": [0.1, 0.2]}
+    for (given, row), value in zip(rows_of(over, **{"effects.commands.joint_1.delay": delay}), [0.1, 0.2], strict=True):
+        alone = {f"references.joint_1.{name}": 0.3, f"references.joint_2.{name}": value}
+        base = {"duration": 0.02, "engine": "mujoco", "compiled": False, "effects.commands.joint_1.delay": delay}
+        result = asrsim.run(TWO_JOINTS, variant="soft", overrides={**base, **given, **alone})
+        assert row["status"] == "complete", row["reason"]
+        for joint in result.summary.joints:
+            assert row[f"{joint.name}.steady_state"] == joint.measures.as_dict()["steady_state"]
+
+
+def test_a_pattern_that_matches_no_joint_names_the_joints():
+    with pytest.raises(AsrsimError, match=r"references.arm_\*.stiffness_preset.*matches no joint.*joint_1"):
+        list(rows_of({"references.arm_*.stiffness_preset": [0.1]}))
+
+
 BAD = {
     "parameters.joint_1.spring_a_1": (8.0, -1.0, "must be"),
     "parameters.*.motor_1_min_position & parameters.*.motor_1_max_position": (
