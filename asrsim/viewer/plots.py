@@ -103,12 +103,15 @@ class Plot:
         series: list[dict[str, Any]] = [{"label": "s"}]
         for number, joint in enumerate(joints):
             own, values = subject.history.curve(joint.name, quantity, start, end + 1e-9)
+            every = max(1, -(-len(own) // POINTS))
+            # Counting from the end keeps the newest sample.
+            rows = slice((len(own) - 1) % every, None, every)
             if not len(time):
-                time = own[:: max(1, -(-len(own) // POINTS))]
+                time = own[rows]
             if not len(time) or not np.isfinite(values).any():
                 continue
             colour = COLOURS[number % len(COLOURS)]
-            curves.append(values[:: max(1, -(-len(own) // POINTS))])
+            curves.append(values[rows])
             series.append({"label": joint.name, "stroke": colour, **LOOK})
             for k, companion in enumerate(self._plots.companions.values()):
                 there, other = companion.curve(joint.name, quantity, start - 1.0, end + 1.0)
