@@ -55,9 +55,13 @@ def design(
     from asrsim.cli.progress import FractionBar
     from asrsim.designs.run import design as designed
     from asrsim.designs.write import columns, write_design
+    from asrsim.outfile import check_output, make_folder
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
+    # The search takes minutes: what cannot be written is refused before it.
+    make_folder(out.parent)
+    check_output(out, "designed motion")
     message = "asrsim: stopping; the best so far is kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(

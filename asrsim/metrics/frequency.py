@@ -126,7 +126,8 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
         gain_low=gain * np.maximum(1 - width, 0), gain_high=gain * (1 + width), phase_margin=margin,
         band=band,
         resonance=_resonance(spectra.frequency, gain, spectra.coherence) if moves else None,
-        bandwidth=_bandwidth(spectra.frequency, gain) if moves else None, moves=moves, findings=tuple(findings),
+        bandwidth=_bandwidth(spectra.frequency, gain, spectra.coherence) if moves else None,
+        moves=moves, findings=tuple(findings),
     )  # fmt: skip
 
 
@@ -136,7 +137,7 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     i = int(np.argmax(trusted))
     # A gain that rises up to an end of the band has no peak there; the outermost 2 % of the points count as the end.
     edge = 1 + len(f) // 50
-    if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_gain(gain):
+    if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_end(gain):
         return None
     x, y = f[i - 1 : i + 2] - f[i], gain[i - 1 : i + 2]
     a, b, c = np.polyfit(x, y, 2)
@@ -146,14 +147,18 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     return float(f[i]) + shift, float(a * shift**2 + b * shift + c)
 
 
-def _low_gain(gain: Array) -> float:
-    return float(np.median(gain[: max(3, len(gain) // 50)]))
+def _low_end(values: Array) -> float:
+    """Value at the low end of the band."""
+    return float(np.median(values[: max(3, len(values) // 50)]))
 
 
-def _bandwidth(f: Array, gain: Array) -> float | None:
-    level = _low_gain(gain) / math.sqrt(2)
+def _bandwidth(f: Array, gain: Array, coherence: Array) -> float | None:
+    """Frequency at which the gain falls 3 dB below the low end; None where the coherence at one of the two is too low."""
+    level = _low_end(gain) / math.sqrt(2)
     below = np.flatnonzero(gain < level)
     if not len(below) or below[0] == 0:
         return None
     i = int(below[0])
+    if min(_low_end(coherence), *coherence[i - 1 : i + 1]) < _TRUSTED:
+        return None
     return float(f[i - 1] + (gain[i - 1] - level) / (gain[i - 1] - gain[i]) * (f[i] - f[i - 1]))

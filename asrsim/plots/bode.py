@@ -41,7 +41,7 @@ def bode_pages(found: Sequence[Response], *, title: str) -> Iterator[FigurePage]
 def pair_in_words(given: str | None, output: str | None) -> str:
     """Input and output of a frequency response in words, for a title."""
     output, given = (style.in_words(text) for text in (output or OUTPUT, given or "its reference"))
-    return f"{output} to {given}"
+    return f"from {given} to {output}"
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
@@ -72,7 +72,7 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     if any(one.response.resonance for one in moving):
         handles.append(Line2D([], [], marker="o", ms=3.5, linestyle="", color=style.GREY, label="resonance"))
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
-    if moving:
+    if any((one.response.coherence >= TRUSTED).any() for one in moving):
         axes[1, -1].text(
             1.02, 1.0, f"shaded: {CONFIDENCE:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
             fontsize=8, color=style.GREY,

@@ -109,10 +109,8 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
     elif chart.places:
         axes.margins(x=0.06)
     if chart.note:
-        axes.text(
-            0.985, 0.96, chart.note, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=style.GREY,
-            bbox={"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
-        )  # fmt: skip
+        # Above the axes, where it hides no curve.
+        axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 
 def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool) -> None:

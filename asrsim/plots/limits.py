@@ -14,6 +14,7 @@ from asrsim.plots import style
 from asrsim.plots.curves import RunCurves
 from asrsim.plots.decimate import Curve
 from asrsim.quantities import each_motor
+from asrsim.samples import Array, JointInfo
 
 
 def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
@@ -42,18 +43,35 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
 
 
 def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
-    """Limits of the joint deflection. With two antagonistic springs the preset uses up part of the range."""
+    """Limits of the joint deflection."""
     info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
-    if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None or info.motors > 2:
+    if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:
         return []
-    if two is None or one is None or style.has_adjuster(info):
+    if one is None or two is None:
         time = np.asarray(run.curves[joint, "deflection"].time[[0, -1]])
-        left = np.full(2, limit)
+        left = largest_deflection(info, limit)
     else:
         time = one.time
-        left = limit - 0.5 * np.abs(one.values - np.interp(time, two.time, two.values))
+        left = largest_deflection(info, limit, one.values, np.interp(time, two.time, two.values))
+    if left is None:
+        return []
+    if left.ndim == 0:
+        time, left = time[[0, -1]], np.full(2, left)
     return [Curve(time=time, values=left), Curve(time=time, values=-left)]
+
+
+def largest_deflection(joint: JointInfo, limit: float, one: Array | None = None, two: Array | None = None) -> Array | None:
+    """Largest deflection of a joint, rad (m): a number, or one for each sample (n,); None if it is not known.
+
+    limit: that of its springs; one, two: positions (n,) of its motors, rad (m). With two antagonistic springs the preset uses
+    up part of the range.
+    """
+    if joint.motors > 2:
+        return None
+    if joint.motors < 2 or style.has_adjuster(joint):
+        return np.asarray(limit)
+    return None if one is None or two is None else np.asarray(limit - 0.5 * np.abs(one - two))
 
 
 def _both(limit: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from asrsim.errors import counted
-from asrsim.quantities import LIMITS
+from asrsim.quantities import LIMITS, shown
 from asrsim.summary.data import RunSummary
 
 Column = tuple[str, tuple[str, ...], bool]
@@ -27,7 +27,7 @@ def measure_columns(joints: Joints) -> tuple[Column, ...]:
         ("joint", tuple(joint["name"] for joint in joints), False),
         ("actuator", tuple(joint["actuator"] + mode for joint, mode in zip(joints, modes, strict=True)), False),
         _numbers(f"steady\n{length}", joints, "steady_state", "{:.5g}"),
-        _numbers(f"error\n{length}", joints, "steady_state_error", "{:.3g}"),
+        ("error", tuple(map(_error, joints)), True),
         _numbers("over-\nshoot %", joints, "overshoot", "{:.1f}", 100.0),
         _numbers("settling\ns", joints, "settling", "{:.3f}"),
         _numbers(f"peak defl.\n{length}", joints, "peak_deflection", "{:.3g}"),
@@ -59,6 +59,12 @@ def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 
     numbers = (joint.get(key) for joint in joints)
     cells = ("-" if number is None else form.format(round(factor * number, digits) + 0.0) for number in numbers)
     return heading, tuple(cells), True
+
+
+def _error(joint: Mapping[str, Any]) -> str:
+    """Error of the steady state with its unit, whose prefix follows the size: some joints miss by a degree, some by a µrad."""
+    error = joint.get("steady_state_error")
+    return "-" if error is None else shown(round(error, 9) + 0.0, "m" if joint["prismatic"] else "rad")
 
 
 def headline(summary: RunSummary) -> str:

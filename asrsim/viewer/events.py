@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
+from asrsim.plots.limits import largest_deflection
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.viewer.history import values_of
@@ -70,8 +71,15 @@ def limit_events(
         limits = [("deflection", "max_deflection", "deflection limit")]
         limits += [(f"motor_{i}_torque", f"motor_{i}_max_torque", f"motor {i} at its torque limit") for i in (1, 2)]
         for quantity, parameter, text in limits:
-            values, largest = values_of(samples, quantity, joints), own.get(parameter) if isinstance(own, Mapping) else None
-            if values is not None and isinstance(largest, float | int):
+            values, limit = values_of(samples, quantity, joints), own.get(parameter) if isinstance(own, Mapping) else None
+            if values is None or not isinstance(limit, float | int):
+                continue
+            largest: Array | None = np.asarray(limit)
+            if quantity == "deflection":
+                motors = (samples.values.get(f"motor_{i}_position") for i in (1, 2))
+                info = next(one for one in joints if one.name == name)
+                largest = largest_deflection(info, limit, *(None if one is None else one[:, column] for one in motors))
+            if largest is not None:
                 yield from _begins(samples.time, np.abs(values[:, column]) >= (1 - NEAR) * largest, f"{name}: {text}")
 
 

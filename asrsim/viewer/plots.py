@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#b3599a", "#56b4e9", "#a39700", "#1a1a1a")
 """Colours of the joints' curves."""
-POINTS = 1000
-"""Largest number of points of a curve."""
+POINTS = 600
+"""Largest number of points of a curve. uPlot draws stairs of whole pixels where a pixel has more than four points, and a
+plot is 180 pixels wide."""
 WINDOW = 10.0
 """Time shown at first, s."""
 ALL = "all joints"
@@ -27,6 +28,8 @@ ZERO = 1e-12
 """Largest value of a curve that is drawn as zero."""
 MOST = 8
 """Number of joints above which the first plots show one joint."""
+LOOK: dict[str, Any] = {"width": 1.5, "pxAlign": 0}
+"""Width of a curve in pixels; its points do not move to whole pixels, which would make stairs of a slope."""
 DASHES = [6, 4]
 """Dashes of the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
@@ -100,20 +103,23 @@ class Plot:
         series: list[dict[str, Any]] = [{"label": "s"}]
         for number, joint in enumerate(joints):
             own, values = subject.history.curve(joint.name, quantity, start, end + 1e-9)
+            every = max(1, -(-len(own) // POINTS))
+            # Counting from the end keeps the newest sample.
+            rows = slice((len(own) - 1) % every, None, every)
             if not len(time):
-                time = own[:: max(1, -(-len(own) // POINTS))]
+                time = own[rows]
             if not len(time) or not np.isfinite(values).any():
                 continue
             colour = COLOURS[number % len(COLOURS)]
-            curves.append(values[:: max(1, -(-len(own) // POINTS))])
-            series.append({"label": joint.name, "stroke": colour, "width": 1.5})
+            curves.append(values[rows])
+            series.append({"label": joint.name, "stroke": colour, **LOOK})
             for k, companion in enumerate(self._plots.companions.values()):
                 there, other = companion.curve(joint.name, quantity, start - 1.0, end + 1.0)
                 if len(there) > 1:
                     curves.append(np.interp(time, there, other, left=np.nan, right=np.nan))
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
-                    series.append({"label": name, "stroke": stroke, "width": 1.5, "dash": DASHES})
+                    series.append({"label": name, "stroke": stroke, "dash": DASHES, **LOOK})
         # A single sample has no width, from which the page could find a scale of the time.
         if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
+from asrsim.render.scene import RenderScene
 from asrsim.samples import TIP, Array, Samples
 from asrsim.viewer.colours import Scale
 from asrsim.viewer.figure import Colour, Figure, frames_of
@@ -25,6 +26,8 @@ GHOSTS: tuple[Colour, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230,
 """Colours of the other ghosts and their curves."""
 ROOM = 1.9
 """Size of what the camera sees at first, as a factor on the robot's size: the robot moves, and panels cover the edges."""
+POSES = 12
+"""Number of poses of a known motion that the first picture has room for."""
 FAINT = 0.25
 """Opacity of a ghost."""
 SEEN = 0.45
@@ -91,13 +94,14 @@ class Stage:
     def _fit(self) -> float:
         """Place the camera and the ground; returns the size of the robot, m."""
         scene, server = self.subject.scene, self._server
-        latest = self.subject.history.latest
-        frames = scene.frames({}, {}) if latest is None else frames_of(scene, latest)
-        clouds = [
-            part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] for part in scene.parts
-        ]
-        cloud = np.concatenate(clouds) if clouds else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])
-        middle, size = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0)), float(np.linalg.norm(np.ptp(cloud, axis=0)))
+        history = self.subject.history
+        # Of a motion that is known, the camera sees all.
+        poses = [one for time in np.linspace(*history.span, POSES) if (one := history.at(float(time))) is not None]
+        placed = [frames_of(scene, pose) for pose in poses] or [scene.frames({}, {})]
+        frames = placed[-1]
+        clouds = [_cloud(scene, one) for one in placed]
+        cloud, size = np.concatenate(clouds), float(np.linalg.norm(np.ptp(clouds[-1], axis=0)))
+        middle = 0.5 * (cloud.min(axis=0) + cloud.max(axis=0))
         camera = fit_camera(middle + ROOM * (cloud - middle), viewpoint(main_axis(scene.axes(frames), {})), aspect=1.0)
         start = server.initial_camera
         start.position, start.look_at, start.up = camera.eye, camera.target, np.array([0.0, 0.0, 1.0])
@@ -261,3 +265,9 @@ class Stage:
     def on_drag(self, report: Callable[[str, Any], None]) -> None:
         """Call `report` with a body and viser's event while a user drags the body."""
         self.figure.on_drag(report)
+
+
+def _cloud(scene: RenderScene, frames: Mapping[str, Array]) -> Array:
+    """Corners (n, 3) of the boxes around the parts in a pose, m; those of a box of 1 m if there is no part."""
+    boxes = [part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] for part in scene.parts]
+    return np.concatenate(boxes) if boxes else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])

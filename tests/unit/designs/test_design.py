@@ -171,3 +171,12 @@ def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):
     assert chosen.gains == {"joint_1.controller_1_proportional": min(alone, key=alone.get)}
     assert chosen.intervals["design"] == min(alone.values())
     assert chosen.intervals["design"] < 0.5 * max(alone.values())
+
+
+def test_what_cannot_be_written_is_refused_before_the_search(asrsim_command, monkeypatch, tmp_path):
+    monkeypatch.setattr("asrsim.designs.run.design", lambda *given, **options: pytest.fail("searched"))
+    (tmp_path / "file").write_text("mine")
+    for out in ("file", "file/excite.csv"):
+        done = asrsim_command("design", "a.yaml", "--limits", "l.yaml", "--out", out)
+        assert done.code == 1
+        assert "file" in done.err

@@ -87,6 +87,14 @@ def test_resonance_and_bandwidth(kind, near):
     assert found.bandwidth == pytest.approx(grid[np.argmax(gain < gain[0] / np.sqrt(2))], rel=near)
 
 
+def test_noise_has_no_bandwidth():
+    """An output that has nothing to do with the input falls below any level somewhere."""
+    noise = np.random.default_rng(1).normal(size=len(TIME))
+    found = frequency_response(TIME, excitation("noise"), np.cumsum(noise) / 100.0)
+    assert np.median(found.coherence) < 0.5
+    assert found.bandwidth is None
+
+
 def test_only_the_excited_band_is_reported():
     u = excitation("chirp sine")
     found = frequency_response(TIME, u, simulate(u))

@@ -40,6 +40,15 @@ def test_a_legend_lies_outside_the_axes_and_inside_the_picture():
     assert legend.x1 < figure.bbox.x1
 
 
+def test_a_note_hides_no_curve():
+    with styled():
+        figure = chart_figure([[chart("difference", note="RMS 0.04 mrad")]])
+        figure.draw_without_rendering()
+        (axes,) = figure.axes
+        (note,) = axes.texts
+        assert note.get_window_extent().y0 >= axes.get_window_extent().y1
+
+
 def test_a_legend_is_not_repeated_below_the_same_legend():
     rows = [[chart("a", label="one"), chart("b", label="two")]] * 2 + [[chart("a", label="one"), chart("b", label="three")]]
     with styled():

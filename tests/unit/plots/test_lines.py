@@ -7,7 +7,7 @@ import pytest
 
 from asrsim.metrics.frequency import FrequencyResponse
 from asrsim.plots import Curve, read_curves, style
-from asrsim.plots.bode import bode_figure
+from asrsim.plots.bode import bode_figure, pair_in_words
 from asrsim.plots.figures import run_pages
 from asrsim.plots.limits import panel_limits
 from asrsim.plots.responses import Response
@@ -118,6 +118,12 @@ def test_a_bode_plot_reaches_to_the_end_of_the_band_and_is_dotted_where_the_cohe
         (band,) = axes.collections
         assert (band.get_datalim(axes.transData).y0, band.get_datalim(axes.transData).y1) == pytest.approx(limits)
     assert any("95%" in text.get_text() for text in phase.texts)
+    # Nothing is shaded where no coherence is enough.
+    assert not bode_figure([response([0.1, 0.2, 0.1, 0.49])]).axes[1].texts
+
+
+def test_the_title_of_a_bode_plot_leads_from_the_input_to_the_output():
+    assert pair_in_words("equilibrium_position", None) == "from equilibrium position to link position"
 
 
 URDF = (
@@ -144,4 +150,7 @@ def test_limits_are_those_of_the_robot_and_the_actuator(tmp_path):
     upper, lower = panel_limits(run, "joint_1", "deflection")
     np.testing.assert_allclose(upper.values, 0.7 - 0.5 * (0.4 + 0.2 * upper.time), atol=1e-9)
     np.testing.assert_allclose(lower.values, -upper.values)
+    # Without the motors, as in a plot of the deflection alone, the part that the preset takes is unknown.
+    alone = replace(run, curves={key: curve for key, curve in run.curves.items() if "motor" not in key[1]})
+    assert panel_limits(alone, "joint_1", "quantity:deflection") == []
     assert [curve.time.tolist() for curve in panel_limits(run, "joint_1", "position")] == [[0.0, 1.0]] * 2

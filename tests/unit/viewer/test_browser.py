@@ -156,6 +156,8 @@ def test_a_log_is_played_back_with_a_ghost_and_plots(played, browser):
     plot = player._page.plots.plots[0]._plot
     until(lambda: plot.data[0][-1] == pytest.approx(0.25, abs=0.01))
     assert [one["label"] for one in plot.series][:2] == ["s", "joint_1"]
+    # Points on whole pixels would make stairs of a slope.
+    assert [one["pxAlign"] for one in plot.series[1:]] == [0] * (len(plot.series) - 1)
     assert page.count(".uplot canvas") == 2
     page.tab("Show")
     page.check(companion.label)

@@ -14,9 +14,11 @@ from asrsim.errors import InputError, LogError
 from asrsim.log import open_log
 from asrsim.outfile import csv_text
 from asrsim.runs.rerun import rerun
+from asrsim.samples import Samples
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow
 from asrsim.viewer.events import limit_events
+from asrsim.viewer.figure import frames_of
 from asrsim.viewer.history import History
 from asrsim.viewer.page import Page
 from asrsim.viewer.recorded import recorded
@@ -113,6 +115,33 @@ def test_events_are_the_beginnings_of_limits(result):
     parameters = {"joint_1": {"motor_1_max_torque": most}}
     found = [event for event in limit_events(samples, result.run.info.joints, robot, parameters) if "motor 1" in event.text]
     assert found[0].time == samples.time[np.flatnonzero(np.abs(torque) >= 0.999 * most)[0]]
+
+
+def test_the_preset_of_two_antagonistic_springs_uses_up_part_of_the_largest_deflection(result):
+    """Motors that are 0.4 rad apart leave 0.5 of 0.7 rad."""
+    time = np.arange(101) * 0.01
+    values = {"link_position": -time[:, None], "motor_1_position": np.full((101, 1), 0.2)}
+    values["motor_2_position"] = -values["motor_1_position"]
+    samples = Samples(time=time, joints=("joint_1",), values=values)
+    limits = {"joint_1": {"max_deflection": 0.7}}
+    (event,) = limit_events(samples, result.run.info.joints[:1], SimpleNamespace(joints=()), limits)
+    assert (event.time, event.text) == (pytest.approx(0.5), "joint_1: deflection limit")
+
+
+def test_the_first_picture_has_room_for_a_motion_that_is_known(tmp_path, server):
+    """In a window of 1280 x 800 pixels, the picture begins at 304, and the controls cover what is right of 945."""
+    swung = asrsim.run(SOFT_ARM, variant="nominal_soft", overrides={"duration": 0.7}, out=tmp_path / "swung")
+    stage = Stage(server.viser, logged(swung.log))
+    start, scene = server.viser.initial_camera, stage.subject.scene
+    forward = np.subtract(start.look_at, start.position)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, start.up) / np.linalg.norm(np.cross(forward, start.up))
+    for at in (0.0, 0.35, 0.7):
+        frames = frames_of(scene, stage.subject.history.at(at))
+        for part in scene.parts:
+            corners = part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] - start.position
+            x = 400.0 / np.tan(0.5 * start.fov) * (corners @ right) / (corners @ forward)
+            assert 304.0 - 792.0 < x.min() < x.max() < 945.0 - 792.0
 
 
 def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
