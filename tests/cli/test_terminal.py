@@ -40,10 +40,10 @@ def test_names_cannot_break_the_scripts_of_a_report(tiny, name):
     result = asrsim.run(tiny.scenario, out=tiny.folder / "out")
     assert result.joints == (name,)
     page = Page(write_report(tiny.folder / "out", film=False))
-    assert len(page.scripts) == 4
+    assert len(page.scripts) == 5
     assert json.loads(page.scripts[1])["groups"]
     assert "<!--" not in page.source
-    assert page.source.count("<script") == 4
+    assert page.source.count("<script") == 5
 
 
 @pytest.mark.parametrize(
