@@ -122,8 +122,11 @@ def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
-    """SI unit of a quantity, recorded or derived; "" if the unit depends on the operation mode."""
-    unit = (QUANTITIES | DERIVED)[name].unit
+    """SI unit of a quantity, recorded or derived; "" if the unit depends on the operation mode, or is unknown: a log may have
+    quantities of a user's stage that is not loaded here.
+    """
+    known = QUANTITIES.get(name) or DERIVED.get(name)
+    unit = known.unit if known else ""
     return linear_unit(unit) if prismatic else unit
 
 

@@ -16,13 +16,13 @@ import numpy as np
 from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
-from asrsim.quantities import each_motor
+from asrsim.quantities import each_motor, unit_of
 from asrsim.recordings.commands import command_unit
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.folders import require_one_recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import column_quantities, find_raw, meaning_of, stated_unit, within_joint
+from asrsim.recordings.names import find_raw, meaning_of, stated_unit, within_joint
 from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
@@ -147,8 +147,8 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
         if index is None:
             message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
             problem = replace(problem, message=message, choices=names[:20], hint=hint, code="no-such-column")
-        elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, column_quantities()[one.quantity].unit):
-            message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({column_quantities()[one.quantity].unit})"
+        elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
+            message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({unit_of(one.quantity)})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
             problem = replace(problem, message=message, hint=hint, code="wrong-unit")
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
@@ -216,7 +216,7 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
     if quantity is None or unit is not None:
         return joint, quantity
     values = raw.values[np.isfinite(raw.values)]
-    angle = column_quantities()[quantity].unit == "rad" or quantity == "reference_1"
+    angle = unit_of(quantity) == "rad" or quantity == "reference_1"
     if angle and len(values) > 1 and np.max(np.abs(values)) > _TURNS and np.all(values == np.round(values)):
         numbers = f"its whole numbers up to {np.max(np.abs(values)):g} look like encoder counts or degrees, not rad"
         raise DoubtError(f"its name means {quantity}, but {numbers}")
@@ -229,7 +229,7 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     Values above `LARGEST` become NaN, as no sensor measures them.
     """
     unit = _unit(raw, meaning)
-    usual = "" if meaning.quantity is None else column_quantities()[meaning.quantity].unit
+    usual = "" if meaning.quantity is None else unit_of(meaning.quantity)
     commands = meaning.quantity in each_motor("reference_{}")
     # The unit of a reference depends on the mode, unless its name states what it commands.
     if commands:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from asrsim.quantities import DERIVED, QUANTITIES, unit_of
+from asrsim.quantities import unit_of
 from asrsim.samples import Array
 from asrsim.viewer.figure import Colour
 
@@ -69,5 +69,5 @@ def words_of(quantity: str) -> str:
 
 def label_of(quantity: str, units: Sequence[str] = ()) -> str:
     """Name of a quantity in words with its unit. units: units in place of the quantity's own."""
-    unit = " or ".join(dict.fromkeys(units)) or (unit_of(quantity) if quantity in (QUANTITIES | DERIVED) else "")
+    unit = " or ".join(dict.fromkeys(units)) or unit_of(quantity)
     return f"{words_of(quantity)}, {unit}" if unit else words_of(quantity)

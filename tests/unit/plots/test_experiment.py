@@ -16,6 +16,7 @@ from asrsim.plots import read_curves
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import comparison_pages, overlay_figure
 from asrsim.plots.pairing import assign
+from asrsim.quantities import QUANTITIES
 from support.paths import ROOT
 from support.plot_example import made_up_log, simulated_log
 
@@ -43,6 +44,15 @@ def test_the_lag_is_found_and_removed(tmp_path):
     assert rmse.value == pytest.approx(0.04 / np.sqrt(2), rel=0.1)
     assert {path.name for path in result.files} == {"comparison.png", "recorded.json", "metrics.csv"}
     assert "rise" in {row.measure for row in read_metrics(tmp_path / "out" / "metrics.csv")}
+
+
+def test_a_log_with_a_quantity_that_is_unknown_here_is_compared(tiny, asrsim_command, monkeypatch):
+    """A stage of a plugin that is not loaded had logged it."""
+    assert asrsim_command("run", tiny.scenario, "--set", "duration=0.1", "--no-plot", "-q", "--out", "out").code == 0
+    monkeypatch.delitem(QUANTITIES, "stiffness")
+    done = asrsim_command("plot", "out", "-e", "out/log.mcap", "--json")
+    assert done.code == 0, done.err
+    assert {"stiffness", "link_position"} <= {row["quantity"] for row in json.loads(done.out)["metrics"]}
 
 
 def test_a_further_measure_is_shown_of_run_and_recording(tmp_path, asrsim_command):
