@@ -90,7 +90,15 @@ class PageOfView:
             self.page.goto(view.address)
             # viser notes that WebGL runs in software, above the controls of a small window.
             self.page.add_style_tag(content=".mantine-Notifications-root { display: none }")
+            self._settle()
         return self
+
+    def _settle(self):
+        """Wait until the page has its controls: while they come, a press may be lost."""
+        before = None
+        while (now := self.count("button, input, canvas")) == 0 or now != before:
+            before = now
+            time.sleep(1.0)
 
     def _hear(self, message):
         if message.type == "error" and not message.text.startswith(KNOWN):
@@ -103,7 +111,14 @@ class PageOfView:
         return self.page.locator(selector).count()
 
     def tab(self, name):
-        self._press(self.page.get_by_role("tab", name=name, exact=True))
+        """Open a tab; a press before the page listens is repeated."""
+        tab = self.page.get_by_role("tab", name=name, exact=True)
+        end = time.monotonic() + PATIENCE
+        self._press(tab)
+        while tab.get_attribute("aria-selected") != "true":
+            assert time.monotonic() < end, f"the tab {name} does not open"
+            time.sleep(0.5)
+            self._press(tab)
 
     def click(self, name):
         self._press(self.page.get_by_role("button", name=name, exact=True))

@@ -15,6 +15,8 @@ from asrsim.runs.rerun import rerun
 from support.chromium import open_page, until
 from support.paths import EXAMPLES
 
+pytestmark = pytest.mark.browser
+
 STIFFNESS = 5.0
 """Stiffness of the spring of the joint that is pulled, N m/rad."""
 
