@@ -1,20 +1,37 @@
-"""Possible causes of a misfit: extensions of the model that are tried together, and named with the error that would remain."""
+"""Possible causes of a misfit: extensions of the model that are tried together, and named with the error that would remain.
+
+`CAUSES` is the registry. Users add their own: `CAUSES.add("damper", Cause(title="a damper", extensions=dampers))` in a plugin
+file, or an entry point in the group "asrsim.causes".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
 
+from asrsim.errors import InputError
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
+from asrsim.identification.extensions import (
+    FURTHER,
+    Extended,
+    Extension,
+    Optimum,
+    Propose,
+    extended,
+    is_significant,
+    pruned,
+    tied_to,
+)
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
 from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
+from asrsim.registry import Registry
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
@@ -23,7 +40,7 @@ PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 NOISE = 2.0
 """Mean square residual, relative to the recorded noise, below which the suspected causes explain everything."""
-CAUSES, ROUNDS = 3, 15
+MOST, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
@@ -54,6 +71,21 @@ at which static friction fades.
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """A kind of causes of a misfit."""
+
+    title: str
+    """What the model may lack, for the documentation."""
+    extensions: Propose
+    """Function of a problem and the vector (n,) of its parameters. Returns the extensions of the model to try, each with a text
+    that names it.
+    """
+
+
+CAUSES: Registry[Cause] = Registry("cause", "asrsim.causes", instance=Cause)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Suspicion:
     """Effects that the model may lack."""
@@ -77,7 +109,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, np.zeros(len(x))):
         there = extended(
-            problem, begin, (_sensors, _commands, _robot, _delays, _wrong_ties, _modes), most=CAUSES, rounds=ROUNDS,
+            problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         trials += there.trials
@@ -99,6 +131,17 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
             )
     for text in chain(_oscillations(*explained), _varying_springs(*explained)):
         yield Suspicion(text=text)
+
+
+def _proposed(name: str, problem: Problem, x: Array) -> Iterator[Extension]:
+    """Extensions that the cause with this name proposes. Raises InputError for a parameter that does not exist."""
+    for one in CAUSES.get(name).extensions(problem, x):
+        for parameter in one.parameters if one.elastic is None else ():
+            if parameter.key not in problem.known:
+                message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"
+                choices = tuple(problem.known)
+                raise InputError(message, key=parameter.key, choices=choices, meant=parameter.key, code="unknown-key")
+        yield one
 
 
 def _suspected(found: Extended, rest: str) -> str:
@@ -306,3 +349,17 @@ def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
 
 def _correlation(a: Array, b: Array) -> float:
     return float(np.corrcoef(a, b)[0, 1])
+
+
+for name, cause in {
+    "sensors": Cause(title="zeros and scales of sensors, such as a gear ratio", extensions=_sensors),
+    "commands": Cause(title="zeros of commands", extensions=_commands),
+    "robot": Cause(
+        title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
+        "motors and of deflections, masses of links", extensions=_robot,
+    ),
+    "delays": Cause(title="a delay of the commands", extensions=_delays),
+    "ties": Cause(title="wrong ties", extensions=_wrong_ties),
+    "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
+}.items():  # fmt: skip
+    CAUSES.add(name, cause)

@@ -16,7 +16,7 @@ from asrsim.errors import InputError, RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel, read_data
 from asrsim.identification.door import examine
 from asrsim.identification.noise import size_of
-from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
+from asrsim.identification.parameters import Layout, Parameter, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
 from asrsim.robot.model import Robot
@@ -108,6 +108,20 @@ class Problem:
     def fitted(self) -> tuple[int, ...]:
         """Indices of the fitted recordings."""
         return tuple(number for number, end in enumerate(self.ends) if end > 0.0)
+
+    @cached_property
+    def known(self) -> dict[str, Parameter]:
+        """All parameters of the robot and of the recordings, by key, with their values before the fit."""
+        data = [track.data for track in self.tracks]
+        commands = {command.key: command.unit for one in data for command in one.commands}
+        channels = {channel.key: channel.unit for one in data for channel in one.channels}
+        return parameters_of(self.tracks[0].door.robot, tuple(commands), commands | channels)
+
+    @property
+    def fixed(self) -> dict[str, Parameter]:
+        """Parameters by key that are neither free nor tied."""
+        taken = self.layout.keys
+        return {key: one for key, one in self.known.items() if key not in taken}
 
     @property
     def whole(self) -> Problem:
