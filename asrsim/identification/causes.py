@@ -65,8 +65,8 @@ RINGING, DRIVEN = 0.1, 0.3
 frequency of a command above which the command does not cause the oscillation.
 """
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
-"""Parameters that are as unknown as the size of an effect, by size: the deflection over which hysteresis builds up, and the speed
-at which static friction fades.
+"""Parameters that are as unknown as the size of an effect, by size: the deflection over which hysteresis builds up, and the
+speed at which static friction fades.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -163,8 +163,9 @@ def _suspected(found: Extended, rest: str) -> str:
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
     ways += [
-        f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the same "
-        "axis with <springStiffness>, and free the joint's passive_stiffness and damping, and mass and inertia of the outer link"
+        f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "
+        "same axis with <springStiffness>, and free this joint's passive_stiffness and damping, and mass and inertia of the "
+        "outer link"
         for joint in links
     ]
     added = f" ({'; '.join(ways)})" if ways else ""
