@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from math import inf
 
 import numpy as np
 
@@ -77,7 +78,15 @@ class Extension:
             problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
         layout = problem.layout
         ties = tuple(tie for tie in layout.ties if tie is not self.untied)
-        return replace(problem, layout=replace(layout, entries=layout.entries + self.parameters, ties=ties + self.ties))
+        entries = *self._released(layout.entries), *self.parameters
+        return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
+
+    def _released(self, entries: tuple[Parameter, ...]) -> Iterator[Parameter]:
+        """Entries without bounds of initial positions that a sensor shows whose zero or scale becomes free."""
+        joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
+        for one in entries:
+            joint, _, name = one.key.rpartition(".")
+            yield replace(one, low=-inf, high=inf) if name == "initial_position" and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""

@@ -154,17 +154,26 @@ def tied(values: Mapping[str, float], ties: Iterable[Tie]) -> dict[str, float]:
 
 
 def make_layout(
-    free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]]
-) -> Layout:
-    """Layout of the free parameters. names: names of the recordings; starts: for each fitted recording, start values by key of
-    the parameters that depend on the recording.
+    free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]],
+    within: Sequence[Mapping[str, float]],
+) -> Layout:  # fmt: skip
+    """Layout of the free parameters. names: names of the recordings; starts, within: for each fitted recording, start values
+    by key of the parameters that depend on the recording, and their largest errors.
     """
     entries: list[Parameter] = []
     for parameter in free:
-        own = [known.get(parameter.key, parameter.start) for known in starts] if parameter.own else []
-        separate = [replace(parameter, start=start).of_recording(i, names) for i, start in enumerate(own)]
-        entries += separate or [parameter]
+        separate = [
+            _near(parameter, known, far).of_recording(i, names)
+            for i, (known, far) in enumerate(zip(starts, within, strict=True))
+        ]  # fmt: skip
+        entries += separate if parameter.own and separate else [parameter]
     return Layout(tuple(entries), tuple(ties))
+
+
+def _near(parameter: Parameter, starts: Mapping[str, float], within: Mapping[str, float]) -> Parameter:
+    """Parameter that starts at a measured value, and stays within the largest error of this value."""
+    start, far = starts.get(parameter.key, parameter.start), within.get(parameter.key, math.inf)
+    return replace(parameter, start=start, low=max(parameter.low, start - far), high=min(parameter.high, start + far))
 
 
 def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -213,7 +213,8 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     fitted = [track for track in tracks if not track.data.predicted_only]
     # Initial states are free for links that start in motion, or at other positions than in the scenario.
     free += [known[key] for key in dict.fromkeys(key for track in fitted for key in track.uncertain)]
-    layout = make_layout(free, ties, [one.name for one in data], [track.initial for track in fitted])
+    names, starts, within = [one.name for one in data], [one.initial for one in fitted], [one.within for one in fitted]
+    layout = make_layout(free, ties, names, starts, within)
     share = 0.0 if task.validate else task.hold_out
     ends = tuple(0.0 if t.data.predicted_only else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)

@@ -34,6 +34,7 @@ from asrsim.identification.result import (
 )
 from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
+from asrsim.identification.transfer import failed_predictions
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.renamed import renamed
 from asrsim.samples import Array
@@ -220,6 +221,7 @@ def _judged(
                 suspected.append(one)
                 causes.append(one.text)
                 others += one.trials
+            causes += failed_predictions(*followed)
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")

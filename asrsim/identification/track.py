@@ -81,6 +81,8 @@ STILL, DOUBTFUL = 4.5, 2.0
 """Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
 initial velocity counts as 0 if the scenario's initial position was copied from the recording.
 """
+FARTHEST = 10.0
+"""Number of standard errors within which a measured initial position stays: farther off it would hide errors of the model."""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
@@ -127,6 +129,10 @@ class Track:
         """Positions of motors at time 0, by joint; other motors start where the scenario says."""
         self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario's, and that the user does not free."""
+        self.within: dict[str, float] = {}
+        """Largest errors of initial positions of links that rest, by key: their sensors have neither a free zero nor a free
+        scale, and a delay has no effect.
+        """
         self._begin(freed)
         self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
@@ -165,6 +171,9 @@ class Track:
                 shown |= {keys[1]: speed} if moving else {}
                 self.initial |= shown
                 self.uncertain += [key for key in shown if key not in freed]
+                vague = any(f"{key}.{what}" in freed for key in sources for what in ("offset", "gain"))
+                if not moving and not vague:
+                    self.within[keys[0]] = FARTHEST * place_error
         for drive in self.door.drives:
             names, link = (
                 [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],

@@ -120,6 +120,6 @@ def modelled(
     """Problem whose residuals are a function of the parameter vector. entries: parameters, or a number of unit parameters."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
-    layout = make_layout(parameters, (), ["a"], [{}])
+    layout = make_layout(parameters, (), ["a"], [{}], [{}])
     track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum)
     return Problem((track,), layout, Playing((1, 1)), ((weight,),), (1.0,), Meter())

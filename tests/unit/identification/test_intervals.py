@@ -118,7 +118,7 @@ def test_a_contradicted_tie_may_have_the_value_0():
     slopes = np.random.default_rng(0).normal(size=(40, 2))
     a, b = (Parameter(key=key, unit="", start=0.0) for key in "ab")
     problem = modelled(lambda x: slopes @ (x - [0.0, 1.0]), [a, b], 40)
-    tied = replace(problem, layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}]))
+    tied = replace(problem, layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}], [{}]))
     assert list(contradicted_ties(tied, np.zeros(1))) == ["b is not a, to which it is tied: they differ by 100 %"]
 
 
@@ -368,7 +368,7 @@ def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
 def _freed(robot, free=(), ties=()):
     """Keys of stiffnesses that would be tied, by the key of the stiffness that would be free."""
     track = SimpleNamespace(door=SimpleNamespace(robot=robot))
-    problem = Problem((track,), make_layout(free, ties, ["lab"], [{}]), (), (), (), Meter())
+    problem = Problem((track,), make_layout(free, ties, ["lab"], [{}], [{}]), (), (), (), Meter())
     return {one.parameters[0].key: [tie.key for tie in one.ties] for one in presliding(problem, np.zeros(0))}
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from asrsim.identification import door
+from asrsim.identification.extensions import Extension
 from asrsim.identification.judge import channel_fits
 from asrsim.identification.problem import differences, jacobian, set_up
 from asrsim.identification.task import task_of
@@ -62,6 +63,15 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
             assert initial["joint_1.initial_position"] == pytest.approx(start, abs=1e-3)
             assert initial["joint_1.initial_velocity"] == pytest.approx(speed, abs=0.05)
             assert [entry.key for entry in problem.layout.entries] == [free, *freed]
+            if freed == ["joint_1.initial_position"]:
+                # A link at rest stays where its sensor shows it; a free zero of this sensor frees the position.
+                (found,) = problem.layout.entries[1:]
+                assert place - 0.01 < found.low < place < found.high < place + 0.01
+                zero = Extension(parameters=(problem.known["joint_1.link_position.offset"],))
+                released = zero.added_to(problem).layout.entries[1]
+                assert (released.key, released.low, released.high) == (found.key, -np.inf, np.inf)
+            elif freed[:1] == ["joint_1.initial_position"]:
+                assert problem.layout.entries[1].high == np.inf
 
 
 @pytest.mark.parametrize("seen", [True, False])
