@@ -164,7 +164,7 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
             "no parameter of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free"
         )
     remarks = [f"{key} belongs to a recording, so the design ignores it" for key in own]
-    return scenario, given, make_layout(free, ties, ["design"], [{}]), remarks
+    return scenario, given, make_layout(free, ties, ["design"], [{}], [{}]), remarks
 
 
 def _of_recordings(fit: Fit, layout: Layout) -> Array:
