@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.track import Playing, Track
+from asrsim.metrics.values import root_mean_square
 from asrsim.plain import Shape
 from asrsim.recordings.data import Column
 from asrsim.recordings.reading import ColumnMap, parse_meaning
@@ -100,7 +101,7 @@ def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Re
         left, gain = simulated - one.values[: len(simulated)], values.get(f"{one.key}.gain", 1.0)
         late = values.get(CLOCK, 0.0) + values.get(f"{one.key}.delay", 0.0)
         if one.column is not None and np.isfinite(left).all():
-            error = abs(gain) * float(np.sqrt(np.mean(left**2)))
+            error = abs(gain) * root_mean_square(left)
             channels.append(_series(one.column, one.joint, one.key, late=late, error=error, **corrections(one.key)))
     for command in track.data.commands:
         if command.column is not None:

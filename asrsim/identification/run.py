@@ -17,7 +17,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
-from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
@@ -35,6 +35,7 @@ from asrsim.identification.result import (
 from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
+from asrsim.metrics.values import root_mean_square
 from asrsim.renamed import renamed
 from asrsim.samples import Array
 from asrsim.workers import one_thread
@@ -260,7 +261,7 @@ def _unsure(problem: Problem, x: Array) -> list[float]:
     slopes = jacobian(problem.everything, x)
     variances = np.sum((slopes @ uncertainty(problem, x).covariance) * slopes, axis=1)
     held = [(part, variances[part.rows][part.time > problem.ends[part.track] + 1e-9]) for part in problem.everything.parts]
-    return [rms(np.sqrt(np.maximum(values, 0.0))) * part.noise for part, values in held]
+    return [root_mean_square(np.sqrt(np.maximum(values, 0.0))) * part.noise for part, values in held]
 
 
 def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty]:

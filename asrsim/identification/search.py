@@ -18,7 +18,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
-from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained, rms
+from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained
 from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
@@ -32,6 +32,7 @@ from asrsim.identification.problem import (
     weighed,
     with_own_substeps,
 )
+from asrsim.metrics.values import root_mean_square
 from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
@@ -147,7 +148,9 @@ def _transfers(problem: Problem, x: Array) -> bool:
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
         for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
     ]  # fmt: skip
-    return follows(problem, x) and all(len(held) and rms(held) <= HELD_OUT * rms(trained) for trained, held in parts)
+    return follows(problem, x) and all(
+        len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts
+    )
 
 
 def _is_limited(problem: Problem, x: Array) -> bool:
