@@ -64,6 +64,10 @@ RINGING, DRIVEN = 0.1, 0.3
 """Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
 frequency of a command above which the command does not cause the oscillation.
 """
+BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
+"""Parameters that are as unknown as the size of an effect, by size: the deflection over which hysteresis builds up, and the
+speed at which static friction fades.
+"""
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 
@@ -144,19 +148,27 @@ def _suspected(found: Extended, rest: str) -> str:
     """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
     error that remains with the causes.
     """
-    texts, options, new = [], [], sum(len(cause.parameters) for cause in found.chosen)
+    texts, options, links, new = [], [], [], sum(len(cause.parameters) for cause in found.chosen)
     values = iter(found.problem.layout.values(found.x).tolist()[-new:])
     for cause in found.chosen:
         for one, value in zip(cause.parameters, values, strict=False):
             if cause.elastic is None:
                 options.append(f"--free {one.key}={value:.4g}" if one.track is None else f"--own {one.key}")
         options += [f"--tie {tie.key}={tie.to}" for tie in cause.ties]
+        links += [cause.elastic[0]] if cause.elastic is not None else []
         # Small delays and offsets are shown in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
+    ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
+    ways += [
+        f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "
+        "same axis with <springStiffness>, and free this joint's passive_stiffness and damping, and mass and inertia of the "
+        "outer link"
+        for joint in links
+    ]
+    added = f" ({'; '.join(ways)})" if ways else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
@@ -264,9 +276,8 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                # The deflection over which hysteresis builds up is as unknown as its torque.
-                beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
-                more = tuple(known[key] for key in beside if key not in free)
+                beside = f"{joint}.{BESIDE.get(name, '')}"
+                more = (known[beside],) if beside in known.keys() - free else ()
                 # A joint that too much friction holds moves only without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
