@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
-from asrsim.identification.problem import Differences, Problem, differences
+from asrsim.identification.problem import Differences, FitProblem, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
 from asrsim.recordings.suspicions import beside
@@ -121,24 +121,24 @@ def is_loud(left: Array, noise: float) -> bool:
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 
-def fits_noise(problem: Problem, x: Array) -> bool:
+def fits_noise(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are noise or zero."""
     return all(np.isfinite(left).all() and not fault_of(part.channel, left) for part, left in differences(problem, x))
 
 
-def fits(problem: Problem, x: Array) -> bool:
+def fits(problem: FitProblem, x: Array) -> bool:
     """Whether residuals are noise, or negligible."""
     found = differences(problem, x)
     exact = all(np.isfinite(left).all() and np.mean(left**2) < EXACT**2 * np.var(part.recorded) for part, left in found)
     return exact or fits_noise(problem, x)
 
 
-def is_explained(problem: Problem, x: Array) -> bool:
+def is_explained(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
     return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
 
 
-def channel_fits(problem: Problem, before: Differences, x: Array) -> list[ChannelFit]:
+def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[ChannelFit]:
     """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start, by part."""
     whole, found = problem.everything, []
     now = shaken = differences(whole, x)

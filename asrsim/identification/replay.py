@@ -59,7 +59,7 @@ class SeriesReading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay:
+class FitReplay:
     """A recording as the fit simulated and read it."""
 
     recording: str
@@ -88,7 +88,7 @@ SHAPE: Shape = {
 """Shape of `as_plain`."""
 
 
-def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Replay:
+def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> FitReplay:
     """Replay of a recording. values: values of the free parameters for this recording, by key."""
 
     def corrections(key: str) -> dict[str, float]:
@@ -115,7 +115,7 @@ def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Re
                 )
             )  # fmt: skip
     data = track.data
-    return Replay(
+    return FitReplay(
         recording=str(data.path.absolute()), lag=data.lag, rate=data.rate, channels=tuple(channels), commands=tuple(commands),
         initial=dict(_starts(track, values)),
     )  # fmt: skip
@@ -157,12 +157,12 @@ def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, di
             yield joint, {"position": place, "velocity": speed, **motors}
 
 
-def as_plain(replay: Replay) -> dict[str, Any]:
+def as_plain(replay: FitReplay) -> dict[str, Any]:
     """Plain data of a replay."""
     return asdict(replay)
 
 
-def from_plain(data: Mapping[str, Any]) -> Replay:
+def from_plain(data: Mapping[str, Any]) -> FitReplay:
     """Replay from the data of `as_plain`."""
     series = {name: tuple(SeriesReading(**one) for one in data[name]) for name in ("channels", "commands")}
-    return Replay(**{**data, **series})
+    return FitReplay(**{**data, **series})

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
-from asrsim.identification.result import HOPELESS, Estimate, Result
+from asrsim.identification.result import HOPELESS, Estimate, FitResult
 from asrsim.identification.resume import Resumed
 from asrsim.tables import TableColumn
 
@@ -15,7 +15,7 @@ NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
 
 
-def columns(result: Result | Resumed) -> Sequence[TableColumn]:
+def columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
     """Table of parameters."""
     rows = result.estimates
     return (
@@ -29,7 +29,7 @@ def columns(result: Result | Resumed) -> Sequence[TableColumn]:
     )
 
 
-def errors(result: Result) -> Sequence[TableColumn]:
+def errors(result: FitResult) -> Sequence[TableColumn]:
     """Table of channels: errors before and after the fit, of the training part and of the held-out part."""
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
@@ -45,7 +45,7 @@ def errors(result: Result) -> Sequence[TableColumn]:
     )
 
 
-def judgement(result: Result) -> Iterator[tuple[str, str]]:
+def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     """Reasons of the verdicts, remarks, and the statement whether the model fits, as pairs (text, style)."""
     for one in result.estimates:
         if one.reason:
