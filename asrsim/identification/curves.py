@@ -155,7 +155,7 @@ def curves_of(data: Mapping[str, Any]) -> tuple[ChannelCurves, ...]:
 
 def channel_charts(one: ChannelCurves) -> list[Chart]:
     """Charts of a channel: recording over simulations, and residuals."""
-    recorded, unit = one.lines["recorded"], one.unit.replace("N m", "N·m")
+    recorded, unit = one.lines["recorded"], one.unit
     owner, _, quantity = one.key.rpartition(".")
     lines = [Line(x=one.time, y=one.lines[name], **look) for name, look in LOOKS.items() if name in one.lines]
     low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
@@ -174,7 +174,7 @@ def channel_charts(one: ChannelCurves) -> list[Chart]:
 
 def spectrum_chart(one: ChannelCurves) -> Chart:
     """Chart of the residuals' spectrum, with the level of white noise of the channel's standard deviation."""
-    unit = one.unit.replace("N m", "N·m")
+    unit = one.unit
     band = float(one.frequency[-1]) if len(one.frequency) else 1.0
     white = one.noise / band**0.5
     level = np.full(len(one.frequency), white)
