@@ -34,7 +34,7 @@ WORDS = {
 def main() -> None:
     """Print a row for each robot."""
     from asrsim import identify
-    from support.odd_arm import EFFECTS, record
+    from support.odd_arm import EFFECTS, record, true_effect
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=(*EFFECTS, "right"))
@@ -49,12 +49,14 @@ def main() -> None:
             began = time.process_time()
             with tempfile.TemporaryDirectory() as folder:
                 scenario, recording, truth = record(effect if effect != "right" else "", seed, Path(folder))
-                result = identify(scenario, [recording], free=list(truth), adopt=options.adopt)
+                free = list(truth)
+                result = identify(scenario, [recording], free=free, adopt=options.adopt)
+                truth |= true_effect(effect, seed) if options.adopt and effect != "right" else {}
             known = [one for one in result.estimates if one.key in truth and one.has_interval]
             held += sum(one.low <= truth[one.key] <= one.high for one in known)
             intervals, fitted = intervals + len(known), fitted + bool(result.fits)
             if options.adopt:
-                more = [f"{one.key} {one.value:.4g}" for one in result.estimates if one.key not in truth]
+                more = [f"{one.key} {one.value:.4g}" for one in result.estimates if one.key not in free]
                 print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {', '.join(more)}")
                 continue
             first = result.causes[0] if result.causes else ""

@@ -23,7 +23,16 @@ from typing import Any
 import asrsim
 
 sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
-from tables import markdown_table, measure_table, problem_tables, sampler_table, scenario_tables, word_tables
+from tables import (
+    cause_table,
+    figure_table,
+    markdown_table,
+    measure_table,
+    problem_tables,
+    sampler_table,
+    scenario_tables,
+    word_tables,
+)
 
 ROOT = Path(__file__).parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted(Path(__file__).parent.glob("*.md")))
@@ -44,6 +53,8 @@ def parts() -> dict[str, str]:
         **word_tables(),
         "measures": measure_table(),
         "samplers": sampler_table(),
+        "causes": cause_table(),
+        "figures": figure_table(),
         "commands": commands(),
         "options": options(),
         "extras": extras(),

@@ -12,7 +12,9 @@ import asrsim
 from asrsim.actuators import MODES
 from asrsim.document.block import Block
 from asrsim.document.kinds import Either, Key, Kind, ListOf, MapOf
+from asrsim.identification import CAUSES
 from asrsim.metrics.measures import MEASURES
+from asrsim.plots import FIGURES
 from asrsim.recordings.reading import READING, TIME
 from asrsim.robot.vocabulary import PLUGINS, WORDS
 from asrsim.scenario.data import KEYS, VARIANTS
@@ -122,6 +124,16 @@ def measure_table() -> str:
 def sampler_table() -> str:
     """Every sampler of a study with what it is."""
     return markdown_table(("sampler", "draws"), [(f"`{name}`", SAMPLERS.get(name).title) for name in SAMPLERS])
+
+
+def cause_table() -> str:
+    """Every cause of a misfit that a fit tries."""
+    return markdown_table(("causes", "what"), [(f"`{name}`", CAUSES.get(name).title) for name in CAUSES])
+
+
+def figure_table() -> str:
+    """Every figure of runs with what it shows."""
+    return markdown_table(("figure", "what it shows"), [(f"`{name}`", FIGURES.get(name).title) for name in FIGURES])
 
 
 def word_tables() -> dict[str, str]:

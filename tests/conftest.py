@@ -64,14 +64,16 @@ def _registries(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     from asrsim.actuators.stages import STAGES
     from asrsim.engines import ENGINES
     from asrsim.exports import PROGRAMS
+    from asrsim.identification import CAUSES
     from asrsim.live import TRANSPORTS
     from asrsim.metrics import MEASURES
+    from asrsim.plots import FIGURES
     from asrsim.quantities import QUANTITIES
     from asrsim.recordings import READERS
     from asrsim.signals import SIGNALS
     from asrsim.sweeps.samplers import SAMPLERS
 
-    for registry in (ACTUATORS, ENGINES, MEASURES, PROGRAMS, READERS, SAMPLERS, SIGNALS, STAGES, TRANSPORTS):
+    for registry in (ACTUATORS, CAUSES, ENGINES, FIGURES, MEASURES, PROGRAMS, READERS, SAMPLERS, SIGNALS, STAGES, TRANSPORTS):
         monkeypatch.setattr(registry, "_entries", {name: registry.get(name) for name in registry.names()})
     # Stages add the quantities that they log.
     known = dict(QUANTITIES)

@@ -42,6 +42,13 @@ def measures(incomplete: str) -> list[str]:
     return _beginning(MEASURES.names(), incomplete)
 
 
+def figures(incomplete: str) -> list[str]:
+    """Names of all figures."""
+    from asrsim.plots import FIGURES
+
+    return _beginning(FIGURES.names(), incomplete)
+
+
 def robot_keys(incomplete: str) -> list[str]:
     """Keys of the robot's numbers that can be identified or varied."""
     from asrsim.errors import AsrsimError

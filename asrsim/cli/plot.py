@@ -52,6 +52,9 @@ def plot(
     mapping: ColumnMap = None,
     joint: Annotated[Texts, option("Only this joint; may be repeated.", autocompletion=complete.joints)] = None,
     quantity: Annotated[Texts, option("Only this quantity; may be repeated.", autocompletion=complete.quantities)] = None,
+    figure: Annotated[
+        Texts, option("Only this figure of the runs; may be repeated.", metavar="NAME", autocompletion=complete.figures)
+    ] = None,
     measure: Annotated[
         Texts, option("Show this measure, too; may be repeated.", metavar="NAME", autocompletion=complete.measures)
     ] = None,
@@ -107,7 +110,7 @@ def plot(
         logs=tuple(found), folder=out or _folder(found, experiment or [], alone=not experiment and not bode),
         experiments=tuple(experiment or ()), mapping=tuple(mapping or ()) or None, rate=rate,
         joints=tuple(joint) if joint else None, quantities=tuple(quantity) if quantity else None,
-        measures=tuple(measure or ()),
+        figures=tuple(figure) if figure else None, measures=tuple(measure or ()),
         lag=lag_of(align), formats=tuple(formats or ("png",)),
         bode=bode, band=band, given=given, output=output, start=start, end=end,
     )  # fmt: skip
@@ -169,7 +172,5 @@ def _print_experiments(result: PlotResult) -> None:
 def _print_rows(result: PlotResult) -> None:
     from asrsim.plots.rows import metric_tables
 
-    for table in metric_tables(result.rows):
-        head = [(name, [key[i] for key, _ in table.lines], False) for i, name in enumerate(("of", "joint", "quantity"))]
-        columns = [(name, [cells[i] for _, cells in table.lines], True) for i, name in enumerate(table.measures)]
-        say_table([*head, *columns])
+    for columns in metric_tables(result.rows):
+        say_table(columns)

@@ -1,20 +1,37 @@
-"""Possible causes of a misfit: extensions of the model that are tried together, and named with the error that would remain."""
+"""Possible causes of a misfit: extensions of the model that are tried together, and named with the error that would remain.
+
+`CAUSES` is the registry. Users add their own: `CAUSES.add("damper", Cause(title="a damper", extensions=dampers))` in a plugin
+file, or an entry point in the group "asrsim.causes".
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
 
+from asrsim.errors import InputError
 from asrsim.identification.combinations import percent
-from asrsim.identification.extensions import FURTHER, Extended, Extension, Optimum, extended, is_significant, pruned, tied_to
+from asrsim.identification.extensions import (
+    FURTHER,
+    Extended,
+    Extension,
+    Optimum,
+    Propose,
+    extended,
+    is_significant,
+    pruned,
+    tied_to,
+)
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
-from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
-from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
+from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
+from asrsim.identification.problem import FitProblem, differences, jacobian, mean_square, residuals
+from asrsim.registry import Registry
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
@@ -23,7 +40,7 @@ PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 NOISE = 2.0
 """Mean square residual, relative to the recorded noise, below which the suspected causes explain everything."""
-CAUSES, ROUNDS = 3, 15
+MOST, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
@@ -47,7 +64,26 @@ RINGING, DRIVEN = 0.1, 0.3
 """Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
 frequency of a command above which the command does not cause the oscillation.
 """
+BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
+"""Parameters that are as unknown as the size of an effect, by size: the deflection over which hysteresis builds up, and the
+speed at which static friction fades.
+"""
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """A kind of causes of a misfit."""
+
+    title: str
+    """What the model may lack, for the documentation."""
+    extensions: Propose
+    """Function of a problem and the vector (n,) of its parameters. Returns the extensions of the model to try, each with a text
+    that names it.
+    """
+
+
+CAUSES: Registry[Cause] = Registry("cause", "asrsim.causes", instance=Cause)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,13 +93,13 @@ class Suspicion:
     text: str
     trials: tuple[Mapping[str, float], ...] = ()
     """Estimates of the models that were tried and that reduce the error, by name; those with the suspected effects last."""
-    model: tuple[Problem, Array] | None = None
+    model: tuple[FitProblem, Array] | None = None
     """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording state them."""
     added: tuple[str, ...] = ()
     """Names of the parameters of the suspected effects."""
 
 
-def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
+def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
     base = mean_square(problem, x)
     # Residuals below the estimated noise may be correlated nevertheless.
@@ -73,7 +109,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, np.zeros(len(x))):
         there = extended(
-            problem, begin, (_sensors, _commands, _robot, _delays, _wrong_ties, _modes), most=CAUSES, rounds=ROUNDS,
+            problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         trials += there.trials
@@ -97,27 +133,46 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
         yield Suspicion(text=text)
 
 
+def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
+    """Extensions that the cause with this name proposes. Raises InputError for a parameter that does not exist."""
+    for one in CAUSES.get(name).extensions(problem, x):
+        for parameter in one.parameters if one.elastic is None else ():
+            if parameter.key not in problem.known:
+                message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"
+                choices = tuple(problem.known)
+                raise InputError(message, key=parameter.key, choices=choices, meant=parameter.key, code="unknown-key")
+        yield one
+
+
 def _suspected(found: Extended, rest: str) -> str:
     """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
     error that remains with the causes.
     """
-    texts, options, new = [], [], sum(len(cause.parameters) for cause in found.chosen)
+    texts, options, links, new = [], [], [], sum(len(cause.parameters) for cause in found.chosen)
     values = iter(found.problem.layout.values(found.x).tolist()[-new:])
     for cause in found.chosen:
         for one, value in zip(cause.parameters, values, strict=False):
             if cause.elastic is None:
                 options.append(f"--free {one.key}={value:.4g}" if one.track is None else f"--own {one.key}")
         options += [f"--tie {tie.key}={tie.to}" for tie in cause.ties]
+        links += [cause.elastic[0]] if cause.elastic is not None else []
         # Small delays and offsets are shown in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
-    added = f" (--adopt, or {' '.join(dict.fromkeys(options))})" if options else ""
+    ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
+    ways += [
+        f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "
+        "same axis with <springStiffness>, and free this joint's passive_stiffness and damping, and mass and inertia of the "
+        "outer link"
+        for joint in links
+    ]
+    added = f" ({'; '.join(ways)})" if ways else ""
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
-def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
+def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on joints that do not follow their recorded motion under their controller, although the torque of their drive
     was recorded.
     """
@@ -132,16 +187,16 @@ def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
             yield f"the robot's controller of {joint} may be another one: play the recorded torque instead (--mode 0 {options})"
 
 
-def _delays(problem: Problem, _: Array) -> Iterator[Extension]:
+def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extension that frees a common delay of the commands."""
     commands = dict.fromkeys(f"{one.key}.delay" for i in problem.fitted for one in problem.tracks[i].data.commands)
     if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = commands
-        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
+        parameter = FitParameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
         yield Extension(text="a delay of the commands", parameters=(parameter,), ties=tied_to(first, others), begins=(2.0,))
 
 
-def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
+def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
@@ -150,8 +205,8 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         if part.track != problem.fitted[0] or not np.isfinite(off).all():
             continue
         key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
-        offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
-        gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        offset = FitParameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
+        gain = FitParameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         predicted = part.recorded + off
@@ -170,15 +225,15 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
 
 
-def _commands(problem: Problem, _: Array) -> Iterator[Extension]:
+def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free the zeros of commands, such as that of an amplifier."""
     for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
-        offset = Parameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
+        offset = FitParameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
         if offset.key not in problem.layout.keys:
             yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
 
 
-def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
+def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions by a second mode: the link behind a joint with a recorded position is elastic."""
     track = problem.tracks[0]
     for joint in track.door.joints:
@@ -200,7 +255,7 @@ def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
         )  # fmt: skip
 
 
-def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
+def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free fixed springs, friction, damping, hysteresis, and limits of motors and springs."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
@@ -221,9 +276,8 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
-                # The deflection over which hysteresis builds up is as unknown as its torque.
-                beside = [f"{joint}.hysteresis_deflection"] if name == "hysteresis_torque" else []
-                more = tuple(known[key] for key in beside if key not in free)
+                beside = f"{joint}.{BESIDE.get(name, '')}"
+                more = (known[beside],) if beside in known.keys() - free else ()
                 # A joint that too much friction holds moves only without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
@@ -239,7 +293,7 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
 
 
-def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
+def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free a tied parameter."""
     entries = {entry.key: entry for entry in problem.layout.entries if entry.track is None}
     for tie in problem.layout.ties:
@@ -249,7 +303,7 @@ def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
             yield Extension(text=f"{tie.key} other than {other}, to which it is tied", parameters=(parameter,), untied=tie)
 
 
-def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
+def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
     if not problem.layout.ties:
         return
@@ -261,7 +315,7 @@ def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
             yield f"{extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
 
 
-def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
+def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on springs whose stiffness varies with the amplitude: backlash is missing, or the spring law is wrong."""
     left, numbers = residuals(problem, x), problem.blocks(PARTS)
     for i, entry in enumerate(problem.layout.entries):
@@ -285,7 +339,7 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
 
 
-def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
+def _oscillations(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on large oscillations of the residuals with frequencies that no command has."""
     for part, left in differences(problem, x):
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
@@ -296,3 +350,17 @@ def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
 
 def _correlation(a: Array, b: Array) -> float:
     return float(np.corrcoef(a, b)[0, 1])
+
+
+for name, cause in {
+    "sensors": Cause(title="zeros and scales of sensors, such as a gear ratio", extensions=_sensors),
+    "commands": Cause(title="zeros of commands", extensions=_commands),
+    "robot": Cause(
+        title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
+        "motors and of deflections, masses of links", extensions=_robot,
+    ),
+    "delays": Cause(title="a delay of the commands", extensions=_delays),
+    "ties": Cause(title="wrong ties", extensions=_wrong_ties),
+    "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
+}.items():  # fmt: skip
+    CAUSES.add(name, cause)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.judge import ChannelFit
+from asrsim.metrics.values import root_mean_square
 from asrsim.outfile import write_json
 from asrsim.plain import Shape, finite_or_none
 from asrsim.plots import style
@@ -81,7 +82,7 @@ def channel_curves(one: ChannelFit, end: float) -> ChannelCurves:
     frequency, density = _density(time, left)
     return ChannelCurves(
         recording=one.recording, key=one.key, unit=one.unit, track=one.track, end=end, noise=one.noise,
-        rms=float(np.sqrt(np.mean(left**2))) if len(left) else np.nan, time=time,
+        rms=root_mean_square(left), time=time,
         lines={name: one.lines[name] for name in NAMES if name in one.lines}, frequency=frequency, density=density,
     )  # fmt: skip
 

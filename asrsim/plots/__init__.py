@@ -4,6 +4,17 @@ from __future__ import annotations
 
 from asrsim.plots.curves import RunCurves, read_curves
 from asrsim.plots.decimate import Curve, Envelope, decimate
-from asrsim.plots.figures import draw_run
+from asrsim.plots.figures import FIGURES, FigurePage, RunFigure, draw_run, joint_names
 
-__all__ = ["Curve", "Envelope", "RunCurves", "decimate", "draw_run", "read_curves"]
+__all__ = [
+    "FIGURES",
+    "Curve",
+    "Envelope",
+    "FigurePage",
+    "RunCurves",
+    "RunFigure",
+    "decimate",
+    "draw_run",
+    "joint_names",
+    "read_curves",
+]

@@ -1,9 +1,13 @@
-"""Figures of a run: panels in rows, joints in columns, several pages if needed."""
+"""Figures of a run: panels in rows, joints in columns, several pages if needed.
+
+`FIGURES` is the registry. Users add their own: `FIGURES.add("loops", RunFigure(title="torque loops", pages=loops))` in
+a plugin file, or an entry point in the group "asrsim.figures".
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -24,6 +28,7 @@ from asrsim.plots.panels import (
     joint_panels,
     quantity_panel,
 )
+from asrsim.registry import Registry
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -43,27 +48,82 @@ class FigurePage:
     figure: Figure
 
 
-def run_pages(
-    runs: Sequence[RunCurves], *, quantities: Sequence[str] | None = None, brief: bool = False
-) -> Iterator[FigurePage]:
-    """Pages of one run or of several variants, made one at a time: joints, energies, objects.
+@dataclass(frozen=True, kw_only=True)
+class RunFigure:
+    """A figure of one run or of several variants."""
 
-    quantities: draw only these quantities, each in its own row. brief: omit the energies; where an overview shows all joints,
-    only the first page of joints follows.
+    title: str
+    """What the figure shows, for the documentation."""
+    pages: Callable[[Sequence[RunCurves]], Iterable[FigurePage]]
+    """Function that draws the pages of the runs, one at a time; no page if the runs have nothing to show."""
+
+
+FIGURES: Registry[RunFigure] = Registry("figure", "asrsim.figures", instance=RunFigure)
+STANDARD = "overview", "joints", "energy", "objects"
+"""Figures that are drawn if none is named."""
+
+
+def run_pages(
+    runs: Sequence[RunCurves],
+    *,
+    figures: Sequence[str] | None = None,
+    quantities: Sequence[str] | None = None,
+    brief: bool = False,
+) -> Iterator[FigurePage]:
+    """Pages of one run or of several variants, made one at a time.
+
+    figures: names in `FIGURES`; the standard ones by default. quantities: draw only these quantities, each in its own row.
+    brief: omit the energies; where an overview shows all joints, only the first page of joints follows. Raises InputError for
+    an unknown figure.
     """
-    joints = joint_names(runs)
     if quantities is not None:
-        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joints)
+        yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joint_names(runs))
         return
-    many = len(joints) >= OVERVIEW_FROM
-    if many:
+    for name in STANDARD if figures is None else figures:
+        if not brief:
+            yield from FIGURES.get(name).pages(runs)
+        elif name == "joints" and len(joint_names(runs)) >= OVERVIEW_FROM:
+            yield from islice(_joint_pages(runs, "all pages: asrsim plot"), 1)
+        elif name != "energy":
+            yield from FIGURES.get(name).pages(runs)
+
+
+def _overview_pages(runs: Sequence[RunCurves]) -> Iterator[FigurePage]:
+    if len(joint_names(runs)) >= OVERVIEW_FROM:
         yield FigurePage(name="overview", figure=overview_figure(runs))
-    first = brief and many
-    subject = "all pages: asrsim plot" if first else ""
-    yield from islice(_grid_pages("joints", subject, joint_panels(), runs, joints), 1 if first else None)
-    if not brief:
-        yield from _grid_pages("energy", "energies since the start", energy_panels(), runs, joints)
-    yield from _grid_pages("objects", "objects", BODY_PANELS, runs, body_names(runs))
+
+
+def _joint_pages(runs: Sequence[RunCurves], subject: str = "") -> Iterator[FigurePage]:
+    return _grid_pages("joints", subject, joint_panels(), runs, joint_names(runs))
+
+
+def _energy_pages(runs: Sequence[RunCurves]) -> Iterator[FigurePage]:
+    return _grid_pages("energy", "energies since the start", energy_panels(), runs, joint_names(runs))
+
+
+def _object_pages(runs: Sequence[RunCurves]) -> Iterator[FigurePage]:
+    return _grid_pages("objects", "objects", BODY_PANELS, runs, body_names(runs))
+
+
+for name, figure in {
+    "overview": RunFigure(
+        title=f"the positions of all joints, for robots with {OVERVIEW_FROM} joints or more", pages=_overview_pages,
+    ),
+    "joints": RunFigure(
+        title="per joint: link, motor and equilibrium positions with the reference; deflection; stiffness; torques at link and "
+        "motors; limits of joints, torques and deflections where the motion comes near them (of several runs: the limits that "
+        "they share)", pages=_joint_pages,
+    ),
+    "energy": RunFigure(
+        title="per joint: work of the motors, energy in the springs, losses, work on the link; what is left over (the "
+        "residual)", pages=_energy_pages,
+    ),
+    "objects": RunFigure(
+        title="displacement and contact force of the world's objects; of a task's tip its way, its goal's and the distance "
+        "between them", pages=_object_pages,
+    ),
+}.items():  # fmt: skip
+    FIGURES.add(name, figure)
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
-from asrsim.plots.figures import FigurePage, run_pages
+from asrsim.plots.figures import FIGURES, FigurePage, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
@@ -42,6 +42,8 @@ class PlotJob:
     """Sampling rate of recordings without a time column, Hz."""
     joints: tuple[str, ...] | None = None
     quantities: tuple[str, ...] | None = None
+    figures: tuple[str, ...] | None = None
+    """Names of the figures of runs alone, in `asrsim.plots.FIGURES`; None: the standard ones."""
     lag: LagChoice = "auto"
     """Lag of the recordings' clock in s, or how it is found."""
     measures: tuple[str, ...] = ()
@@ -128,6 +130,11 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     if job.empty:
         raise InputError("no log was named", key="logs", code="no-log",
                          hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
+    if job.figures is not None and (job.experiments or job.bode or job.quantities is not None):
+        message = "figures by name show runs alone: without experiments, frequency responses and single quantities"
+        raise InputError(message, key="figures", value=", ".join(job.figures), code="figures")
+    for name in job.figures or ():
+        FIGURES.get(name)
     runs = _read_runs(job, progress)
     labels = [run.label for run in runs]
     assigned = assign(labels, job.experiments)
@@ -255,7 +262,7 @@ def _written(job: PlotJob, result: PlotResult, formats: tuple[str, ...]) -> Plot
         robots = ", ".join(dict.fromkeys(run.info.robot for run in result.runs)) or "recorded"
         pages.append(bode_pages(result.responses, title=f"{robots} · {pair_in_words(job.given, job.output)}"))
     with styled():
-        for page in chain.from_iterable(pages or [run_pages(result.runs, quantities=job.quantities)]):
+        for page in chain.from_iterable(pages or [run_pages(result.runs, figures=job.figures, quantities=job.quantities)]):
             files += save_figure(page.figure, folder, page.name, formats)
     if result.compared:
         files.append(write_recorded(folder / RECORDED, result.compared))

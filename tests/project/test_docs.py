@@ -12,8 +12,10 @@ import asrsim
 from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
 from asrsim.exports import PROGRAMS
+from asrsim.identification import CAUSES
 from asrsim.live.transport import TRANSPORTS
 from asrsim.metrics import MEASURES
+from asrsim.plots import FIGURES
 from asrsim.robot import load_robot
 from asrsim.scenario import load_scenario
 from asrsim.scenario.data import KEYS
@@ -127,7 +129,7 @@ def test_commands_in_the_documentation_exist(page):
 def test_names_of_the_library_in_the_pages_exist(tiny):
     """Every name such as `result.summary.claims`, `simulation.joints` and `asrsim.open_log(...)` in the pages exists."""
     # Groups of entry points have similar names.
-    registries = (ACTUATORS, ENGINES, MEASURES, PROGRAMS, SAMPLERS, SIGNALS, TRANSPORTS)
+    registries = (ACTUATORS, CAUSES, ENGINES, FIGURES, MEASURES, PROGRAMS, SAMPLERS, SIGNALS, TRANSPORTS)
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
     with asrsim.Simulation(tiny.scenario, record=True) as simulation:

@@ -15,13 +15,21 @@ from support.soft_arm import SEA, command
 
 EFFECTS = ("backlash", "cubic spring", "second mode", "hysteresis", "stribeck", "torque limit", "speed limit", "load")
 GRAVITY = 9.81
-STEP = 5e-5
+STEP = 2.5e-5
 """Time step, s."""
+STUCK = 8000.0
+"""Frequency of the link on the bristles of its joint, rad/s: so high that the arm reverses as with dry friction."""
 _OFF = {
     "backlash": 0.0, "cubic": 0.0, "soft": 0.0, "split": 0.5, "hysteresis": 0.0, "yield": 0.03, "static": 0.0, "slow": 0.1,
     "torque": 1e3, "speed": 1e3, "load": 0.0,
 }  # fmt: skip
 """Sizes of the effects in a right model."""
+KEYS = {
+    "backlash": "joint_1.backlash", "cubic": "joint_1.spring_cubic", "static": "joint_1.stribeck_friction",
+    "slow": "joint_1.stribeck_velocity", "torque": "joint_1.motor_1_max_torque", "speed": "joint_1.motor_1_max_velocity",
+    "load": "link_1.mass",
+}  # fmt: skip
+"""Parameters that state the sizes of effects. The law of hysteresis here is another one than that of asrsim."""
 
 
 @njit(cache=True)
@@ -38,9 +46,11 @@ def _rate(y, goal, p, e):  # type: ignore[no-untyped-def]
         out[8] = (omega - v) * (1.0 - y[8] * np.sign(omega - v)) / bend
         spring += level * y[8]
     own = rub + static * math.exp(-((v / slow) ** 2))
-    stiff = 4000.0**2 * (inertia + mass * reach**2)
-    lost = max(min(stiff * y[6], own), -own)
+    stiff = STUCK**2 * (inertia + mass * reach**2)
+    # Without damping, bristles would ring while the link sticks, and break away below the static friction.
+    lost = stiff * y[6] + 2.0 * STUCK * (inertia + mass * reach**2) * v
     out[6] = 0.0 if abs(lost) >= own and lost * v > 0.0 else v
+    lost = max(min(lost, own), -own)
     motor_lost = max(min(1000.0 * y[7], motor_rub), -motor_rub)
     out[7] = 0.0 if abs(motor_lost) >= motor_rub and motor_lost * omega > 0.0 else omega
     drive = max(min(gain * (goal - theta) - brake * omega, most), -most)
@@ -67,7 +77,7 @@ def _move(goals, every, step, p, e):  # type: ignore[no-untyped-def]
     """Link and motor at every `every`-th step; goals (2 steps + 1,) at half steps."""
     steps = (len(goals) - 1) // 2
     y, rows = np.zeros(9), np.empty((steps // every + 1, 2))
-    stiff = 4000.0**2 * (p[6] + p[7] * p[8] ** 2)
+    stiff = STUCK**2 * (p[6] + p[7] * p[8] ** 2)
     for s in range(steps + 1):
         if s % every == 0:
             rows[s // every] = y[0], y[2]
@@ -100,6 +110,13 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
         "speed limit": {"speed": u(1.5, 2.5)},
         "load": {"load": u(0.15, 0.4)},
     }[effect]
+
+
+def true_effect(effect: str, seed: int) -> dict[str, float]:
+    """Sizes of an effect by key of identification, as far as one parameter states each."""
+    own = drawn(effect, seed)[1]
+    own = {"load": 0.5 + own["load"]} if effect == "load" else own
+    return {KEYS[name]: value for name, value in own.items() if name in KEYS}
 
 
 def drawn(effect: str, seed: int):

@@ -13,7 +13,7 @@ from asrsim.robot.dynamics import RobotModel
 from support.identify_files import CHIRP, prepared, save, write
 from support.identify_files import SEA as LAB
 from support.identify_files import record as log_of
-from support.odd_arm import drawn, record
+from support.odd_arm import drawn, record, true_effect
 from support.soft_arm import SEA
 
 NAMED = {
@@ -69,6 +69,28 @@ def test_an_elastic_link_has_the_inertia_of_the_rigid_link_and_its_own_frequency
     assert matrix[0, 0] == pytest.approx(RobotModel(rigid).mass_matrix([0.0])[0, 0], rel=1e-12)
     assert elastic.joint("joint_1_bend").spring_stiffness == pytest.approx(50.0**2 * matrix[1, 1], rel=1e-12)
     assert sum(link.mass or 0.0 for link in elastic.links) == pytest.approx(0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(400, 405))
+def test_adopted_static_friction_is_right_with_the_speed_at_which_it_fades(tmp_path, seed):
+    """Both are unknown before: with the default speed, the model would not fit."""
+    scenario, recording, truth = record("stribeck", seed, tmp_path)
+    truth |= true_effect("stribeck", seed)
+    found = identify(scenario, [recording], free=[key for key in truth if "stribeck" not in key], adopt=True)
+    assert found.fits, found.misfit
+    inside = [found.find(key).low < value < found.find(key).high for key, value in truth.items()]
+    assert sum(inside) >= len(inside) - 1
+
+
+@pytest.mark.slow
+def test_a_second_mode_that_no_option_adds_is_explained_in_words(tmp_path):
+    """The sentence says what to write in the robot file, and does not offer --adopt."""
+    scenario, recording, truth = record("second mode", 23, tmp_path)
+    (cause, *_) = identify(scenario, [recording], free=list(truth)).causes
+    assert "into two links" in cause
+    assert "<springStiffness>" in cause
+    assert "--adopt" not in cause
 
 
 @pytest.mark.parametrize("effect", ["backlash", pytest.param("torque limit", marks=pytest.mark.slow)])

@@ -1,0 +1,55 @@
+"""A cause of a user's own: the recipe of the documentation, and a cause whose parameter does not exist."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from asrsim.errors import InputError
+from asrsim.identification import CAUSES, Cause, Extension, identify
+from asrsim.identification.parameters import FitParameter
+from asrsim.plugins import load_plugin_files
+from support.identify_files import SEA, save, write
+from support.paths import ROOT
+
+TIME = np.arange(0.0, 0.8, 0.005)
+SPRING, INERTIA, DAMPING, DAMPER = 4.0, 0.009, 0.02, 0.03
+
+
+def goal(time):
+    return 0.4 * np.sin(9.0 * time) ** 3
+
+
+def recorded(folder):
+    """A link on a spring and a damper, solved without asrsim: its recording, and the scenario without the damper."""
+
+    def rate(time, state):
+        slip = 10.8 * np.sin(9.0 * time) ** 2 * np.cos(9.0 * time) - state[1]
+        torque = SPRING * (goal(time) - state[0]) + DAMPER * slip - DAMPING * state[1]
+        return state[1], torque / INERTIA
+
+    link = solve_ivp(rate, (0.0, TIME[-1]), (0.0, 0.0), t_eval=TIME, rtol=1e-9, atol=1e-11, max_step=1e-3).y[0]
+    link += 2e-4 * np.random.default_rng(3).normal(size=len(link))
+    heading = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
+    return write(folder, "lab", SEA, duration=float(TIME[-1])), save(folder / "a.csv", heading, TIME, goal(TIME), link)
+
+
+def test_the_cause_of_the_page_is_named_with_its_size(tmp_path):
+    page = (ROOT / "docs" / "identify.md").read_text(encoding="utf-8")
+    code = page.partition("## A cause of your own")[2].partition("```python\n")[2].partition("```")[0]
+    (tmp_path / "my_cause.py").write_text(code)
+    load_plugin_files(tmp_path / "my_cause.py")
+    scenario, recording = recorded(tmp_path)
+    found = identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not found.fits
+    assert found.causes[0].startswith("a damper of joint_1 (0.03"), found.causes
+    assert "--free joint_1.spring_damping=0.03" in found.causes[0]
+
+
+def test_a_cause_with_a_parameter_that_the_robot_lacks_is_refused_with_its_name(tmp_path):
+    def wrong(problem, x):
+        yield Extension(text="a loose belt", parameters=(FitParameter(key="joint_1.belt", unit="N m", start=0.1),))
+
+    CAUSES.add("belts", Cause(title="belts", extensions=wrong))
+    scenario, recording = recorded(tmp_path)
+    with pytest.raises(InputError, match=r"joint_1\.belt: the cause 'belts' frees a parameter"):
+        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
