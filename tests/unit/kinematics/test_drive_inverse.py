@@ -62,7 +62,7 @@ def test_springs_of_many_joints_are_those_of_each_joint_alone():
     assert spring_torques(drives, place, goals) == pytest.approx(np.array(alone), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ("sea", "awas_ii", "bavs", "qbmove"))
+@pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
 def test_searches_that_begin_where_the_last_one_ended_find_the_same_rest(name):
     actuator, spring, preset, _ = CASES[name]
     drive = drive_with(actuator, mode=3, spring=spring)

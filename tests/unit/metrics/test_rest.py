@@ -119,7 +119,7 @@ def test_a_target_replaces_the_steady_state_that_a_swing_lacks():
         measure("steady_state", time, swing, target=1.0)
 
 
-@pytest.mark.parametrize("rate", (0.3, 4.0))
+@pytest.mark.parametrize("rate", [0.3, 4.0])
 def test_the_summary_s_steady_state_and_motion_are_those_of_the_measures(rate):
     time = np.linspace(0.0, 4.0, 801)
     q = 1.0 - np.exp(-rate * time)
