@@ -8,7 +8,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.metrics import measure
 from asrsim.metrics.expect import evaluate_expectation
-from asrsim.metrics.measures import AT_REST, measure, rest_of, unrest
+from asrsim.metrics.measures import AT_REST, rest_of, unrest
 from asrsim.scenario.data import Expectation
 
 SECONDS = 2.0
