@@ -113,8 +113,7 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         from asrsim.renamed import new_name
 
-        if (new := new_name(name)) is None:
-            raise AttributeError(f"module 'asrsim' has no attribute '{name}'")
+        new = new_name("asrsim", name)
         return globals().get(new) or __getattr__(new)
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value

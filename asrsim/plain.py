@@ -40,15 +40,7 @@ def misfit(data: Any, shape: Shape, place: str = "") -> str:
         return next((found for i, item in enumerate(data) if (found := misfit(item, shape[0], f"{place}[{i}]"))), "")
     if isinstance(shape, dict):
         return _keys(data, shape, place)
-    good = {
-        str: isinstance(data, str) and is_text(data),
-        bool: isinstance(data, bool),
-        int: isinstance(data, int) and not isinstance(data, bool) and abs(data) < 1 << 53,
-        float: _is_number(data),
-        None: data is None,
-        object: True,
-    }
-    return "" if good[shape] else f"{place or 'it'} is {_words(data)}"
+    return "" if _FITS[shape](data) else f"{place or 'it'} is {_words(data)}"
 
 
 def _keys(data: Any, shape: dict[str, Shape], place: str) -> str:
@@ -77,6 +69,17 @@ def _is_number(data: Any) -> bool:
     if isinstance(data, float):
         return data == data
     return isinstance(data, int) and not isinstance(data, bool) and abs(data) < 10**300
+
+
+_FITS: dict[Any, Callable[[Any], bool]] = {
+    str: lambda data: isinstance(data, str) and is_text(data),
+    bool: lambda data: isinstance(data, bool),
+    int: lambda data: isinstance(data, int) and not isinstance(data, bool) and abs(data) < 1 << 53,
+    float: _is_number,
+    None: lambda data: data is None,
+    object: lambda _: True,
+}
+"""Whether data have a simple structure."""
 
 
 def is_text(text: str) -> bool:

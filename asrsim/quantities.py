@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 
@@ -132,11 +133,19 @@ def unit_of(name: str, *, prismatic: bool = False) -> str:
 
 def shown(value: float, unit: str = "", digits: int = 3) -> str:
     """Number and unit for people: `0.075 mm` for 7.5e-05 m. A small number takes a smaller unit instead of a power of ten."""
-    if unit in _PREFIXED and 0.0 < abs(value) < 1e-2:
-        scale, prefix = (1e3, "m") if abs(value) >= 2e-5 else (1e6, "µ")
-        value, unit = value * scale, prefix + unit
-    return f"{value:.{digits}g} {unit}".rstrip()
+    scale, unit = prefixed((value,), unit)
+    return f"{value * scale:.{digits}g} {unit}".rstrip()
 
 
-_PREFIXED = ("m", "rad", "N", "N m", "N·m", "J", "s", "V", "A", "W")
+def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
+    """Factor and unit in which numbers read well, without powers of ten. Numbers below 0.01 take a smaller unit, and so do
+    numbers below 10 among which one is below 0.0001.
+    """
+    sizes = [abs(value) for value in values if 0.0 < abs(value) < math.inf]
+    if unit not in _PREFIXED or not sizes or (max(sizes) >= 1e-2 and min(sizes) >= 1e-4) or max(sizes) >= 10.0:
+        return 1.0, unit
+    return (1e3, f"m{unit}") if max(sizes) >= 2e-5 else (1e6, f"µ{unit}")
+
+
+_PREFIXED = ("m", "rad", "N", "N m", "J", "s", "V", "A", "W")
 """Units that may take a prefix."""

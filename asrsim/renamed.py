@@ -21,8 +21,8 @@ OPTIONS = {
     "view": {"--lag": "--align"},
 }
 """Options of each command: old and new name."""
-NAMES = {"repeat": "rerun"}
-"""Names of the package `asrsim`: old and new name."""
+NAMES = {"asrsim": {"repeat": "rerun"}, "asrsim.identification": {"Result": "FitResult"}}
+"""Names of each package: old and new name."""
 
 
 def tell(old: str, new: str) -> str:
@@ -30,11 +30,12 @@ def tell(old: str, new: str) -> str:
     return f"{old} is called {new} now; the next version drops the old name"
 
 
-def new_name(old: str) -> str | None:
-    """New name of what the package `asrsim` called `old`, with a warning; None: there never was such a name."""
-    new = NAMES.get(old)
-    if new is not None:
-        warnings.warn(tell(f"asrsim.{old}", f"asrsim.{new}"), DeprecationWarning, stacklevel=3)
+def new_name(package: str, old: str) -> str:
+    """New name of what a package called `old`, with a warning. Raises AttributeError if there never was such a name."""
+    new = NAMES[package].get(old)
+    if new is None:
+        raise AttributeError(f"module '{package}' has no attribute '{old}'")
+    warnings.warn(tell(f"{package}.{old}", f"{package}.{new}"), DeprecationWarning, stacklevel=3)
     return new
 
 

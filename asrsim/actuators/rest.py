@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -42,71 +42,99 @@ def alike(drives: Sequence[Drive]) -> list[list[int]]:
 
 
 def resting_motors(drives: Sequence[Drive], position: Array, references: Array, *, limited: bool = True) -> tuple[Array, Array]:
-    """Rest positions (positions, joints, n) of motors and adjusters in rad with the links at `position` (joints, n) in rad, and
-    the torques (springs, joints, n) of the springs there in N m.
+    """Rest positions of motors, and the torques of their springs, with the links at `position`; see `MotorsAtRest`."""
+    return MotorsAtRest(drives, references, limited=limited).under(position)
 
-    drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference map, rad.
+
+class MotorsAtRest:
+    """Motors at rest under the load of their springs, for links at given positions.
+
     A controller without integral action has the steady-state error tau_el / P. Ideal motors stand at their references. Friction
-    is neglected. limited: whether the motors' largest torques and position stops apply.
+    is neglected.
     """
-    resting, springs = references + np.zeros_like(position), over_arrays(drives[0].actuator.elastic_torques)
-    motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
-    elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
 
-    def law(position: Array, *positions: Array) -> Array:
+    def __init__(
+        self, drives: Sequence[Drive], references: Array, *, limited: bool = True, tolerance: float | None = None
+    ) -> None:  # fmt: skip
+        """drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference
+        map, rad. limited: whether the motors' largest torques and position stops apply. tolerance: error of the positions in
+        rad with which many similar searches end, each of which begins where the last one ended; None: each search is as exact
+        as numbers are, and begins at the references."""
+        self._references, self._tolerance = references, tolerance
+        self._springs = over_arrays(drives[0].actuator.elastic_torques)
+        self._motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
+        self._elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
+        self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
+
+        def numbers(name: str) -> Array:
+            """Numbers (..., motors, joints, 1) of the motors."""
+            return np.array([getattr(drive, name) for drive in drives]).T[..., None]
+
+        self._gain, self._integral, self._most = numbers("proportional"), numbers("integral"), numbers("max_torque")
+        self._ranges = numbers("motor_ranges")
+        if not limited:
+            self._most, self._ranges = np.full_like(self._most, np.inf), np.full_like(self._ranges, np.inf)
+            self._ranges[:1] = -np.inf
+        self._last: Array | None = None
+        """Positions (motors, joints, n) at which the last search ended."""
+
+    def under(self, position: Array) -> tuple[Array, Array]:
+        """Rest positions (positions, joints, n) of motors and adjusters in rad with the links at `position` (joints, n) in rad,
+        and the torques (springs, joints, n) of the springs there in N m."""
+        resting, motors = self._references + np.zeros_like(position), self._motors
+        if not motors:
+            return resting, self._law(position, *resting)
+        wanted, (low, high) = resting[:motors].copy(), self._ranges
+        begin = wanted if self._tolerance is None or self._last is None else self._last
+
+        def pulls(theta: Array) -> Array:
+            """Torques (springs, joints, n) of the springs with the motors at `theta` (motors, joints, n)."""
+            return self._law(position, *theta, *resting[motors:])
+
+        def search(own: slice) -> Array:
+            """Positions at which these motors rest, each as if the others did not move."""
+            trial, gain, most, integral = resting[:motors].copy(), self._gain[own], self._most[own], self._integral[own]
+            integrating, least = bool(integral.any()), -most
+            # At the reference, integral action balances the springs, up to the motor's largest torque.
+            trial[own] = wanted[own]
+            holding = pulls(trial)[:motors][own] if integrating else np.zeros(())
+
+            def missing(theta: Array) -> Array:
+                """Torques of the springs minus those of the motors at `theta`, while the others stand at `resting`."""
+                trial[own] = theta
+                torque = gain * (wanted[own] - theta)
+                if integrating:
+                    torque = np.where(integral > 0.0, holding, torque)
+                return np.asarray(pulls(trial)[:motors][own] - np.minimum(np.maximum(torque, least), most))
+
+            found = increasing_roots(missing, begin[own], slope=gain, apart=True, tolerance=self._tolerance or TOLERANCE)
+            return np.clip(found, low[own], high[own])
+
+        # Usually each spring depends on one motor, and one search finds all motors.
+        found = search(slice(motors))
+        torques = pulls(found)
+        if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
+            self._last = found
+            return np.concatenate([found, resting[motors:]]), torques
+        for _ in range(ROUNDS):
+            loads = []
+            for motor in range(motors):
+                resting[motor] = search(slice(motor, motor + 1))[0]
+                loads.append(pulls(resting[:motors])[motor])
+            torques = pulls(resting[:motors])
+            if np.array_equal(loads, torques[:motors]):
+                break
+        self._last = resting[:motors]
+        return resting, torques
+
+    def _law(self, position: Array, *positions: Array) -> Array:
+        """Torques (springs, joints, n) of the springs with links and motors at these positions (joints, n)."""
         ends = list(positions)
-        for row, drive in enumerate(drives if any(drive.stages for drive in drives) else ()):
+        for row, drive in self._staged:
             for motor in range(drive.actuator.motors):
                 ends[motor] = ends[motor].copy()
                 ends[motor][row] = position[row] + drive.placed(motor + 1, ends[motor][row] - position[row])
-        return springs(position, *ends, elastic)
-
-    def numbers(name: str) -> Array:
-        """Numbers (..., motors, joints, 1) of the motors."""
-        return np.array([getattr(drive, name) for drive in drives]).T[..., None]
-
-    if not motors:
-        return resting, law(position, *resting)
-    wanted, gain, integral = resting[:motors].copy(), numbers("proportional"), numbers("integral")
-    most, (low, high) = numbers("max_torque"), numbers("motor_ranges")
-    if not limited:
-        most, low, high = (np.full_like(most, bound) for bound in (np.inf, -np.inf, np.inf))
-
-    def pulls(theta: Array) -> Array:
-        """Torques (springs, joints, n) of the springs with the motors at `theta` (motors, joints, n)."""
-        return law(position, *theta, *resting[motors:])
-
-    def missing(own: slice, holding: Array, theta: Array) -> Array:
-        """Torques of the springs minus the torques of some motors at `theta`, while the others stand at `resting`. holding:
-        torques of integral action."""
-        trial = resting[:motors].copy()
-        trial[own] = theta
-        torque = np.where(integral[own] > 0.0, holding, gain[own] * (wanted[own] - theta))
-        return np.asarray(pulls(trial)[:motors][own] - np.minimum(np.maximum(torque, -most[own]), most[own]))
-
-    def search(own: slice) -> Array:
-        """Positions at which these motors rest, each as if the others did not move."""
-        # At the reference, integral action balances the springs, up to the motor's largest torque.
-        trial = resting[:motors].copy()
-        trial[own] = wanted[own]
-        holding = pulls(trial)[:motors][own] if integral[own].any() else np.zeros(())
-        found = increasing_roots(partial(missing, own, holding), wanted[own], slope=gain[own], apart=True)
-        return np.clip(found, low[own], high[own])
-
-    # Usually each spring depends on one motor, and one search finds all motors.
-    found = search(slice(motors))
-    torques = pulls(found)
-    if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
-        return np.concatenate([found, resting[motors:]]), torques
-    for _ in range(ROUNDS):
-        loads = []
-        for motor in range(motors):
-            resting[motor] = search(slice(motor, motor + 1))[0]
-            loads.append(pulls(resting[:motors])[motor])
-        torques = pulls(resting[:motors])
-        if np.array_equal(loads, torques[:motors]):
-            break
-    return resting, torques
+        return self._springs(position, *ends, self._elastic)
 
 
 def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques: Array, motor: int) -> bool:
@@ -120,14 +148,15 @@ def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques
 @np.errstate(all="ignore")
 def increasing_roots(
     function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST, slope: Array | float = 0.0, *,
-    apart: bool = False,
+    apart: bool = False, tolerance: float = TOLERANCE,
 ) -> Array:  # fmt: skip
     """Roots (...) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
     third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
     unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a search of its
-    own, whose roots do not depend on the other entries; else all searches end together.
+    own, whose roots do not depend on the other entries; else all searches end together. tolerance: smallest step, relative for
+    values above 1.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)
@@ -141,20 +170,24 @@ def increasing_roots(
         short = (at_far * side < 0.0) & (far != near)
     low, high = np.minimum(near, far), np.maximum(near, far)
     at_low, at_high = np.where(side > 0.0, at_near, at_far), np.where(side > 0.0, at_far, at_near)
-    last = np.full(np.shape(low), -1)
+    last: Any = None
     for step in range(MOST_STEPS):
-        least = TOLERANCE * np.maximum(1.0, np.abs(low))
+        least = tolerance * np.maximum(1.0, np.abs(low))
         wide = ~(high - low <= 2.5 * least)
         if not wide.any():
             break
-        going = wide.any(axis=tuple(range(1, wide.ndim)), keepdims=True) if apart else True
-        # A step just beyond a converged end closes the bracket.
-        secant = np.clip((low * at_high - high * at_low) / (at_high - at_low), low + least, high - least)
-        middle = np.where((step % 3 == 2) | ~np.isfinite(secant), 0.5 * (low + high), secant)
+        middle = 0.5 * (low + high)
+        if step % 3 != 2:
+            secant = (low * at_high - high * at_low) / (at_high - at_low)
+            # A step just beyond a converged end closes the bracket. np.clip takes twice as long.
+            middle = np.where(np.isfinite(secant), np.minimum(np.maximum(secant, low + least), high - least), middle)
         value = function(middle)
-        above = value >= 0.0
+        above, below = value >= 0.0, value <= 0.0
         # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
-        kept, last = np.where(above == last, 0.5, 1.0), above
+        kept, last = 1.0 if last is None else np.where(above == last, 0.5, 1.0), above
         at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
-        high, low = np.where(above & going, middle, high), np.where((value <= 0.0) & going, middle, low)
+        if apart:
+            going = wide.any(axis=tuple(range(1, wide.ndim)), keepdims=True)
+            above, below = above & going, below & going
+        high, low = np.where(above, middle, high), np.where(below, middle, low)
     return np.asarray(0.5 * (low + high))

@@ -9,7 +9,7 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import zip_longest
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from asrsim.errors import AsrsimError, InputError, Problem, listed, printable, shortened
+from asrsim.tables import TableColumn, from_rows
 
 if TYPE_CHECKING:
     from asrsim.recordings import Recording
@@ -104,14 +105,12 @@ def _encoded(value: Any) -> Any:
     return value.as_dict() if hasattr(value, "as_dict") else os.fspath(value)
 
 
-def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequence[str] = ()) -> None:
-    """Print a table; its last column is wrapped at the terminal's width. columns: for each column the heading (may contain
-    newlines), the cells, and whether the cells are right-aligned; styles: text style of each row.
-    """
-    heads = [heading.split("\n") for heading, _, _ in columns]
+def say_table(columns: Sequence[TableColumn], styles: Sequence[str] = ()) -> None:
+    """Print a table; its last column is wrapped at the terminal's width. styles: text style of each row."""
+    heads = [one.heading.split("\n") for one in columns]
     height = max(map(len, heads))
     rows = [[[""] * (height - len(head)) + head for head in heads]]
-    rows += [[[cell] for cell in cells] for cells in zip(*(cells for _, cells, _ in columns), strict=True)]
+    rows += [[[cell] for cell in cells] for cells in zip(*(one.cells for one in columns), strict=True)]
     widths = [max(map(len, (text for row in rows for text in row[i]))) for i in range(len(columns))]
     widths[-1] = min(widths[-1], max(line_width() - sum(widths[:-1]) - 2 * len(widths), NARROWEST))
     rows.insert(1, [[("─" if _unicode() else "-") * width] for width in widths])
@@ -119,17 +118,10 @@ def say_table(columns: Sequence[tuple[str, Sequence[str], bool]], styles: Sequen
         last = [part for text in row[-1] for part in textwrap.wrap(text, widths[-1], break_on_hyphens=False) or [""]]
         for texts in zip_longest(*row[:-1], last, fillvalue=""):
             cells = [
-                text.rjust(width) if right else text.ljust(width)
-                for text, width, (_, _, right) in zip(texts, widths, columns, strict=True)
+                text.rjust(width) if one.right else text.ljust(width)
+                for text, width, one in zip(texts, widths, columns, strict=True)
             ]
             say(("  " + "  ".join(cells)).rstrip(), style)
-
-
-def say_rows(
-    headings: Sequence[str], rows: Sequence[Sequence[str]], *, right: Container[int] = (), styles: Sequence[str] = ()
-) -> None:
-    """Print rows as `say_table` does; right: indices of the right-aligned columns."""
-    say_table([(head, [row[i] for row in rows], i in right) for i, head in enumerate(headings)], styles)
 
 
 def say_columns(recording: Recording) -> None:
@@ -138,7 +130,7 @@ def say_columns(recording: Recording) -> None:
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")
         cells = [[r.source, r.meaning, r.unit, r.conversion, r.origin] for r in used[:COLUMNS]]
-        say_rows(headings, cells)
+        say_table(from_rows(headings, cells))
         if len(used) > COLUMNS:
             say(f"  and {len(used) - COLUMNS} more", "dim")
     others = [column.source for column in recording.channels.values() if not column.quantity]

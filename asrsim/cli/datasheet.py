@@ -11,6 +11,7 @@ from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written, styled
 from asrsim.cli.options import Arguments, ColumnMap, Packages, Texts, argument, folders, into_folder, option, pairs
+from asrsim.tables import TableColumn
 
 
 @command()
@@ -82,10 +83,10 @@ def datasheet(
             say(f"{styled(sheet.title, 'bold cyan')}  {sheet.origin}")
             rows = sheet.entries
             say_table([
-                ("quantity", [one.words for one in rows], False),
-                ("value", [f"{one.value:.4g}" if one.known else "" for one in rows], True),
-                ("unit", [one.unit if one.known else "" for one in rows], False),
-                ("how", [one.how for one in rows], False),
+                TableColumn("quantity", [one.words for one in rows]),
+                TableColumn("value", [f"{one.value:.4g}" if one.known else "" for one in rows], right=True),
+                TableColumn("unit", [one.unit if one.known else "" for one in rows]),
+                TableColumn("how", [one.how for one in rows]),
             ])  # fmt: skip
         say_written(files)
 

@@ -10,6 +10,7 @@ import typer
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.options import Overrides, Plot, Scenario, Variant, into_file, option
+from asrsim.tables import TableColumn
 
 
 @command()
@@ -57,10 +58,10 @@ def export(
         springs = ["-" if row["spring_error"] is None else f"{row['spring_error']:.3g} mrad" for row in rows.values()]
         say_table(
             [
-                ("joint", list(rows), False),
-                ("RMS from asrsim", [f"{row['rms']:.3g} {row['unit']}" for row in rows.values()], True),
-                ("largest", [f"{row['largest']:.3g} {row['unit']}" for row in rows.values()], True),
-                ("spline of the spring", springs, True),
+                TableColumn("joint", list(rows)),
+                TableColumn("RMS from asrsim", [f"{row['rms']:.3g} {row['unit']}" for row in rows.values()], right=True),
+                TableColumn("largest", [f"{row['largest']:.3g} {row['unit']}" for row in rows.values()], right=True),
+                TableColumn("spline of the spring", springs, right=True),
             ]
         )
         tried = f"; {replay.untried}: not tried in {found.made_for}" if replay.untried else ""

@@ -13,7 +13,7 @@ from asrsim.cli.options import ColumnMap, Files, Overrides, Plot, Rate, Texts, V
 from asrsim.errors import InputError
 
 if TYPE_CHECKING:
-    from asrsim.identification import Result, Task
+    from asrsim.identification import FitResult, Task
     from asrsim.identification.resume import Resumed
 
 
@@ -134,7 +134,7 @@ def identify(
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 
-def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, duration: float | None) -> tuple[Result, int]:
+def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, duration: float | None) -> tuple[FitResult, int]:
     from asrsim.cli.progress import FitBar
     from asrsim.identification import identify
 
@@ -177,7 +177,7 @@ def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done
     return Done(data={"ok": code == 0, **data, "files": files}, text=text, code=code)
 
 
-def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[list[Path], list[str]]:
+def _robot(found: FitResult | Resumed, folder: Path, *, everything: bool) -> tuple[list[Path], list[str]]:
     """Write the robot of a complete fit, unless it is not accepted; return paths and remarks."""
     from asrsim.identification.result import ACCEPTABLE
     from asrsim.identification.write import write_robot
@@ -190,7 +190,7 @@ def _robot(found: Result | Resumed, folder: Path, *, everything: bool) -> tuple[
     ]
 
 
-def _write(result: Result, folder: Path, *, everything: bool, plot: bool, sheet: bool) -> tuple[list[Path], list[str]]:
+def _write(result: FitResult, folder: Path, *, everything: bool, plot: bool, sheet: bool) -> tuple[list[Path], list[str]]:
     from asrsim.designs.advice import advice, design_line
     from asrsim.identification.folder import FIT
     from asrsim.identification.write import as_dict, write_curves_of
@@ -219,7 +219,7 @@ def _write(result: Result, folder: Path, *, everything: bool, plot: bool, sheet:
     return files, said
 
 
-def _say(result: Result, files: list[Path], said: list[str]) -> None:
+def _say(result: FitResult, files: list[Path], said: list[str]) -> None:
     from asrsim.designs.advice import advice
     from asrsim.identification.show import columns, errors, judgement
 

@@ -172,7 +172,5 @@ def _print_experiments(result: PlotResult) -> None:
 def _print_rows(result: PlotResult) -> None:
     from asrsim.plots.rows import metric_tables
 
-    for table in metric_tables(result.rows):
-        head = [(name, [key[i] for key, _ in table.lines], False) for i, name in enumerate(("of", "joint", "quantity"))]
-        columns = [(name, [cells[i] for _, cells in table.lines], True) for i, name in enumerate(table.measures)]
-        say_table([*head, *columns])
+    for columns in metric_tables(result.rows):
+        say_table(columns)

@@ -9,9 +9,10 @@ import typer
 
 from asrsim.cli import complete
 from asrsim.cli.command import Done, command
-from asrsim.cli.console import complain, say, say_rows, say_written
+from asrsim.cli.console import complain, say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import Overrides, Plot, Texts, Variants, argument, into_folder, option
+from asrsim.tables import from_rows
 
 if TYPE_CHECKING:
     from asrsim.sweeps import Table
@@ -89,7 +90,7 @@ def sweep(
     def text() -> None:
         say(headline(table))
         if rows := result_rows(table):
-            say_rows(HEADS, rows, right=range(1, len(HEADS)))
+            say_table(from_rows(HEADS, rows, right=range(1, len(HEADS))))
         for line in remarks(table):
             say(f"  {line}")
         say_written([*table.files[:1], *files])

@@ -7,12 +7,13 @@ from collections.abc import Container, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
-from asrsim.cli.console import SHOWN, line_width, problem_lines, say, say_rows, styled
+from asrsim.cli.console import SHOWN, line_width, problem_lines, say, say_table, styled
 from asrsim.cli.findings import FileReport
 from asrsim.errors import counted, listed
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
+from asrsim.tables import from_rows
 
 if TYPE_CHECKING:
     from asrsim.actuators.checker import CheckReport
@@ -111,7 +112,7 @@ def _print_blocks(blocks: list[ActuatorBlock], slides: Container[str]) -> None:
         name = value.name if used else f"{value.name} *"
         rows.append((name, f"{value.value:.6g}", unit_of(value.unit), _origin(value)))
         styles.append("" if used and value.origin != "default" else "dim")
-    say_rows(("parameter", "value", "unit", "from"), rows, right=(1,), styles=styles)
+    say_table(from_rows(("parameter", "value", "unit", "from"), rows, right=(1,)), styles)
     if not all(_is_used(_part(name), name, mode) for name in first.parameters):
         say(f"* not used in mode {mode.number}", "dim")
 
@@ -143,7 +144,7 @@ def print_check_report(report: CheckReport) -> None:
         figure = f"{check.figure:.2g}" if check.figure is not None and limit else ""
         rows.append((check.name, "pass" if check.passed else "FAIL", figure, limit, check.doc))
     styles = ["" if check.passed else "bold red" for check in report.checks]
-    say_rows(("check", "verdict", "worst", "limit", "requirement"), rows, right=(2, 3), styles=styles)
+    say_table(from_rows(("check", "verdict", "worst", "limit", "requirement"), rows, right=(2, 3)), styles)
     for check in report.checks:
         if not check.passed:
             say(f"{styled(check.name, 'bold red')}: {check.detail}")
@@ -158,7 +159,7 @@ def print_actuators(actuators: Sequence[type[Actuator]]) -> None:
         (one.name, f"lib{one.name}_plugin.so", f"{one.motors}{' + adjuster' if one.adjuster else ''}", one.title)
         for one in actuators
     ]
-    say_rows(("name", "plugin file", "motors", "what"), rows)
+    say_table(from_rows(("name", "plugin file", "motors", "what"), rows))
     say("asrsim actuators NAME shows laws, parameters and sources.", "dim")
 
 

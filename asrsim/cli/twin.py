@@ -9,6 +9,7 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import ColumnMap, Overrides, Plot, Rate, Scenario, Variant, View, into_folder, option
+from asrsim.tables import TableColumn
 
 
 @command()
@@ -76,10 +77,10 @@ def twin(
             f"residual\nrms, {length}": "residual_rms",
         }  # fmt: skip
         say_table([
-            ("joint", [row["joint"] for row in rows], False),
-            *((head, [f"{row[key]:.3g}" for row in rows], True) for head, key in heads.items()),
-            ("alarms", [str(len(row["alarms"])) for row in rows], True),
-            (f"stiffness\n{stiffness}", [_range(row["stiffness"]) for row in rows], True),
+            TableColumn("joint", [row["joint"] for row in rows]),
+            *(TableColumn(head, [f"{row[key]:.3g}" for row in rows], right=True) for head, key in heads.items()),
+            TableColumn("alarms", [str(len(row["alarms"])) for row in rows], right=True),
+            TableColumn(f"stiffness\n{stiffness}", [_range(row["stiffness"]) for row in rows], right=True),
         ])  # fmt: skip
         for note in found.notes[:20]:
             say(note)

@@ -14,10 +14,10 @@ from asrsim.registry.engines import ENGINES
 from asrsim.robot.vary import varied_robot
 
 if TYPE_CHECKING:
-    from asrsim.identification import Result
+    from asrsim.identification import FitResult
 
 
-def fitted_sheets(result: Result) -> tuple[Sheet, ...]:
+def fitted_sheets(result: FitResult) -> tuple[Sheet, ...]:
     """Sheets of the actuators whose torque over deflection was recorded, with all estimates of the fit.
 
     Raises RecordingError if the recordings hold no such curve, with what the last one lacks.
@@ -40,6 +40,6 @@ def fitted_sheets(result: Result) -> tuple[Sheet, ...]:
     return tuple(sheets)
 
 
-def _curves(result: Result, source: Source) -> list[MeasuredCurve]:
+def _curves(result: FitResult, source: Source) -> list[MeasuredCurve]:
     locked = ENGINES.get(result.scenario.engine).prescribed
     return [measured_curve(source, one.file, one.mapping, rate=one.rate, locked=locked) for one in result.task.experiments]

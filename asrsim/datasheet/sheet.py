@@ -200,8 +200,8 @@ def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, .
         stiffnesses.append(Line(label=label, x=torque[order], y=stiffness[order], colour=colour))
     torques += [Line(label=one.label, x=one.deflection, y=one.torque, colour=style.BLACK, kind="points") for one in measured]
     return (
-        Chart(words="torque", unit="N·m", across="deflection", across_unit="rad", lines=torques),
-        Chart(words="stiffness", unit="N·m/rad", across="torque", across_unit="N·m", lines=stiffnesses),
+        Chart(words="torque", unit="N m", across="deflection", across_unit="rad", lines=torques),
+        Chart(words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses),
     )
 
 
@@ -213,7 +213,7 @@ def _limits(statics: Statics, trials: Trials) -> tuple[Chart, ...]:
     power = [Line(label="output power", x=speed, y=speed * torque, colour=style.VERMILION)]
     return (
         Chart(
-            words="torque", unit="N·m", across="speed", across_unit="rad/s", lines=lines, span=(0.0, 1.1 * float(torque.max()))
+            words="torque", unit="N m", across="speed", across_unit="rad/s", lines=lines, span=(0.0, 1.1 * float(torque.max()))
         ),
         Chart(words="power", unit="W", across="speed", across_unit="rad/s", lines=power),
     )
@@ -231,7 +231,7 @@ def _responses(trials: Trials) -> tuple[Chart, ...]:
     return (
         Chart(words="link position", unit="rad", lines=lines(
             [("soft", "softest", style.variant_colour(0)), ("stiff", "stiffest", style.variant_colour(4))], "link_position")),
-        Chart(words="stiffness", unit="N·m/rad", lines=lines(
+        Chart(words="stiffness", unit="N m/rad", lines=lines(
             [("stiffness_free", "no load", style.variant_colour(1)), ("stiffness_loaded", "loaded", style.variant_colour(2))],
             "stiffness")),
     )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.actuators import MODES
 from asrsim.identification.noise import bandwidth
-from asrsim.identification.result import AT_BOUND, CLOSE, IDENTIFIED, RATIO, WEAK, Result
+from asrsim.identification.result import AT_BOUND, CLOSE, IDENTIFIED, RATIO, WEAK, FitResult
 from asrsim.outfile import write_text
 from asrsim.plain import mapped
 from asrsim.plugins import plugin_options
@@ -39,7 +39,7 @@ class _Motion:
     band: float = 0.0
 
 
-def _moved(result: Result) -> dict[str, _Motion]:
+def _moved(result: FitResult) -> dict[str, _Motion]:
     """Motion of each joint over all recordings."""
     found: dict[str, _Motion] = {}
     for one in (one for one in result.channels if one.key.endswith("position")):
@@ -51,7 +51,7 @@ def _moved(result: Result) -> dict[str, _Motion]:
     return found
 
 
-def advice(result: Result) -> Iterator[str]:
+def advice(result: FitResult) -> Iterator[str]:
     """Sentences that name the motions by which parameters with wide intervals could be identified; none if causes of a misfit
     are suspected, which must be mended first.
     """
@@ -94,7 +94,7 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
     return ""
 
 
-def design_line(result: Result, folder: Path) -> tuple[list[Path], str]:
+def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
     """Write a limits file with the recorded ranges; return its path, and the command that designs the next experiment within
     them. Both are empty if every parameter is identified, or if the causes of a misfit must be mended first.
     """

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asrsim.samples import Array
+from asrsim.signals.common import minimum_jerk
 
 KNOTS = 3
 """Number of levels of a piece, and number of values between which its frequency and other curves are interpolated."""
@@ -28,8 +29,7 @@ QUICKEST, LONGEST = 0.01, 0.25
 
 def ramp(share: Array) -> Array:
     """Smooth step from 0 to 1 for arguments from 0 to 1, with continuous acceleration."""
-    s = np.clip(share, 0.0, 1.0)
-    return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
+    return minimum_jerk(np.clip(share, 0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)

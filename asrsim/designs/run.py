@@ -17,8 +17,7 @@ from asrsim.designs.search import DESIGN, PRIOR, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
 from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of
-from asrsim.identification.problem import Problem as Fit
-from asrsim.identification.problem import jacobian, read_scenario, set_up
+from asrsim.identification.problem import FitProblem, jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.quantities import each_motor
 from asrsim.renamed import renamed
@@ -167,7 +166,7 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     return scenario, given, make_layout(free, ties, ["design"], [{}], [{}]), remarks
 
 
-def _of_recordings(fit: Fit, layout: Layout) -> Array:
+def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
     """Fisher matrix (n, n) of recordings, if parameters of the recordings, such as offsets, are estimated, too."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))

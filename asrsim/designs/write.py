@@ -15,6 +15,7 @@ from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
 from asrsim.samples import Array
 from asrsim.scenario.relocate import relocated
+from asrsim.tables import TableColumn
 
 MARK = "# asrsim design: references of an experiment"
 LIMITS = "range of the reference"
@@ -47,12 +48,14 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
     return {**data, "duration": found.seconds, "references": references, **({"parameters": parameters} if parameters else {})}
 
 
-def columns(found: Design) -> list[tuple[str, list[str], bool]]:
-    """Columns of the table of intervals: heading, a cell for each parameter, and whether the cells are right-aligned."""
-    cells = [("parameter", list(found.keys), False)]
+def columns(found: Design) -> list[TableColumn]:
+    """Table of intervals, with a row for each parameter."""
+    cells = [TableColumn("parameter", list(found.keys))]
     for name, halves in found.intervals.items():
-        cells.append(("promised" if name == DESIGN else name, [f"± {100.0 * half:.2g} %" for half in halves], True))
-    return [*cells, (f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], True)]
+        cells.append(
+            TableColumn("promised" if name == DESIGN else name, [f"± {100.0 * half:.2g} %" for half in halves], right=True)
+        )
+    return [*cells, TableColumn(f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], right=True)]
 
 
 def charts(found: Design) -> list[list[Chart]]:

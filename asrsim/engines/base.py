@@ -74,7 +74,7 @@ def contact_forces(world: World, points: Iterable[tuple[str, str, Array]]) -> di
     return {key: (float(x), float(y), float(z)) for key, (x, y, z) in total.items()}
 
 
-class Record(NamedTuple):
+class NativeRecord(NamedTuple):
     """Parameters of the robot and work space for a native step. Each thread needs a record of its own."""
 
     address: int
@@ -90,7 +90,7 @@ class Native(NamedTuple):
     intptr_t pieces)."""
     size: int
     """Number of values of a state."""
-    make_record: Callable[[], Record]
+    make_record: Callable[[], NativeRecord]
 
 
 class Engine(Protocol):

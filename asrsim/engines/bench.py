@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from asrsim.compiled import compiling
-from asrsim.engines.base import POSITION, VELOCITY, Engine, Native, Record
+from asrsim.engines.base import POSITION, VELOCITY, Engine, Native, NativeRecord
 from asrsim.engines.rigid import Calculation
 from asrsim.errors import SimulationError
 from asrsim.robot.model import Robot
@@ -101,7 +101,7 @@ class BenchEngine(Engine):
         if not compiling.available():
             return None
         calculation = self._calculation
-        return Native(calculation.compile().address, 1, lambda: Record(calculation.packed.ctypes.data, calculation))
+        return Native(calculation.compile().address, 1, lambda: NativeRecord(calculation.packed.ctypes.data, calculation))
 
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BenchEngine, tuple[()]]:

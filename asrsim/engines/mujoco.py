@@ -23,7 +23,7 @@ from asrsim.engines.base import (
     TORQUE,
     VELOCITY,
     Native,
-    Record,
+    NativeRecord,
     Scene,
     contact_forces,
     whole_kick,
@@ -127,7 +127,7 @@ class MujocoEngine(RigidEngine):
         turn = rotation_matrix(self._scenario.base_rpy)
         return body, self._scenario.base_position + turn @ pose.position, turn @ pose.rotation
 
-    def _make_record(self, data: Any) -> mujoco_step.Record:
+    def _make_record(self, data: Any) -> mujoco_step.MujocoRecord:
         joints = [self._m.joint(name) for name in self.joints]
         room = make_room(
             self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=[joint.qposadr[0] for joint in joints],
@@ -136,13 +136,13 @@ class MujocoEngine(RigidEngine):
         )  # fmt: skip
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats, self._hand)
 
-    def _make_native_record(self) -> Record:
+    def _make_native_record(self) -> NativeRecord:
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
         # All records share the numbers that `start` and `vary` set.
         record = record._replace(room=record.room._replace(scheme=self._room.scheme, armature=self._room.armature))
         words = pack(record)
-        return Record(words.ctypes.data, (words, record, data))
+        return NativeRecord(words.ctypes.data, (words, record, data))
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 

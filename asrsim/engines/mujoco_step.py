@@ -47,7 +47,7 @@ def empty_hand(bodies: int) -> Hand:
     return Hand(np.zeros(1, dtype=np.int64), np.zeros(bodies, dtype=np.int64), np.zeros((bodies, 3)), np.zeros((bodies, 6)))
 
 
-class Record(NamedTuple):
+class MujocoRecord(NamedTuple):
     """Work space of a step: MuJoCo's model and data, and a room."""
 
     room: Room
@@ -85,13 +85,13 @@ class Record(NamedTuple):
 def make_record(
     model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]],
     floats: Sequence[tuple[int, Array, Array]], hand: Hand,
-) -> Record:  # fmt: skip
+) -> MujocoRecord:  # fmt: skip
     """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
     the body. floats: MuJoCo body, centre (3,) in m and weight (3,) in N of each mass on which gravity does not act."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))
-    return Record(
+    return MujocoRecord(
         room=room, model=model._address, data=data._address, at_matrix=room.full_matrix.ctypes.data,
         at_bias=room.full_bias.ctypes.data, at_force=room.full_force.ctypes.data,
         at_vectors=vectors.ctypes.data, vectors=vectors, xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
@@ -106,12 +106,12 @@ def make_record(
     )  # fmt: skip
 
 
-def sizes(record: Record) -> tuple[int, int, int]:
+def sizes(record: MujocoRecord) -> tuple[int, int, int]:
     """Sizes of the other arguments of `step`; see `asrsim.compiled.compiling.compile_packed`."""
     return record.room.joints, record.wrenches, 6
 
 
-def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
+def step(record: MujocoRecord, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
     """Advance by one step; see `asrsim.engines.base.Native`."""
     room, model, data = record.room, record.model, record.data
     aim(room, state)
@@ -134,7 +134,7 @@ def step(record: Record, state: Any, exchange: Any, wrenches: Any, lengths: Any)
     finish(room, state, exchange, lengths)
 
 
-def carry(record: Record) -> None:
+def carry(record: MujocoRecord) -> None:
     """Take the weight of the masses on which gravity does not act out of the bias."""
     vectors = record.vectors
     for index in range(record.floats):
@@ -143,7 +143,7 @@ def carry(record: Record) -> None:
         apply(record, record.float_body[index], record.float_centre, index, record.at_bias)
 
 
-def apply(record: Record, body: int, points: Any, index: int, target: int) -> None:
+def apply(record: MujocoRecord, body: int, points: Any, index: int, target: int) -> None:
     """Add the generalised forces of the force and the torque in `vectors` to the array at an address.
 
     points: points in the frame of the body (m), of which the one with this index is used.
@@ -158,7 +158,7 @@ def apply(record: Record, body: int, points: Any, index: int, target: int) -> No
     mj_applyFT(record.model, record.data, at, at + 24, at + 48, int(body), target)
 
 
-def push(record: Record, wrenches: Any, piece: int) -> None:
+def push(record: MujocoRecord, wrenches: Any, piece: int) -> None:
     """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, and of those that are held, at
     the positions in MuJoCo's data."""
     force, vectors, xmat, hand = record.room.full_force, record.vectors, record.xmat, record.hand

@@ -15,6 +15,7 @@ from asrsim.errors import SimulationError
 from asrsim.exports.motors import motor_name, stiffness_name
 from asrsim.exports.programs.base import Program
 from asrsim.exports.programs.mujoco import Mujoco
+from asrsim.metrics.values import root_mean_squares
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
@@ -51,7 +52,7 @@ class Replay:
     @property
     def rms(self) -> Array:
         """Root mean square of the error (joints,), mrad (mm)."""
-        return np.asarray(np.sqrt(np.mean(self.error**2, axis=0)))
+        return root_mean_squares(self.error)
 
     @property
     def diverged_at(self) -> float | None:

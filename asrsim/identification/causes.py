@@ -29,8 +29,8 @@ from asrsim.identification.extensions import (
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
-from asrsim.identification.parameters import CLOCK, LATEST, Parameter, parameters_of
-from asrsim.identification.problem import Problem, differences, jacobian, mean_square, residuals
+from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
+from asrsim.identification.problem import FitProblem, differences, jacobian, mean_square, residuals
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
@@ -93,13 +93,13 @@ class Suspicion:
     text: str
     trials: tuple[Mapping[str, float], ...] = ()
     """Estimates of the models that were tried and that reduce the error, by name; those with the suspected effects last."""
-    model: tuple[Problem, Array] | None = None
+    model: tuple[FitProblem, Array] | None = None
     """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording state them."""
     added: tuple[str, ...] = ()
     """Names of the parameters of the suspected effects."""
 
 
-def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
+def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
     base = mean_square(problem, x)
     # Residuals below the estimated noise may be correlated nevertheless.
@@ -133,7 +133,7 @@ def missing_causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
         yield Suspicion(text=text)
 
 
-def _proposed(name: str, problem: Problem, x: Array) -> Iterator[Extension]:
+def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that the cause with this name proposes. Raises InputError for a parameter that does not exist."""
     for one in CAUSES.get(name).extensions(problem, x):
         for parameter in one.parameters if one.elastic is None else ():
@@ -172,7 +172,7 @@ def _suspected(found: Extended, rest: str) -> str:
     return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
 
 
-def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
+def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on joints that do not follow their recorded motion under their controller, although the torque of their drive
     was recorded.
     """
@@ -187,16 +187,16 @@ def wrong_controllers(problem: Problem, x: Array) -> Iterator[str]:
             yield f"the robot's controller of {joint} may be another one: play the recorded torque instead (--mode 0 {options})"
 
 
-def _delays(problem: Problem, _: Array) -> Iterator[Extension]:
+def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extension that frees a common delay of the commands."""
     commands = dict.fromkeys(f"{one.key}.delay" for i in problem.fitted for one in problem.tracks[i].data.commands)
     if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = commands
-        parameter = Parameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
+        parameter = FitParameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
         yield Extension(text="a delay of the commands", parameters=(parameter,), ties=tied_to(first, others), begins=(2.0,))
 
 
-def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
+def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free zeros and gains of channels, shared by all recordings, or separate for each recording."""
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
@@ -205,8 +205,8 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
         if part.track != problem.fitted[0] or not np.isfinite(off).all():
             continue
         key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
-        offset = Parameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
-        gain = Parameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        offset = FitParameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
+        gain = FitParameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         predicted = part.recorded + off
@@ -225,15 +225,15 @@ def _sensors(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
 
 
-def _commands(problem: Problem, _: Array) -> Iterator[Extension]:
+def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free the zeros of commands, such as that of an amplifier."""
     for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
-        offset = Parameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
+        offset = FitParameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
         if offset.key not in problem.layout.keys:
             yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
 
 
-def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
+def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions by a second mode: the link behind a joint with a recorded position is elastic."""
     track = problem.tracks[0]
     for joint in track.door.joints:
@@ -255,7 +255,7 @@ def _modes(problem: Problem, x: Array) -> Iterator[Extension]:
         )  # fmt: skip
 
 
-def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
+def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free fixed springs, friction, damping, hysteresis, and limits of motors and springs."""
     track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
@@ -293,7 +293,7 @@ def _robot(problem: Problem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
 
 
-def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
+def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free a tied parameter."""
     entries = {entry.key: entry for entry in problem.layout.entries if entry.track is None}
     for tie in problem.layout.ties:
@@ -303,7 +303,7 @@ def _wrong_ties(problem: Problem, x: Array) -> Iterator[Extension]:
             yield Extension(text=f"{tie.key} other than {other}, to which it is tied", parameters=(parameter,), untied=tie)
 
 
-def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
+def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
     if not problem.layout.ties:
         return
@@ -315,7 +315,7 @@ def contradicted_ties(problem: Problem, x: Array) -> Iterator[str]:
             yield f"{extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
 
 
-def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
+def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on springs whose stiffness varies with the amplitude: backlash is missing, or the spring law is wrong."""
     left, numbers = residuals(problem, x), problem.blocks(PARTS)
     for i, entry in enumerate(problem.layout.entries):
@@ -339,7 +339,7 @@ def _varying_springs(problem: Problem, x: Array) -> Iterator[str]:
             yield f"{entry.name} {way} with the amplitude: parts of the record differ by {100 * extent:.0f} %; {law}"
 
 
-def _oscillations(problem: Problem, x: Array) -> Iterator[str]:
+def _oscillations(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on large oscillations of the residuals with frequencies that no command has."""
     for part, left in differences(problem, x):
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0

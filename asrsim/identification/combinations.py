@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asrsim.identification.parameters import Layout
-from asrsim.identification.problem import Problem
+from asrsim.identification.problem import FitProblem
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
@@ -74,7 +74,7 @@ class Combination:
         return f"{self.text} = {self.value:.4g} +- {percent(self.margin)}"
 
 
-def combinations(problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
+def combinations(problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
     """Combinations of two or three entries that are better known than the entries, without those that follow from others.
 
     free: entries of the parameter vector that are not at a bound and have an effect.
@@ -113,7 +113,7 @@ def _is_new(form: Combination, others: Sequence[Combination]) -> bool:
 class _Known:
     """Identifiable and unidentifiable directions of relative changes of the free entries."""
 
-    def __init__(self, problem: Problem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
+    def __init__(self, problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self._found, self._free = found, list(free)
         self.entries = [problem.layout.entries[i] for i in free]
         # A motion shows the moment of inertia of a link about its joint.
@@ -175,7 +175,7 @@ def _power(name: str, power: float) -> str:
     return name if power == 1.0 else f"{name}^{power:g}"
 
 
-def _beside(problem: Problem, key: str) -> float:
+def _beside(problem: FitProblem, key: str) -> float:
     """Term m r^2 of a link if the key is that of the link's moment of inertia about the joint's axis; 0 for other keys, or if m
     or r is free.
     """

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.identification.judge import ChannelFit
+from asrsim.metrics.values import root_mean_square
 from asrsim.outfile import write_json
 from asrsim.plain import Shape, finite_or_none
 from asrsim.plots import style
@@ -81,7 +82,7 @@ def channel_curves(one: ChannelFit, end: float) -> ChannelCurves:
     frequency, density = _density(time, left)
     return ChannelCurves(
         recording=one.recording, key=one.key, unit=one.unit, track=one.track, end=end, noise=one.noise,
-        rms=float(np.sqrt(np.mean(left**2))) if len(left) else np.nan, time=time,
+        rms=root_mean_square(left), time=time,
         lines={name: one.lines[name] for name in NAMES if name in one.lines}, frequency=frequency, density=density,
     )  # fmt: skip
 
@@ -154,7 +155,7 @@ def curves_of(data: Mapping[str, Any]) -> tuple[ChannelCurves, ...]:
 
 def channel_charts(one: ChannelCurves) -> list[Chart]:
     """Charts of a channel: recording over simulations, and residuals."""
-    recorded, unit = one.lines["recorded"], one.unit.replace("N m", "N·m")
+    recorded, unit = one.lines["recorded"], one.unit
     owner, _, quantity = one.key.rpartition(".")
     lines = [Line(x=one.time, y=one.lines[name], **look) for name, look in LOOKS.items() if name in one.lines]
     low, high = float(np.nanmin(recorded)), float(np.nanmax(recorded))
@@ -173,7 +174,7 @@ def channel_charts(one: ChannelCurves) -> list[Chart]:
 
 def spectrum_chart(one: ChannelCurves) -> Chart:
     """Chart of the residuals' spectrum, with the level of white noise of the channel's standard deviation."""
-    unit = one.unit.replace("N m", "N·m")
+    unit = one.unit
     band = float(one.frequency[-1]) if len(one.frequency) else 1.0
     white = one.noise / band**0.5
     level = np.full(len(one.frequency), white)

@@ -22,7 +22,7 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
-from asrsim.signals.curve import Curve, curve_through
+from asrsim.signals.curve import CubicCurve, curve_through
 
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
@@ -31,7 +31,7 @@ COMPUTED = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recorded:
+class RecordedSignal:
     """A recorded series of a joint."""
 
     joint: str
@@ -50,7 +50,7 @@ class Recorded:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Channel(Recorded):
+class Channel(RecordedSignal):
     """A measured quantity of a joint."""
 
     noise: float
@@ -71,7 +71,7 @@ class Channel(Recorded):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PlayedCommand(Recorded):
+class PlayedCommand(RecordedSignal):
     """A recorded input, which the simulation plays."""
 
     name: str
@@ -81,7 +81,7 @@ class PlayedCommand(Recorded):
     """Recorded column; None for values without a file."""
 
     @cached_property
-    def curve(self) -> Curve:
+    def curve(self) -> CubicCurve:
         """Curve of the command through the recorded samples."""
         return curve_through(self.time, self.values, hold=self.hold)
 

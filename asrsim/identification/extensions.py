@@ -12,8 +12,8 @@ from math import inf
 import numpy as np
 
 from asrsim.identification.noise import independent_samples
-from asrsim.identification.parameters import JUMP, Parameter, parameters_of
-from asrsim.identification.problem import Problem, huber, jacobian, mean_square, residuals, solve, with_own_substeps
+from asrsim.identification.parameters import JUMP, FitParameter, parameters_of
+from asrsim.identification.problem import FitProblem, huber, jacobian, mean_square, residuals, solve, with_own_substeps
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
@@ -47,7 +47,7 @@ class Extension:
 
     text: str = ""
     """Words for the extension as a cause of a misfit; empty: the extension is no cause."""
-    parameters: tuple[Parameter, ...] = ()
+    parameters: tuple[FitParameter, ...] = ()
     """Parameters at the end of the extended parameter vector."""
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
@@ -69,7 +69,7 @@ class Extension:
     fitting model any additional parameter reduces the misfit.
     """
 
-    def added_to(self, problem: Problem) -> Problem:
+    def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
         if self.staircase:
             return problem.played(problem.playing.staircases | {self.staircase})
@@ -81,7 +81,7 @@ class Extension:
         entries = *self._released(layout.entries), *self.parameters
         return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
 
-    def _released(self, entries: tuple[Parameter, ...]) -> Iterator[Parameter]:
+    def _released(self, entries: tuple[FitParameter, ...]) -> Iterator[FitParameter]:
         """Entries without bounds of initial positions that a sensor shows whose zero or scale becomes free."""
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
@@ -108,7 +108,7 @@ class Promise:
     share: float
     """Fraction of the squared error that the extension would explain; 0 if the fraction is not significant."""
     extension: Extension
-    problem: Problem
+    problem: FitProblem
     """Problem with the extension, with suitable substeps."""
     start: Array
 
@@ -116,7 +116,7 @@ class Promise:
 class Optimum:
     """The parameter vector at which extensions are compared, with its residuals and derivatives."""
 
-    def __init__(self, problem: Problem, x: Array) -> None:
+    def __init__(self, problem: FitProblem, x: Array) -> None:
         self.problem, self.x, self.residuals = problem, x, residuals(problem, x)
         self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
         """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
@@ -159,7 +159,7 @@ class Extended:
     """A problem with the adopted extensions, and the fitted parameter vector."""
 
     chosen: tuple[Extension, ...]
-    problem: Problem
+    problem: FitProblem
     x: Array
     cost: float
     """Mean of the Huber loss of the residuals."""
@@ -173,13 +173,18 @@ class Extended:
         return samples * float(np.log(max(self.cost, 1e-300))) + len(self.x) * float(np.log(samples))
 
 
-Propose = Callable[[Problem, Array], Iterable[Extension]]
+Propose = Callable[[FitProblem, Array], Iterable[Extension]]
 
 
 def extended(
-    problem: Problem, x: Array, kinds: Sequence[Propose], *, enough: Callable[[Problem, Array], bool], most: int = ADOPTED,
+    problem: FitProblem,
+    x: Array,
+    kinds: Sequence[Propose],
+    *,
+    enough: Callable[[FitProblem, Array], bool],
+    most: int = ADOPTED,
     rounds: int = 60,
-) -> Extended:  # fmt: skip
+) -> Extended:
     """Problem with added extensions: in each round, the extension that is best by Schwarz's criterion is added, until `enough`
     is true or no further extension is significant. kinds: functions that propose extensions of a problem.
     """
@@ -206,7 +211,7 @@ def extended(
     return replace(found, trials=tuple(named))
 
 
-def pruned(problem: Problem, found: Extended, *, least: float, rounds: int) -> Extended:
+def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -> Extended:
     """Problem without the extensions that later extensions make unnecessary. problem: problem without extensions; least:
     smallest increase of the mean square error without a necessary extension.
     """
@@ -220,7 +225,7 @@ def pruned(problem: Problem, found: Extended, *, least: float, rounds: int) -> E
     return found
 
 
-def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
+def stairs(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
     smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
     for key in smooth:
@@ -228,7 +233,7 @@ def stairs(problem: Problem, _: Array) -> Iterator[Extension]:
             yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
 
 
-def jumps(problem: Problem, _: Array) -> Iterator[Extension]:
+def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free the instants of a recording's jumps of commands, each within a sampling interval before the sample
     that shows it.
     """
@@ -238,14 +243,14 @@ def jumps(problem: Problem, _: Array) -> Iterator[Extension]:
         if any(entry.key.startswith(JUMP) and entry.track == i for entry in problem.layout.entries):
             continue
         early = [
-            Parameter(key=f"{JUMP}{n}", unit="s", start=0.0, low=0.0, high=track.sampling)
+            FitParameter(key=f"{JUMP}{n}", unit="s", start=0.0, low=0.0, high=track.sampling)
             for n in range(1, 1 + len(track.jumps))
         ]
         if early and track.sampling > 0.0:
             yield Extension(parameters=tuple(one.of_recording(i, names) for one in early), share=1.0)
 
 
-def presliding(problem: Problem, _: Array) -> Iterator[Extension]:
+def presliding(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
     friction share the stiffness.
     """

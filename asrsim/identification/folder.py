@@ -16,7 +16,7 @@ from asrsim.errors import InputError
 from asrsim.identification.curves import CURVES, SHAPE, ChannelCurves, curves_of
 from asrsim.identification.profiles import Profile
 from asrsim.identification.replay import SHAPE as REPLAY
-from asrsim.identification.replay import Replay, from_plain
+from asrsim.identification.replay import FitReplay, from_plain
 from asrsim.identification.result import Estimate
 from asrsim.identification.task import Tie
 from asrsim.plain import Shape, misfit
@@ -67,7 +67,7 @@ class FitFolder:
     experiments: tuple[str, ...]
     variant: str | None
     overrides: tuple[str, ...]
-    replay: Replay | None
+    replay: FitReplay | None
     """How the fitted simulation repeats the first recording; None for fits of earlier versions."""
     ties: tuple[Tie, ...]
     estimates: tuple[Estimate, ...]

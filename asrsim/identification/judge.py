@@ -11,8 +11,9 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
-from asrsim.identification.problem import Differences, Problem, differences
+from asrsim.identification.problem import Differences, FitProblem, differences
 from asrsim.identification.track import Track
+from asrsim.metrics.values import root_mean_square
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
@@ -94,8 +95,8 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
         return ""
     beyond, borne = beyond_steps(left, channel.values[: len(left)], channel.quantum)
     change = np.zeros(len(left)) + moved
-    played = SHAKEN * rms(change)
-    share = min(played / max(rms(left), 1e-300), 1.0) ** 2
+    played = SHAKEN * root_mean_square(change)
+    share = min(played / max(root_mean_square(left), 1e-300), 1.0) ** 2
     borne = max(borne, share * lag_correlation(change), key=abs)
     if lag_correlation(beyond) - borne > WHITE:
         return f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
@@ -120,24 +121,24 @@ def is_loud(left: Array, noise: float) -> bool:
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 
-def fits_noise(problem: Problem, x: Array) -> bool:
+def fits_noise(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are noise or zero."""
     return all(np.isfinite(left).all() and not fault_of(part.channel, left) for part, left in differences(problem, x))
 
 
-def fits(problem: Problem, x: Array) -> bool:
+def fits(problem: FitProblem, x: Array) -> bool:
     """Whether residuals are noise, or negligible."""
     found = differences(problem, x)
     exact = all(np.isfinite(left).all() and np.mean(left**2) < EXACT**2 * np.var(part.recorded) for part, left in found)
     return exact or fits_noise(problem, x)
 
 
-def is_explained(problem: Problem, x: Array) -> bool:
+def is_explained(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
     return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
 
 
-def channel_fits(problem: Problem, before: Differences, x: Array) -> list[ChannelFit]:
+def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[ChannelFit]:
     """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start, by part."""
     whole, found = problem.everything, []
     now = shaken = differences(whole, x)
@@ -158,12 +159,12 @@ def channel_fits(problem: Problem, before: Differences, x: Array) -> list[Channe
         found.append(
             ChannelFit(
                 recording=problem.tracks[part.track].data.name, key=channel.key, unit=channel.unit,
-                noise=float(channel.noise), before=rms(was[:count]), after=rms(left[:count]),
-                held_before=rms(was[count:]), held_after=rms(left[count:]),
+                noise=float(channel.noise), before=root_mean_square(was[:count]), after=root_mean_square(left[:count]),
+                held_before=root_mean_square(was[count:]), held_after=root_mean_square(left[count:]),
                 correlation=lag_correlation(beyond) if count >= FEWEST else np.nan,
-                explained=1.0 - rms(left) ** 2 / spread if spread > 0.0 else np.nan,
+                explained=1.0 - root_mean_square(left) ** 2 / spread if spread > 0.0 else np.nan,
                 fault=fault,
-                shaken=rms(change[count:]), steps=channel.quantum / 3.0**0.5,
+                shaken=root_mean_square(change[count:]), steps=channel.quantum / 3.0**0.5,
                 suspicion=_suspicion(problem.tracks[part.track], channel, part.recorded + left, part.recorded),
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
                 track=part.track, lines=lines,
@@ -178,11 +179,6 @@ def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array
         return f"the link accelerates against the torque of its spring: is the sign of the deflection reversed? ({hint})"
     found = beside(predicted, recorded, channel.column, channel.joint, "the prediction") if channel.column else []
     return f"{found[0].message} ({found[0].hint})" if found else ""
-
-
-def rms(values: Array) -> float:
-    """Root mean square; nan if there are no values."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
@@ -208,7 +204,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
 
 def _mean(sizes: Sequence[float]) -> float:
     """Root mean square of the RMS values that are not nan; nan if all values are nan."""
-    return rms(np.array([size for size in sizes if not np.isnan(size)]))
+    return root_mean_square(np.array([size for size in sizes if not np.isnan(size)]))
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Recorded
+from asrsim.identification.data import Channel, RecordedSignal
 from asrsim.identification.door import Drive
 from asrsim.samples import Array
 
@@ -71,7 +71,7 @@ class Measured:
         return found
 
 
-def link_channel(drive: Drive, shown: Mapping[str, Recorded]) -> tuple[Channel, tuple[str, ...]] | None:
+def link_channel(drive: Drive, shown: Mapping[str, RecordedSignal]) -> tuple[Channel, tuple[str, ...]] | None:
     """Recorded position of a link, and the keys of the series that give it: measured, or the motor's position minus the
     deflection if there is one motor. None if no series give it. shown: channels and commands by key.
     """
@@ -94,7 +94,7 @@ def link_channel(drive: Drive, shown: Mapping[str, Recorded]) -> tuple[Channel, 
     return place, (motor.key, deflection.key)
 
 
-def is_reversed(drive: Drive, shown: Mapping[str, Recorded], band: float) -> bool:
+def is_reversed(drive: Drive, shown: Mapping[str, RecordedSignal], band: float) -> bool:
     """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, where
     the link's position follows from motor and deflection. band: of the motion, rad/s.
     """

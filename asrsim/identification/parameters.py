@@ -41,7 +41,7 @@ NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_veloci
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parameter:
+class FitParameter:
     """A number of the robot or of a recording that a fit may estimate.
 
     The search uses the number x: the logarithm of the value relative to the start value, or the change of the value relative
@@ -89,7 +89,7 @@ class Parameter:
             return math.log(value / self.start) if value > 0.0 else -math.inf
         return (value - self.start) / self.size
 
-    def of_recording(self, track: int, names: Sequence[str]) -> Parameter:
+    def of_recording(self, track: int, names: Sequence[str]) -> FitParameter:
         """Separate parameter of a recording. names: names of all recordings."""
         return replace(self, track=track, recording=names[track] if len(names) > 1 else "")
 
@@ -98,7 +98,7 @@ class Parameter:
 class Layout:
     """Free parameters as the elements of a vector, and parameters that are tied to them."""
 
-    entries: tuple[Parameter, ...]
+    entries: tuple[FitParameter, ...]
     ties: tuple[Tie, ...]
 
     def __len__(self) -> int:
@@ -154,13 +154,13 @@ def tied(values: Mapping[str, float], ties: Iterable[Tie]) -> dict[str, float]:
 
 
 def make_layout(
-    free: Sequence[Parameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]],
+    free: Sequence[FitParameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]],
     within: Sequence[Mapping[str, float]],
 ) -> Layout:  # fmt: skip
     """Layout of the free parameters. names: names of the recordings; starts, within: for each fitted recording, start values
     by key of the parameters that depend on the recording, and their largest errors.
     """
-    entries: list[Parameter] = []
+    entries: list[FitParameter] = []
     for parameter in free:
         separate = [
             _near(parameter, known, far).of_recording(i, names)
@@ -170,7 +170,7 @@ def make_layout(
     return Layout(tuple(entries), tuple(ties))
 
 
-def _near(parameter: Parameter, starts: Mapping[str, float], within: Mapping[str, float]) -> Parameter:
+def _near(parameter: FitParameter, starts: Mapping[str, float], within: Mapping[str, float]) -> FitParameter:
     """Parameter that starts at a measured value, and stays within the largest error of this value."""
     start, far = starts.get(parameter.key, parameter.start), within.get(parameter.key, math.inf)
     return replace(parameter, start=start, low=max(parameter.low, start - far), high=min(parameter.high, start + far))
@@ -186,7 +186,7 @@ def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     return robot
 
 
-def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, Parameter]:
+def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, str]) -> dict[str, FitParameter]:
     """All parameters by key. commands: recorded commands such as `joint.reference_1`; channels: units of the recorded channels,
     by `joint.quantity`.
     """
@@ -194,24 +194,24 @@ def parameters_of(robot: Robot, commands: Sequence[str], channels: Mapping[str, 
     return {parameter.key: parameter for parameter in found}
 
 
-def _parameter(key: str, unit: str, start: float, low: float = -math.inf, high: float = math.inf) -> Parameter:
+def _parameter(key: str, unit: str, start: float, low: float = -math.inf, high: float = math.inf) -> FitParameter:
     name = key.rpartition(".")[2]
     loss = any(word in name for word in LOSSES) and not name.endswith("_stiffness")
     logarithmic = low >= 0.0 and 0.0 < start < math.inf and not loss
     if logarithmic:
         low, high = max(low, start / FACTOR), min(high, start * FACTOR)
     own = key == CLOCK or name.startswith("initial_")
-    return Parameter(key=key, unit=unit, start=start, low=low, high=high, logarithmic=logarithmic, own=own)
+    return FitParameter(key=key, unit=unit, start=start, low=low, high=high, logarithmic=logarithmic, own=own)
 
 
-def _of_actuators(robot: Robot) -> Iterator[Parameter]:
+def _of_actuators(robot: Robot) -> Iterator[FitParameter]:
     for block in robot.actuators:
         values, unit_of = block.values(), linear_unit if robot.joint(block.joint).kind == "prismatic" else str
         for one in ACTUATORS.get(block.actuator).all_parameters():
             yield _parameter(f"{block.joint}.{one.name}", unit_of(one.unit), values[one.name], one.minimum, one.maximum)
 
 
-def _of_joints(robot: Robot) -> Iterator[Parameter]:
+def _of_joints(robot: Robot) -> Iterator[FitParameter]:
     for joint in robot.moving_joints:
         force, place = ("N", "m") if joint.kind == "prismatic" else ("N m", "rad")
         for name, unit, *numbers in (
@@ -226,7 +226,7 @@ def _of_joints(robot: Robot) -> Iterator[Parameter]:
             yield _parameter(f"{joint.name}.{name}", unit, *numbers)
 
 
-def _of_links(robot: Robot) -> Iterator[Parameter]:
+def _of_links(robot: Robot) -> Iterator[FitParameter]:
     for link in robot.links:
         if link.mass is None:
             continue
@@ -237,7 +237,7 @@ def _of_links(robot: Robot) -> Iterator[Parameter]:
             yield _parameter(f"{link.name}.{name}", "kg m^2", value, 0.0 if name[1] == name[2] else -math.inf)
 
 
-def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[Parameter]:
+def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterator[FitParameter]:
     yield _parameter(CLOCK, "s", 0.0, -LATEST, LATEST)
     for key in dict.fromkeys((*commands, *channels)):
         yield _parameter(f"{key}.offset", channels.get(key) or "rad", 0.0)
@@ -245,10 +245,10 @@ def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterat
         yield _parameter(f"{key}.delay", "s", 0.0, -LATEST, LATEST)
 
 
-def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Parameter], list[Tie]]:
+def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list[FitParameter], list[Tie]]:
     """Free parameters in the order of the task, and ties between single parameters. Raises InputError with every problem."""
     problems: list[Problem] = []
-    free: dict[str, Parameter] = {}
+    free: dict[str, FitParameter] = {}
     for pattern, wish in task.free.items():
         # A pattern matches parameters without a finite value only if a start is given.
         given = wish.start is not None
@@ -279,7 +279,7 @@ def free_parameters(task: Task, known: Mapping[str, Parameter]) -> tuple[list[Pa
     return list(free.values()), ties
 
 
-def _wished(known: Parameter, wish: Wish) -> Parameter:
+def _wished(known: FitParameter, wish: Wish) -> FitParameter:
     given = {name: value for name, value in vars(wish).items() if value is not None}
     start = given.get("start", known.start)
     ratio = start / known.start if known.logarithmic and start > 0.0 else 1.0
@@ -291,7 +291,7 @@ def _wished(known: Parameter, wish: Wish) -> Parameter:
     return replace(found, start=start, logarithmic=logarithmic)
 
 
-def _faults(parameter: Parameter) -> Iterator[Problem]:
+def _faults(parameter: FitParameter) -> Iterator[Problem]:
     key = parameter.key
     if not parameter.low < parameter.high:
         yield Problem("its lower bound is not below its upper bound", key=key, value=parameter.low, code="bounds")
@@ -302,7 +302,7 @@ def _faults(parameter: Parameter) -> Iterator[Problem]:
         yield Problem("has no finite start", key=key, hint=f"Give one: {key}=START", code="start-range")
 
 
-def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]:
+def _tied(tie: Tie, known: Mapping[str, FitParameter]) -> Iterator[tuple[str, str]]:
     """Keys that a pattern matches, each with the key to which it is tied; the text matched by `*` replaces `*` in that key."""
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
@@ -313,7 +313,7 @@ def _tied(tie: Tie, known: Mapping[str, Parameter]) -> Iterator[tuple[str, str]]
             yield key, to
 
 
-def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[Problem]:
+def _tie_faults(ties: Sequence[Tie], free: Mapping[str, FitParameter]) -> Iterator[Problem]:
     for key, count in Counter(tie.key for tie in ties).items():
         if count > 1:
             yield Problem("is tied twice", key=key, code="tie")
@@ -322,12 +322,12 @@ def _tie_faults(ties: Sequence[Tie], free: Mapping[str, Parameter]) -> Iterator[
             yield Problem(f"is tied to {tie.to}, which is not free", key=tie.key, meant=tie.to, choices=tuple(free), code="tie")
 
 
-def _unknown(pattern: str, known: Mapping[str, Parameter]) -> Problem:
+def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     owner = pattern.partition(".")[0]
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
     hint = did_you_mean(pattern, tuple(known))
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 
-def _roots(known: Mapping[str, Parameter]) -> tuple[str, ...]:
+def _roots(known: Mapping[str, FitParameter]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(f"{key.rpartition('.')[0]}.*" if "." in key else key for key in known))

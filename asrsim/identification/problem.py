@@ -16,7 +16,7 @@ from asrsim.errors import InputError, RobotError, UnresolvedSpringError
 from asrsim.identification.data import Channel, read_data
 from asrsim.identification.door import examine
 from asrsim.identification.noise import size_of
-from asrsim.identification.parameters import Layout, Parameter, free_parameters, make_layout, numbers_of, parameters_of
+from asrsim.identification.parameters import FitParameter, Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
 from asrsim.robot.model import Robot
@@ -80,7 +80,7 @@ class Meter:
     evaluations: int = 0
     cost: float = np.inf
     """Smallest mean Huber loss of the present search."""
-    latest: tuple[Problem, Array, Array] | None = None
+    latest: tuple[FitProblem, Array, Array] | None = None
     """Problem, vector and complete Jacobian that were computed last."""
 
     def count(self) -> None:
@@ -89,7 +89,7 @@ class Meter:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class FitProblem:
     """The least-squares problem of a fit. Residuals cover the training part of the fitted recordings.
 
     tracks, weights and ends have an element for each recording; fitted recordings come first.
@@ -110,7 +110,7 @@ class Problem:
         return tuple(number for number, end in enumerate(self.ends) if end > 0.0)
 
     @cached_property
-    def known(self) -> dict[str, Parameter]:
+    def known(self) -> dict[str, FitParameter]:
         """All parameters of the robot and of the recordings, by key, with their values before the fit."""
         data = [track.data for track in self.tracks]
         commands = {command.key: command.unit for one in data for command in one.commands}
@@ -118,18 +118,18 @@ class Problem:
         return parameters_of(self.tracks[0].door.robot, tuple(commands), commands | channels)
 
     @property
-    def fixed(self) -> dict[str, Parameter]:
+    def fixed(self) -> dict[str, FitParameter]:
         """Parameters by key that are neither free nor tied."""
         taken = self.layout.keys
         return {key: one for key, one in self.known.items() if key not in taken}
 
     @property
-    def whole(self) -> Problem:
+    def whole(self) -> FitProblem:
         """Problem in which the held-out parts are fitted, too."""
         return replace(self, ends=tuple(0.0 if track.data.predicted_only else track.data.duration for track in self.tracks))
 
     @property
-    def everything(self) -> Problem:
+    def everything(self) -> FitProblem:
         """Problem that covers all recordings to their ends, fitted or not."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
@@ -137,7 +137,7 @@ class Problem:
         """Whether an observer can have this bandwidth: encoders without visible steps sample it fast enough."""
         return all(self.tracks[i].measured.shows(self.observed(level).playing.bandwidth) for i in self.fitted)
 
-    def played(self, staircases: frozenset[str]) -> Problem:
+    def played(self, staircases: frozenset[str]) -> FitProblem:
         """Problem in which the commands with given keys are played as staircases."""
         return replace(self, playing=replace(self.playing, staircases=staircases))
 
@@ -146,7 +146,7 @@ class Problem:
         """Whether an observer can move the simulations towards recorded positions."""
         return all(self.tracks[i].observes for i in self.fitted)
 
-    def observed(self, level: float) -> Problem:
+    def observed(self, level: float) -> FitProblem:
         """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer."""
         motion = max(self.tracks[i].motion for i in self.fitted)
         return replace(self, playing=replace(self.playing, bandwidth=level * motion))
@@ -185,7 +185,7 @@ class Setup:
     task: Task
     scenario: Scenario
     robot: Robot
-    problem: Problem
+    problem: FitProblem
     adopted: tuple[str, ...] = ()
     """Names of the parameters of effects that the first model lacked."""
 
@@ -219,7 +219,7 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     ends = tuple(0.0 if t.data.predicted_only else t.onset + (t.data.duration - t.onset) * (1.0 - share) for t in tracks)
     weights = tuple(tuple(channel.floor for channel in track.channels) for track in tracks)
     playing = Playing(max(track.door.substeps for track in tracks))
-    problem = Problem(tuple(tracks), layout, playing, weights, ends, meter or Meter())
+    problem = FitProblem(tuple(tracks), layout, playing, weights, ends, meter or Meter())
     count = problem.parts[-1].rows.stop
     if count <= len(layout):
         message = f"{count} samples are too few for {len(layout)} parameters"
@@ -231,7 +231,7 @@ Differences = list[tuple[Part, Array]]
 """Parts with their predicted minus recorded values (n,)."""
 
 
-def differences(problem: Problem, x: Array) -> Differences:
+def differences(problem: FitProblem, x: Array) -> Differences:
     """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
@@ -241,13 +241,13 @@ def differences(problem: Problem, x: Array) -> Differences:
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
 
 
-def residuals(problem: Problem, x: Array) -> Array:
+def residuals(problem: FitProblem, x: Array) -> Array:
     """Weighted residuals (m,) of all fitted recordings."""
     return np.concatenate([part.weighted(values) for part, values in differences(problem, x)])
 
 
 def jacobian(
-    problem: Problem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None,
+    problem: FitProblem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None,
     near: float = NEAR,
 ) -> Array:  # fmt: skip
     """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
@@ -272,7 +272,7 @@ def jacobian(
     return matrix
 
 
-def _known_slopes(problem: Problem, x: Array, near: float) -> Array | None:
+def _known_slopes(problem: FitProblem, x: Array, near: float) -> Array | None:
     """The latest Jacobian with the weights of this problem, if it is that of the same recordings, near x; None otherwise."""
     if problem.meter.latest is None:
         return None
@@ -291,12 +291,12 @@ def _known_slopes(problem: Problem, x: Array, near: float) -> Array | None:
     return scaled if float(change @ change) < near**2 else None
 
 
-def residuals_at(problem: Problem, points: Sequence[Array]) -> Array:
+def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
     """Weighted residuals (k, m) at several points, whose simulations are worlds of one rollout."""
     return np.concatenate([np.stack([*_at(problem, points, track)]) for track in problem.fitted], axis=1)
 
 
-def _at(problem: Problem, points: Iterable[Array], track: int) -> Iterator[Array]:
+def _at(problem: FitProblem, points: Iterable[Array], track: int) -> Iterator[Array]:
     tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
     for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.ends[track]):
         problem.meter.count()
@@ -310,12 +310,12 @@ def huber(values: Array) -> float:
     return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
 
 
-def mean_square(problem: Problem, x: Array) -> float:
+def mean_square(problem: FitProblem, x: Array) -> float:
     """Mean square of the residuals."""
     return float(np.mean(residuals(problem, x) ** 2))
 
 
-def with_own_substeps(problem: Problem, x: Array) -> Problem:
+def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
     """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right
     already.
     """
@@ -329,7 +329,7 @@ def with_own_substeps(problem: Problem, x: Array) -> Problem:
     return replace(problem, playing=replace(problem.playing, substeps=substeps))
 
 
-def weighed(problem: Problem, x: Array) -> Problem:
+def weighed(problem: FitProblem, x: Array) -> FitProblem:
     """Problem whose channels are weighted by the size of their residuals, at least by rounding. A recording whose simulation
     diverges keeps its weights.
     """
@@ -340,7 +340,7 @@ def weighed(problem: Problem, x: Array) -> Problem:
     return replace(problem, weights=tuple(tuple(found.get(track, known)) for track, known in enumerate(problem.weights)))
 
 
-def solve(problem: Problem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
+def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
     """Solution of bounded least squares by a trust-region method that starts at x; robust: use the Huber loss."""
     from scipy.optimize import least_squares
 

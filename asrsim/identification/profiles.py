@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asrsim.identification.problem import Problem, residuals, residuals_at
+from asrsim.identification.problem import FitProblem, residuals, residuals_at
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
@@ -33,7 +33,7 @@ class Profile:
     """
 
 
-def profiles(problem: Problem, x: Array, found: Uncertainty, names: tuple[str, ...]) -> tuple[Profile, ...]:
+def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str, ...]) -> tuple[Profile, ...]:
     """Profiles of the entries with a standard deviation and away from their bounds.
 
     Along a profile the other parameters follow the valley of least misfit, to first order: column i of the inverse of J'J over

@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.track import Playing, Track
+from asrsim.metrics.values import root_mean_square
 from asrsim.plain import Shape
 from asrsim.recordings.data import Column
 from asrsim.recordings.reading import ColumnMap, parse_meaning
@@ -58,7 +59,7 @@ class SeriesReading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Replay:
+class FitReplay:
     """A recording as the fit simulated and read it."""
 
     recording: str
@@ -87,7 +88,7 @@ SHAPE: Shape = {
 """Shape of `as_plain`."""
 
 
-def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Replay:
+def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> FitReplay:
     """Replay of a recording. values: values of the free parameters for this recording, by key."""
 
     def corrections(key: str) -> dict[str, float]:
@@ -100,7 +101,7 @@ def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Re
         left, gain = simulated - one.values[: len(simulated)], values.get(f"{one.key}.gain", 1.0)
         late = values.get(CLOCK, 0.0) + values.get(f"{one.key}.delay", 0.0)
         if one.column is not None and np.isfinite(left).all():
-            error = abs(gain) * float(np.sqrt(np.mean(left**2)))
+            error = abs(gain) * root_mean_square(left)
             channels.append(_series(one.column, one.joint, one.key, late=late, error=error, **corrections(one.key)))
     for command in track.data.commands:
         if command.column is not None:
@@ -114,7 +115,7 @@ def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> Re
                 )
             )  # fmt: skip
     data = track.data
-    return Replay(
+    return FitReplay(
         recording=str(data.path.absolute()), lag=data.lag, rate=data.rate, channels=tuple(channels), commands=tuple(commands),
         initial=dict(_starts(track, values)),
     )  # fmt: skip
@@ -156,12 +157,12 @@ def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, di
             yield joint, {"position": place, "velocity": speed, **motors}
 
 
-def as_plain(replay: Replay) -> dict[str, Any]:
+def as_plain(replay: FitReplay) -> dict[str, Any]:
     """Plain data of a replay."""
     return asdict(replay)
 
 
-def from_plain(data: Mapping[str, Any]) -> Replay:
+def from_plain(data: Mapping[str, Any]) -> FitReplay:
     """Replay from the data of `as_plain`."""
     series = {name: tuple(SeriesReading(**one) for one in data[name]) for name in ("channels", "commands")}
-    return Replay(**{**data, **series})
+    return FitReplay(**{**data, **series})

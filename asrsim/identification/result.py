@@ -11,10 +11,10 @@ import numpy as np
 from asrsim.identification.combinations import UNKNOWN, Combination, combinations, relative
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.judge import ChannelFit
-from asrsim.identification.parameters import Layout, Parameter
-from asrsim.identification.problem import Problem, differences
+from asrsim.identification.parameters import FitParameter, Layout
+from asrsim.identification.problem import FitProblem, differences
 from asrsim.identification.profiles import Profile
-from asrsim.identification.replay import Replay
+from asrsim.identification.replay import FitReplay
 from asrsim.identification.task import Task, Tie
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import INERTIAS, Robot
@@ -89,7 +89,7 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
 
 
-def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:
+def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:
     """Estimates of all parameters, and combinations."""
     scaled, values, _ = relative(problem.layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
@@ -132,7 +132,7 @@ def estimates(problem: Problem, x: Array, found: Uncertainty) -> tuple[list[Esti
     return result, known
 
 
-def _vanished(entry: Parameter, value: float) -> str:
+def _vanished(entry: FitParameter, value: float) -> str:
     """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
     move so far.
     """
@@ -143,7 +143,7 @@ def _vanished(entry: Parameter, value: float) -> str:
     return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
 
 
-def _reason(entry: Parameter, norm: float, problem: Problem, x: Array) -> str:
+def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> str:
     """Reason why a parameter has no effect on the compared channels."""
     if norm > NOTHING:
         return f"its whole effect on the compared channels is {norm:.2g} of the noise"
@@ -175,7 +175,7 @@ def accepts(explained: float, *, accept: bool) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Result:
+class FitResult:
     """Result of a fit."""
 
     task: Task
@@ -209,7 +209,7 @@ class Result:
     """Whether a model that does not fit was accepted."""
     profiles: tuple[Profile, ...] = ()
     """Misfit along each parameter with an interval; empty if the fit is not complete."""
-    replay: Replay = field(repr=False)
+    replay: FitReplay = field(repr=False)
     """How the fitted simulation repeats the first recording."""
     played: tuple[PlayedCommand, ...] = field(repr=False)
     """Commands of the first recording."""

@@ -11,7 +11,7 @@ from asrsim.errors import InputError, Problem
 from asrsim.identification.data import PlayedCommand, read_data
 from asrsim.identification.folder import FIT, FitFolder
 from asrsim.identification.problem import read_scenario
-from asrsim.identification.replay import Replay
+from asrsim.identification.replay import FitReplay
 from asrsim.identification.result import COMPLETE, Estimate, accepts
 from asrsim.identification.task import Task, Tie
 from asrsim.robot.model import Robot
@@ -29,7 +29,7 @@ class Resumed:
     """Whether a model that does not fit is accepted."""
     explained: float
     """Smallest explained fraction of a channel's variance."""
-    replay: Replay
+    replay: FitReplay
     """How the fitted simulation repeats the first recording."""
     played: tuple[PlayedCommand, ...]
     """Commands of the first recording."""

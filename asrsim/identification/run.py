@@ -17,9 +17,9 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
-from asrsim.identification.judge import channel_fits, fits_noise, foreign, rms, verdict
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, verdict
 from asrsim.identification.parameters import JUMP
-from asrsim.identification.problem import Differences, Meter, Problem, Setup, differences, jacobian, mean_square, set_up
+from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
 from asrsim.identification.replay import replay_of
 from asrsim.identification.result import (
@@ -27,7 +27,7 @@ from asrsim.identification.result import (
     COMPLETE,
     INTERRUPTED,
     UNFINISHED,
-    Result,
+    FitResult,
     accepts,
     doubted,
     estimates,
@@ -36,6 +36,7 @@ from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refi
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.transfer import failed_predictions
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
+from asrsim.metrics.values import root_mean_square
 from asrsim.renamed import renamed
 from asrsim.samples import Array
 from asrsim.workers import one_thread
@@ -130,7 +131,7 @@ def identify(
     adopt: bool = False,
     duration: float | None = None,
     **options: Any,
-) -> Result:
+) -> FitResult:
     """Result of fitting parameters to recordings, as `asrsim identify` does, without files.
 
         result = asrsim.identify("lab.yaml", ["a.csv"], free=["joint_1.spring_k_1"])
@@ -175,7 +176,7 @@ def identify(
 
 def _fitted(
     setup: Setup, best: Best, before: Differences, watch: Watch, *, check: bool, accept: bool
-) -> tuple[Result, Suspicion | None]:
+) -> tuple[FitResult, Suspicion | None]:
     """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack."""
     status = CHECKED if check else COMPLETE
     try:
@@ -197,7 +198,7 @@ def _fitted(
 
 def _judged(
     setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool
-) -> tuple[Result, Suspicion | None]:
+) -> tuple[FitResult, Suspicion | None]:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
@@ -236,7 +237,7 @@ def _judged(
         watch.stage("profiles")
         with watch.in_time(), suppress(OutOfTime):
             curves = profiles(final, x, found, tuple(one.name for one in known))
-    result = Result(
+    result = FitResult(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
@@ -249,7 +250,7 @@ def _judged(
     return result, next((one for one in suspected if one.trials), None)
 
 
-def _causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
+def _causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack, from the training part, or from whole recordings if the training part fits."""
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
@@ -257,15 +258,15 @@ def _causes(problem: Problem, x: Array) -> Iterator[Suspicion]:
     return missing_causes(plain, x)
 
 
-def _unsure(problem: Problem, x: Array) -> list[float]:
+def _unsure(problem: FitProblem, x: Array) -> list[float]:
     """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
     slopes = jacobian(problem.everything, x)
     variances = np.sum((slopes @ uncertainty(problem, x).covariance) * slopes, axis=1)
     held = [(part, variances[part.rows][part.time > problem.ends[part.track] + 1e-9]) for part in problem.everything.parts]
-    return [rms(np.sqrt(np.maximum(values, 0.0))) * part.noise for part, values in held]
+    return [root_mean_square(np.sqrt(np.maximum(values, 0.0))) * part.noise for part, values in held]
 
 
-def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Array, Uncertainty]:
+def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem, Array, Uncertainty]:
     """Problem, estimate and uncertainty, from whole recordings if the fit is complete and explains them."""
     if status != COMPLETE:
         return problem, trained, uncertainty(problem, trained, foreseen=status == CHECKED, quick=status == INTERRUPTED)
@@ -277,7 +278,7 @@ def _final(problem: Problem, trained: Array, status: str) -> tuple[Problem, Arra
     return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, problem: Problem) -> Iterator[str]:
+def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
     """Sentences on how recordings were read, and on parameters that were freed automatically."""
     added = [one for one in problem.layout.entries[len(setup.problem.layout) :] if one.name not in setup.adopted]
     if setup.adopted:

@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.identification.folder import FIT
 from asrsim.identification.parameters import tied
 from asrsim.identification.replay import played_table
-from asrsim.identification.result import NO_EFFECT, Result
+from asrsim.identification.result import NO_EFFECT, FitResult
 from asrsim.identification.resume import Resumed
 from asrsim.outfile import write_text
 from asrsim.plain import mapped
@@ -26,7 +26,7 @@ SLACK = 1.2
 
 
 def write_scenario(
-    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], robot: Path
+    result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]], robot: Path
 ) -> tuple[list[Path], list[str]]:
     """Write the scenario, with the commands that it plays, beside the fitted robot; return paths and remarks.
 
@@ -38,7 +38,7 @@ def write_scenario(
     return [folder / SCENARIO, *files], [*_delays_not_written(result, delays, shifts)]
 
 
-def _delays_by_joint(result: Result | Resumed) -> dict[str, float]:
+def _delays_by_joint(result: FitResult | Resumed) -> dict[str, float]:
     """Delays that the scenario states, s, by joint: a joint has one delay, that of the most certain reference."""
     found: dict[str, float] = {}
     for block in result.robot.actuators:
@@ -49,7 +49,7 @@ def _delays_by_joint(result: Result | Resumed) -> dict[str, float]:
     return found
 
 
-def _delays(result: Result | Resumed, block: ActuatorBlock) -> Iterator[tuple[float, float]]:
+def _delays(result: FitResult | Resumed, block: ActuatorBlock) -> Iterator[tuple[float, float]]:
     """Delay of each reference of a joint that a delay affects, and half of its interval, s.
 
     A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
@@ -67,7 +67,7 @@ def _delays(result: Result | Resumed, block: ActuatorBlock) -> Iterator[tuple[fl
 
 
 def _written_commands(
-    result: Result | Resumed, delays: Mapping[str, float], folder: Path
+    result: FitResult | Resumed, delays: Mapping[str, float], folder: Path
 ) -> tuple[list[Path], dict[str, tuple[float, str]]]:
     """Write the commands that a run plays in the place of the recorded ones; return the files, and by key of the command the
     delay of its samples, s, and the name of its file.
@@ -87,7 +87,7 @@ def _written_commands(
 
 
 def _delays_not_written(
-    result: Result | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
+    result: FitResult | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
 ) -> Iterator[str]:  # fmt: skip
     """Sentences on estimated delays that no file states."""
     for joint in dict.fromkeys(one.joint for one in result.replay.commands):
@@ -99,7 +99,7 @@ def _delays_not_written(
         yield f"the delay of {joint} is not written, since {why}, and the scenario does not play the recorded command"
 
 
-def rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+def rotors_of_scenario(result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
     place of those that it already states."""
     sprung, given = sprung_joints(result.robot), result.scenario.armature
@@ -111,7 +111,7 @@ def rotors_of_scenario(result: Result | Resumed, changes: Mapping[str, Mapping[s
 
 
 def _scenario_text(
-    result: Result | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float],
+    result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]], delays: Mapping[str, float],
     shifts: Mapping[str, tuple[float, str]], robot: Path,
 ) -> str:  # fmt: skip
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
@@ -147,7 +147,7 @@ def _scenario_text(
 
 
 def _as_played(
-    result: Result | Resumed, references: Mapping[str, Any], shifts: Mapping[str, tuple[float, str]]
+    result: FitResult | Resumed, references: Mapping[str, Any], shifts: Mapping[str, tuple[float, str]]
 ) -> dict[str, Any]:  # fmt: skip
     """References of the scenario, in which playbacks repeat the commands as the fit played them."""
     found = {joint: {**own} if isinstance(own, Mapping) else own for joint, own in references.items()}
@@ -179,7 +179,7 @@ def _starts(initial: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return plain
 
 
-def _claims(result: Result | Resumed, shifts: Mapping[str, tuple[float, str]], folder: Path) -> Iterator[dict[str, Any]]:
+def _claims(result: FitResult | Resumed, shifts: Mapping[str, tuple[float, str]], folder: Path) -> Iterator[dict[str, Any]]:
     """Claims that the run differs from the recording as the fit does, if the run repeats the recording. `asrsim plot` reads the
     recording as the claims do: with the zeros, scales and delays of its sensors, and on its clock.
     """

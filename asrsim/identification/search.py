@@ -18,12 +18,12 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
-from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained, rms
+from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained
 from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     ROUNDS,
-    Problem,
+    FitProblem,
     differences,
     huber,
     jacobian,
@@ -32,6 +32,7 @@ from asrsim.identification.problem import (
     weighed,
     with_own_substeps,
 )
+from asrsim.metrics.values import root_mean_square
 from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
@@ -64,13 +65,13 @@ class OutOfTime(Stopped):
 class Best:
     """The best fit so far, stored outside the search so that the fit survives an interruption."""
 
-    problem: Problem
+    problem: FitProblem
     x: Array
     cost: float = np.inf
-    free: tuple[Problem, Array] | None = None
+    free: tuple[FitProblem, Array] | None = None
     """Problem and estimate of the free simulation, if another level is kept."""
 
-    def take(self, problem: Problem, x: Array) -> None:
+    def take(self, problem: FitProblem, x: Array) -> None:
         """Replace the fit."""
         self.problem, self.x, self.cost = problem, x, huber(residuals(problem, x))
 
@@ -78,7 +79,7 @@ class Best:
 def search(best: Best, begin: Callable[[str], None]) -> None:
     """Search level by level, and store the fit in `best`. begin: called with the name of each level."""
     # Far from the solution, staircase commands might fit better by chance.
-    problem, found = best.problem.played(frozenset()), list[tuple[Problem, Array]]()
+    problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
     x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(LEVELS if problem.observes else ()), 0.0):
         begin(_name(level))
@@ -117,7 +118,7 @@ def _name(level: float) -> str:
     return f"observer at {level:g} times the motion's band" if level else "free simulation"
 
 
-def _solved(problem: Problem, x: Array, times: int = TWICE) -> tuple[Problem, Array]:
+def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProblem, Array]:
     """Problem with weights and substeps of the estimate, and estimate. times: number of searches with an observer."""
     observed = problem.playing.bandwidth > 0.0
     for _ in range(times):
@@ -130,32 +131,34 @@ def _solved(problem: Problem, x: Array, times: int = TWICE) -> tuple[Problem, Ar
     return problem, x
 
 
-def follows(problem: Problem, x: Array) -> bool:
+def follows(problem: FitProblem, x: Array) -> bool:
     """Whether predictions explain half of the variance of each channel."""
     return all(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded) for part, left in differences(problem, x))
 
 
-def _likelihood(fit: tuple[Problem, Array]) -> float:
+def _likelihood(fit: tuple[FitProblem, Array]) -> float:
     """Negative logarithm of the likelihood of predictions with unknown noise, for each sample."""
     sizes = [float(np.mean(left**2)) if np.isfinite(left).all() else np.inf for _, left in differences(*fit)]
     return float(np.sum(np.log(np.maximum(sizes, 1e-300))))
 
 
-def _transfers(problem: Problem, x: Array) -> bool:
+def _transfers(problem: FitProblem, x: Array) -> bool:
     """Whether a fit follows each channel, and predicts held-out parts as well as the parts that were fitted."""
     parts = [
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
         for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
     ]  # fmt: skip
-    return follows(problem, x) and all(len(held) and rms(held) <= HELD_OUT * rms(trained) for trained, held in parts)
+    return follows(problem, x) and all(
+        len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts
+    )
 
 
-def _is_limited(problem: Problem, x: Array) -> bool:
+def _is_limited(problem: FitProblem, x: Array) -> bool:
     """Whether noise limits the predictions of a channel."""
     return any(size_of(left) < LIMITED * part.channel.floor for part, left in differences(problem, x))
 
 
-def _agree(fit: tuple[Problem, Array], slower: tuple[Problem, Array]) -> bool:
+def _agree(fit: tuple[FitProblem, Array], slower: tuple[FitProblem, Array]) -> bool:
     """Whether the estimate of a level is nearly optimal at the next, slower level."""
     problem, x = slower
     return bool(huber(residuals(problem, fit[1])) <= AGREES * huber(residuals(problem, x)))
@@ -169,7 +172,7 @@ def has_outliers(values: Array) -> bool:
     return float(np.mean(alone)) > 1e-3
 
 
-def refined(problem: Problem, x: Array, rounds: int) -> Array:
+def refined(problem: FitProblem, x: Array, rounds: int) -> Array:
     """Least-squares solution, from a start vector near the solution; with the Huber loss if there are outliers."""
     return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
 
@@ -185,7 +188,7 @@ def settle(best: Best) -> None:
     best.x = _timed(best.problem, best.x)
 
 
-def _timed(problem: Problem, x: Array) -> Array:
+def _timed(problem: FitProblem, x: Array) -> Array:
     """Vector with the instants of jumps in held-out parts, in which the error is nearly linear."""
     from scipy.optimize import lsq_linear
 

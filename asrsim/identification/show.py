@@ -7,31 +7,29 @@ from collections.abc import Iterator, Sequence
 
 from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
-from asrsim.identification.result import HOPELESS, Estimate, Result
+from asrsim.identification.result import HOPELESS, Estimate, FitResult
 from asrsim.identification.resume import Resumed
+from asrsim.tables import TableColumn
 
 NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
 
-Columns = Sequence[tuple[str, list[str], bool]]
-"""Column of a table: heading, cells, and whether the cells are numbers; for `asrsim.cli.console.say_table`."""
 
-
-def columns(result: Result | Resumed) -> Columns:
+def columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
     """Table of parameters."""
     rows = result.estimates
     return (
-        ("parameter", [one.name for one in rows], False),
-        ("unit", [one.unit for one in rows], False),
-        ("start", [_digits(one, one.start, 5) for one in rows], True),
-        ("estimate", [_digits(one, one.value, 6) for one in rows], True),
-        ("95 % interval", [_interval(one) for one in rows], True),
-        ("+-", [_margin(one) for one in rows], True),
-        ("verdict", [one.verdict for one in rows], False),
+        TableColumn("parameter", [one.name for one in rows]),
+        TableColumn("unit", [one.unit for one in rows]),
+        TableColumn("start", [_digits(one, one.start, 5) for one in rows], right=True),
+        TableColumn("estimate", [_digits(one, one.value, 6) for one in rows], right=True),
+        TableColumn("95 % interval", [_interval(one) for one in rows], right=True),
+        TableColumn("+-", [_margin(one) for one in rows], right=True),
+        TableColumn("verdict", [one.verdict for one in rows]),
     )
 
 
-def errors(result: Result) -> Columns:
+def errors(result: FitResult) -> Sequence[TableColumn]:
     """Table of channels: errors before and after the fit, of the training part and of the held-out part."""
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
@@ -41,13 +39,13 @@ def errors(result: Result) -> Columns:
         "held out\nafter": "held_after", "noise": "noise", "lag-1\ncorrelation": "correlation",
     }  # fmt: skip
     return (
-        ("RMS error", names, False),
-        ("unit", [one.unit for one in rows], False),
-        *((head, [_number(getattr(one, name)) for one in rows], True) for head, name in numbers.items()),
+        TableColumn("RMS error", names),
+        TableColumn("unit", [one.unit for one in rows]),
+        *(TableColumn(head, [_number(getattr(one, name)) for one in rows], right=True) for head, name in numbers.items()),
     )
 
 
-def judgement(result: Result) -> Iterator[tuple[str, str]]:
+def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     """Reasons of the verdicts, remarks, and the statement whether the model fits, as pairs (text, style)."""
     for one in result.estimates:
         if one.reason:

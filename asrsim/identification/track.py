@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from asrsim.identification.data import Channel, Data, PlayedCommand, Recorded
+from asrsim.identification.data import Channel, Data, PlayedCommand, RecordedSignal
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import motion_band
@@ -192,7 +192,7 @@ class Track:
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 
     @property
-    def _series(self) -> dict[str, Recorded]:
+    def _series(self) -> dict[str, RecordedSignal]:
         """Commands and channels by key."""
         return {one.key: one for one in (*self.data.commands, *self.channels)}
 

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from asrsim.identification.combinations import percent
-from asrsim.identification.judge import rms
-from asrsim.identification.problem import Problem, differences, weighed
+from asrsim.identification.problem import FitProblem, differences, weighed
 from asrsim.identification.search import refined
+from asrsim.metrics.values import rms
 from asrsim.samples import Array
 
 TRANSFERS = 1.5
@@ -22,7 +22,7 @@ ROUNDS = 15
 """Largest number of steps of the fit to all recordings."""
 
 
-def failed_predictions(problem: Problem, x: Array) -> Iterator[str]:
+def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
     """Sentences on recordings that are predicted but not fitted: whether a fit to them, too, would explain them better.
     problem: with a free simulation; x: estimate.
     """
@@ -47,7 +47,7 @@ def failed_predictions(problem: Problem, x: Array) -> Iterator[str]:
             )
 
 
-def _errors(problem: Problem, x: Array) -> dict[int, float]:
+def _errors(problem: FitProblem, x: Array) -> dict[int, float]:
     """Error of each recording: root mean square of its channels' residuals relative to the recorded motion."""
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):

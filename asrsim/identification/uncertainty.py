@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.identification.noise import autocovariances, autoregression
-from asrsim.identification.problem import Part, Problem, jacobian, residuals, residuals_at, weigh
+from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, weigh
 from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
@@ -177,7 +177,7 @@ class _Noise:
         return replace(self, lost=np.array(lost) / n)
 
 
-def noise_of(problem: Problem, left: Array, slopes: Array) -> tuple[Array, float]:
+def noise_of(problem: FitProblem, left: Array, slopes: Array) -> tuple[Array, float]:
     """Covariance (n, n) of J'r due to the channels' noise, and its degrees of freedom.
 
     Fitting reduces the residuals, especially if the noise is as slow as the motion. The autocovariances of the residuals are
@@ -213,7 +213,7 @@ def _encoder_noise(part: Part, left: Array) -> Array:
     return weigh(shown, part.noise, step)
 
 
-def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bool = False) -> Uncertainty:
+def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick: bool = False) -> Uncertainty:
     """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: no search was made, and the residuals
     are assumed to be white noise; quick: derivatives are computed with one simulation for each entry.
     """
@@ -245,7 +245,7 @@ def uncertainty(problem: Problem, x: Array, *, foreseen: bool = False, quick: bo
     return replace(found, deviation=np.where(lost, np.nan, deviation), quantile=quantile)
 
 
-def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
+def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
 
     Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
@@ -276,7 +276,7 @@ def with_faint_directions(problem: Problem, x: Array, slopes: Array) -> Array:
     return slopes
 
 
-def widened(problem: Problem, x: Array, found: Uncertainty) -> Uncertainty:
+def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
     """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
     noise of the commands, since it excites oscillations of the robot.
     """

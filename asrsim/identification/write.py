@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
 from asrsim.identification.parameters import numbers_of, tied
 from asrsim.identification.replay import as_plain
-from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, Result
+from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, FitResult
 from asrsim.identification.resume import Resumed
 from asrsim.identification.scenario import rotors_of_scenario, write_scenario
 from asrsim.outfile import written
@@ -27,7 +27,7 @@ MARK = b"<!-- written by asrsim identify -->\n"
 """Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
 
-def as_dict(result: Result) -> dict[str, Any]:
+def as_dict(result: FitResult) -> dict[str, Any]:
     """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
     sweep --fit`.
     """
@@ -76,7 +76,7 @@ def _correlations(covariance: Array) -> list[list[float]]:
     return found
 
 
-def chosen_values(result: Result | Resumed, *, everything: bool) -> dict[str, float]:
+def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str, float]:
     """Values by key of the identified parameters, or of all parameters, and of parameters tied to them.
 
     Of an accepted model all parameters are written, since only together they explain the recordings.
@@ -93,7 +93,7 @@ def chosen_values(result: Result | Resumed, *, everything: bool) -> dict[str, fl
     return tied(values, result.ties)
 
 
-def write_robot(result: Result | Resumed, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
+def write_robot(result: FitResult | Resumed, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
     """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
     chosen = chosen_values(result, everything=everything)
     changes = physical(result.robot, numbers_of(chosen))
@@ -123,7 +123,7 @@ def write_robot(result: Result | Resumed, folder: Path, *, everything: bool = Fa
     return [path, *files], [*said, *more]
 
 
-def draw(result: Result, folder: Path) -> list[Path]:
+def draw(result: FitResult, folder: Path) -> list[Path]:
     """Write a picture of each recording. Raises OutputError."""
     paths: list[Path] = []
     for number, end in enumerate(result.ends):
@@ -135,7 +135,7 @@ def draw(result: Result, folder: Path) -> list[Path]:
     return paths
 
 
-def write_curves_of(result: Result, folder: Path) -> Path:
+def write_curves_of(result: FitResult, folder: Path) -> Path:
     """Write the curves of all channels for `asrsim report`, and return the file. Raises OutputError."""
     write_curves(folder / CURVES, [channel_curves(one, result.ends[one.track]) for one in result.channels])
     return folder / CURVES

@@ -21,6 +21,7 @@ from asrsim.scenario.data import CartesianPose
 
 def minimum_jerk(fraction: Array) -> Array:
     """Minimum-jerk profile 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
+    # The last bit may differ from `signals.common.minimum_jerk`: logs of tasks keep the bits of earlier versions.
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 

@@ -27,7 +27,7 @@ that remains after the clock is shifted.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class RecordedTrial:
     """Recorded trial of the robot."""
 
     outputs: Array = field(repr=False)
@@ -42,7 +42,7 @@ class Recorded:
     """Sampling interval, s."""
 
 
-def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
+def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTrial:
     """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError for a
     recording that is too short, lacks a joint, or has columns with implausible units or signs, unless the user stated units and
     signs.
@@ -74,7 +74,7 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> Recorded:
             findings.append(Problem(message, file=recording.path, hint=hint, code="lag"))
     noise = max(fine_noise(column.values[np.isfinite(column.values)]) for column in columns)
     interval = float(np.median(np.diff(measured[0])))
-    return Recorded(outputs=outputs, clock=chosen.how, findings=tuple(findings), noise=noise, interval=interval)
+    return RecordedTrial(outputs=outputs, clock=chosen.how, findings=tuple(findings), noise=noise, interval=interval)
 
 
 def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequence[Column], lag: float) -> list[Problem]:

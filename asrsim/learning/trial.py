@@ -14,6 +14,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from asrsim.metrics.values import root_mean_square, root_mean_squares
 from asrsim.quantities import shown
 from asrsim.samples import Array
 from asrsim.scenario.goals import Learning
@@ -88,7 +89,7 @@ class Trial:
     @cached_property
     def rms(self) -> tuple[float, ...]:
         """Root mean square error of each joint, rad."""
-        return tuple(np.sqrt(np.mean(self.error**2, axis=0)).tolist())
+        return tuple(root_mean_squares(self.error).tolist())
 
     @cached_property
     def norm(self) -> float:
@@ -98,7 +99,7 @@ class Trial:
     @property
     def total(self) -> float:
         """Root mean square error over all joints and the whole time, rad."""
-        return float(np.sqrt(np.mean(self.error**2)))
+        return root_mean_square(self.error)
 
     @property
     def worst(self) -> float:

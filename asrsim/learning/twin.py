@@ -14,6 +14,7 @@ import numpy as np
 from asrsim.learning.optimal import averaged
 from asrsim.learning.plant import Plant
 from asrsim.learning.trial import Trial
+from asrsim.metrics.values import root_mean_square
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
@@ -137,7 +138,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     found = least_squares(
         weighted, begin, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1
     )  # fmt: skip
-    residual, before = (float(np.sqrt(np.mean(misfit(x) ** 2))) for x in (found.x, np.zeros(len(priors))))
+    residual, before = (root_mean_square(misfit(x)) for x in (found.x, np.zeros(len(priors))))
     jacobian = found.jac[: measured.size] * (NOISE / max(NOISE, residual))
     root = np.linalg.inv(np.linalg.cholesky(np.asarray(jacobian.T @ jacobian + np.diag(priors**-2))))
     steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root

@@ -74,7 +74,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
             hint="If it is a recording of a robot, read it with `asrsim plot LOG --experiment FILE`",
             code="foreign-log",
         )
-    run = _plain(_RUN, attachments[_RUN], {"format": object, "*": object})
+    run = _json(_RUN, attachments[_RUN], {"format": object, "*": object})
     if run["format"] != FORMAT:
         raise LogError(
             "this version of asrsim cannot read the format of the log",
@@ -83,7 +83,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
             hint="Read it with the version of asrsim that wrote it",
             code="log-format",
         )
-    _plain(_RUN, attachments[_RUN], _RUN_SHAPE)
+    _fit(_RUN, run, _RUN_SHAPE)
     if not 0 < run["step"] < 1e300 or run["log_every"] < 1:
         raise _damaged(f"{_RUN}: step and log_every must be larger than 0")
     joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
@@ -99,21 +99,26 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
         joints=joints,
         urdf=urdf,
         scenario=scenario,
-        resolved=_plain(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
+        resolved=_json(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
         metadata=run["metadata"],
         attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
     )
 
 
-def _plain(name: str, data: bytes, shape: Shape) -> Any:
+def _json(name: str, data: bytes, shape: Shape) -> Any:
     """JSON content of an attachment, which may have been edited. Raises LogError unless it has the expected structure."""
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise _damaged(f"{name}: {error}") from error
+    _fit(name, found, shape)
+    return found
+
+
+def _fit(name: str, found: Any, shape: Shape) -> None:
+    """Raise LogError unless the content of an attachment has the expected structure."""
     if fault := misfit(found, shape):
         raise _damaged(f"{name}: {fault}")
-    return found
 
 
 def _damaged(what: str) -> LogError:

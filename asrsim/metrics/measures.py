@@ -14,6 +14,7 @@ import numpy as np
 from asrsim.errors import InputError, Problem
 from asrsim.metrics import difference, motion, oscillation, response, step, values
 from asrsim.metrics.rest import SHARE, motion_left
+from asrsim.metrics.values import last_part, mean
 from asrsim.registry import Registry
 from asrsim.samples import Array
 
@@ -135,6 +136,15 @@ def unrest(
     if name == "steady_state_error" and others and options.get("target") is None:
         values = others[0] - values
     return motion_left(time, values, share=options.get("share", SHARE), extent=extent)
+
+
+def rest_of(time: Array, series: Array) -> tuple[float, float]:
+    """Steady state of a series (n,), and the motion that is left at its end; see `measure` and `unrest`."""
+    _, time, (values,) = _chosen("steady_state", time, series, None, None, None, {})
+    if not len(time):
+        return math.nan, 0.0
+    left = motion_left(time, values)
+    return math.nan if left else mean(*last_part(time, values, SHARE)), left
 
 
 def _chosen(

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from asrsim.metrics.measures import measure, unrest
+from asrsim.metrics.measures import measure, rest_of
 from asrsim.plain import finite_or_none
 from asrsim.samples import Array
 
@@ -48,15 +48,17 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
     """
 
     def of(name: str, quantity: str = "link_position", start: float | None = None) -> float:
-        return measure(name, time, columns[quantity], start=start) if quantity in columns else math.nan
+        known = quantity in columns and (start is None or start == start)
+        return measure(name, time, columns[quantity], start=start) if known else math.nan
 
+    steady, left = rest_of(time, columns["link_position"]) if "link_position" in columns else (math.nan, math.nan)
     start = math.nan if step is None or step >= len(time) else float(time[step])
     return JointSummary(
-        steady_state=of("steady_state"),
+        steady_state=steady,
         steady_state_error=of("steady_state", "position_error"),
         overshoot=of("overshoot", start=start),
         settling=of("settling", start=start),
         frequency=of("frequency"),
         peak_deflection=of("peak", "deflection"),
-        motion_left=unrest("steady_state", time, columns["link_position"]) if "link_position" in columns else math.nan,
+        motion_left=left,
     )

@@ -41,6 +41,16 @@ def rms(time: Array, values: Array) -> float:
     return math.sqrt(mean(time, values**2))
 
 
+def root_mean_square(samples: Array) -> float:
+    """Root of the mean square of all samples, each with the same weight; NaN without samples."""
+    return float(np.sqrt(np.mean(samples**2))) if len(samples) else math.nan
+
+
+def root_mean_squares(samples: Array) -> Array:
+    """Root of the mean square (k,) of each column of samples (n, k)."""
+    return np.asarray(np.sqrt(np.mean(samples**2, axis=0)))
+
+
 def amplitude(_time: Array, values: Array) -> float:
     """Half of maximum minus minimum."""
     return 0.5 * float(np.ptp(values))

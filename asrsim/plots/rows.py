@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from asrsim.metrics import MetricRow
 from asrsim.quantities import shown
+from asrsim.tables import TableColumn, from_rows
 
 _NOTHING = 1e-12
 """Differences up to this size are rounding errors between equal numbers."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MetricTable:
-    """Table of series that have the same measures."""
-
-    measures: tuple[str, ...]
-    lines: tuple[tuple[tuple[str, str, str], tuple[str, ...]], ...]
-    """Rows of the table, each as (source, joint, quantity) and the texts of the measures."""
-
-
-def metric_tables(rows: Sequence[MetricRow]) -> list[MetricTable]:
-    """Tables of the relevant metrics; `-` marks an undefined number."""
+def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:
+    """Tables of the relevant metrics; series with the same measures share a table. `-` marks an undefined number."""
     series: dict[tuple[str, str, str], dict[str, str]] = {}
     for row in worth_saying(rows):
         series.setdefault((row.source, row.joint, row.quantity), {})[row.measure] = _cell(row)
-    tables: dict[tuple[str, ...], list[tuple[tuple[str, str, str], tuple[str, ...]]]] = {}
+    tables: dict[tuple[str, ...], list[tuple[str, ...]]] = {}
     for key, cells in series.items():
-        tables.setdefault(tuple(cells), []).append((key, tuple(cells.values())))
-    return [MetricTable(measures=measures, lines=tuple(lines)) for measures, lines in tables.items()]
+        tables.setdefault(tuple(cells), []).append((*key, *cells.values()))
+    heads = "of", "joint", "quantity"
+    return [from_rows((*heads, *names), lines, right=range(3, 3 + len(names))) for names, lines in tables.items()]
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:

@@ -174,7 +174,7 @@ def unit(quantity: str, joint: JointInfo | None = None) -> str:
             return ACTUATORS.get(joint.actuator).reference_2_unit + ("/s" if quantity == "motor_2_velocity" else "")
         if joint.prismatic:
             text = linear_unit(text)
-    return text.replace("N m", "N·m")
+    return text
 
 
 def has_adjuster(joint: JointInfo) -> bool:

@@ -19,7 +19,7 @@ PREFIXES = (("µ", 1e-6), ("m", 1e-3))
 """Smaller units, the smallest first."""
 SMALL = 5.0
 """Largest value of an axis in a smaller unit."""
-SMALLER = ("m", "rad", "N", "N·m", "J")
+SMALLER = ("m", "rad", "N", "N m", "J")
 """Units of which there are smaller ones."""
 FLATTENED = 4.0
 """A peak is cut off if the full range exceeds the range of the other values by this factor."""

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
+from asrsim.tables import TableColumn
+
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
 """Smallest number of letters of a name that may be broken into two lines in a table."""
@@ -70,10 +72,10 @@ def _cell(head: str, value: Any, *, raw: bool, long: bool) -> str:
     return f'<td{kind} data-head="{escape(head)}">{value if raw else _breakable(str(value))}</td>'
 
 
-def column_table(columns: Sequence[tuple[str, Sequence[str], bool]]) -> str:
-    """HTML table of columns as in `asrsim.summary.table`; their headings are hyphenated for narrow terminals."""
-    heads = [heading.replace("-\n", "").replace("\n", " ") for heading, _, _ in columns]
-    return table(heads, [*zip(*(cells for _, cells, _ in columns), strict=True)])
+def column_table(columns: Sequence[TableColumn]) -> str:
+    """HTML table of columns; words that their headings break for narrow terminals are put together."""
+    heads = [one.heading.replace("-\n", "").replace("\n", " ") for one in columns]
+    return table(heads, [*zip(*(one.cells for one in columns), strict=True)])
 
 
 def _breakable(text: str) -> str:

@@ -81,7 +81,7 @@ def _motions(folder: Path, joint: str) -> list[Chart]:
             continue
         for one in (one for one in channels if one.joint == joint and one.quantity):
             series.setdefault(one.unit, []).append(Line(label=label, x=one.time, y=one.values, colour=colour))
-    return [Chart(words="motion and input", unit=unit.replace("N m", "N·m"), lines=lines) for unit, lines in series.items()]
+    return [Chart(words="motion and input", unit=unit, lines=lines) for unit, lines in series.items()]
 
 
 def _read(path: Path) -> Any:

@@ -15,7 +15,7 @@ from asrsim.report.charts import DASHES
 from asrsim.report.series import pack
 from asrsim.samples import Array
 
-Recorded = Mapping[tuple[str, str, int], tuple[Array, Array]]
+RecordedCurves = Mapping[tuple[str, str, int], tuple[Array, Array]]
 """Times and values of the recordings, by (joint, quantity, index of the run)."""
 
 
@@ -25,7 +25,7 @@ def page_quantities() -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for panel in panels for several in (False, True) for name in panel.of_any(several=several)))
 
 
-def joint_sections(runs: Sequence[RunCurves], recorded: Recorded, time: Array) -> list[dict[str, Any]]:
+def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Array) -> list[dict[str, Any]]:
     """Section of each joint and body: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
     sections = []
     panels = (*joint_panels(), *energy_panels(), *BODY_PANELS)

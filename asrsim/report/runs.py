@@ -13,6 +13,7 @@ from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, column_table, number, section, table
 from asrsim.report.page import HINT, NO_SCRIPT, build, folded
 from asrsim.summary.table import difference_columns, limit_columns, measure_columns, rest_note
+from asrsim.tables import TableColumn
 
 OPENED = 2
 """Number of joints whose plots are unfolded at first."""
@@ -107,7 +108,7 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     entries = [(run, label, joint) for run, label in zip(runs, labels, strict=True) for joint in run.summary.get("joints", ())]
     joints = [joint for *_, joint in entries]
     limits = limit_columns(joints, [run.summary.get("total_substeps") or 1 for run, *_ in entries])
-    columns = [("variant", [label for _, label, _ in entries], False)] if len(runs) > 1 else []
+    columns = [TableColumn("variant", [label for _, label, _ in entries])] if len(runs) > 1 else []
     note = f"<p class='note'>{escape(moving[:1].upper() + moving[1:])}.</p>" if (moving := rest_note(joints)) else ""
     note += "<p class='note'>Limits: share of the substeps at or beyond the limit.</p>" if limits else ""
     return section("Joints", column_table([*columns, *measure_columns(joints), *limits]) + note) if joints else ""
@@ -116,13 +117,10 @@ def _joints(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 def _compared(compared: Compared | None) -> str:
     if compared is None:
         return ""
-    tables = "".join(
-        table(
-            ["of", "joint", "quantity", *(name.replace("_", " ") for name in found.measures)],
-            [[*key, *cells] for key, cells in found.lines],
-        )
-        for found in metric_tables(compared.metrics)
+    words = (
+        [one._replace(heading=one.heading.replace("_", " ")) for one in found] for found in metric_tables(compared.metrics)
     )
+    tables = "".join(map(column_table, words))
     images = "".join(
         f'<figure><img src="{data}" alt="{escape(path.stem, quote=True)}"></figure>'
         for path in compared.pictures
@@ -167,7 +165,7 @@ def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
             texts = [*(data.get("warnings") or ()), *filter(None, (data.get("finding"), data.get("note")))]
             notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in texts]
         if joints or notes:
-            first = [("variant", [label for label, _ in joints], False), ("engines", whose, False)]
+            first = [TableColumn("variant", [label for label, _ in joints]), TableColumn("engines", whose)]
             columns = [*first, *difference_columns([name for _, name in joints], [*joints.values()])]
             parts.append(f"<p class='note'>{description}</p>{column_table(columns)}{bullets(notes)}")
     return section("Numerical error", "".join(parts) or _NO_ERROR)

@@ -137,5 +137,5 @@ def _varied(study: Table) -> list[tuple[str, str]]:
 
 
 def _words(study: Table, name: str) -> str:
-    unit = study.unit(name).replace("N m", "N·m").removeprefix("1")
+    unit = study.unit(name).removeprefix("1")
     return f"{style.in_words(name)} ({unit})" if unit else style.in_words(name)

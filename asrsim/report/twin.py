@@ -58,7 +58,7 @@ def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Char
             bands = [Shade(label="alarm", x=time[rows], low=-edge, high=edge, colour=style.VERMILION, opacity=0.2, where=alarm)]
         words = field.replace("_", " ")
         line = Line(label=words, x=time[rows], y=values[rows], colour=colour)
-        charts[field] = Chart(words=words, unit=unit.replace("N m", "N·m"), lines=[line], bands=bands)
+        charts[field] = Chart(words=words, unit=unit, lines=[line], bands=bands)
     return charts
 
 

@@ -41,5 +41,5 @@ def tensor_of(inertia: Iterable[float]) -> np.ndarray:
 
 def numbers_of(tensor: np.ndarray) -> Inertia:
     """Six numbers of an inertia tensor (3, 3)."""
-    xx, xy, xz, yy, yz, zz = tensor[np.triu_indices(3)].tolist()
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()
     return xx, xy, xz, yy, yz, zz

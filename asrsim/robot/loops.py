@@ -131,7 +131,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tie:
+class MimicJoint:
     """A joint of a linkage that mimics another one: its position is `ratio` times that of the other one, plus `offset`."""
 
     follower: int
@@ -149,7 +149,7 @@ class Linkage:
     loops: tuple[int, ...]
     """Indices of its loops among those of the robot."""
     paths: tuple[LoopPath, ...]
-    ties: tuple[Tie, ...]
+    ties: tuple[MimicJoint, ...]
     size: float
     """Typical length, m: weight of the couplings among the equations."""
     start: Array
@@ -414,7 +414,7 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         own = next((name for name in names if name in driven), names[0])
         master = order[next(iter(masters), own)]
         ties = tuple(
-            Tie(follower=j, leader=order[moving[j].mimic], ratio=moving[j].multiplier, offset=moving[j].offset)
+            MimicJoint(follower=j, leader=order[moving[j].mimic], ratio=moving[j].multiplier, offset=moving[j].offset)
             for j in sorted(members) if moving[j].mimic
         )  # fmt: skip
         lengths = [float(np.linalg.norm(one)) for number in inside for one in (*paths[number].origins, paths[number].ends)]

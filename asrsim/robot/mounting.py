@@ -238,7 +238,8 @@ def _with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
         old = values[parameter.name]
         if old.origin in ("default", "mode default"):
             number, origin = default_value(parameter, mode)
-            values[parameter.name] = replace(old, value=number, origin=origin)
+            if (number, origin) != (old.value, old.origin):
+                values[parameter.name] = replace(old, value=number, origin=origin)
     return replace(block, mode=mode, parameters=values)
 
 

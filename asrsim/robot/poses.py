@@ -32,10 +32,11 @@ class Pose:
     @property
     def is_identity(self) -> bool:
         """Whether the pose is exactly the identity."""
-        return not self.position.any() and bool((self.rotation == np.eye(3)).all())
+        return not self.position.any() and bool((self.rotation == _UNTURNED).all())
 
 
-HERE = Pose(position=np.zeros(3), rotation=np.eye(3))
+_UNTURNED = np.eye(3)
+HERE = Pose(position=np.zeros(3), rotation=_UNTURNED)
 
 
 def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
@@ -48,12 +49,12 @@ def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
 
 def rotation_matrix(rpy: Vector) -> Array:
     """Rotation matrix (3, 3) of roll, pitch, yaw in rad (about fixed x, y, z)."""
-    r, p, y = rpy
+    (cr, cp, cy), (sr, sp, sy) = map(cos, rpy), map(sin, rpy)
     return np.array(
         (
-            (cos(y) * cos(p), cos(y) * sin(p) * sin(r) - sin(y) * cos(r), cos(y) * sin(p) * cos(r) + sin(y) * sin(r)),
-            (sin(y) * cos(p), sin(y) * sin(p) * sin(r) + cos(y) * cos(r), sin(y) * sin(p) * cos(r) - cos(y) * sin(r)),
-            (-sin(p), cos(p) * sin(r), cos(p) * cos(r)),
+            (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+            (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+            (-sp, cp * sr, cp * cr),
         )
     )
 

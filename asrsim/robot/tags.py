@@ -7,6 +7,11 @@ actuator, and the parameters of stages, have their own names as tags.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
+
 from asrsim.actuators import Actuator
 from asrsim.actuators.stages import STAGES
 
@@ -75,11 +80,18 @@ BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 """Tags that are not numbers of the actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
 
 
-def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
+def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
+    own: Any = actuator  # mypy takes classes as not hashable
+    return _tags(own, STAGES.loaded())
+
+
+@lru_cache
+def _tags(actuator: Any, stages: tuple[Any, ...]) -> Mapping[str, str]:
+    """Tags by parameter. stages: all stages, to whose parameters the tags of stages belong."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
-    of_stages = {parameter.name for stage in STAGES.loaded() for parameter in stage.parameters}
+    of_stages = {parameter.name for stage in stages for parameter in stage.parameters}
     tags = {}
     for parameter in actuator.all_parameters():
         name = parameter.name
@@ -87,7 +99,7 @@ def parameter_tags(actuator: type[Actuator]) -> dict[str, str]:
             tags[name] = springs.get(name, name)
         else:
             tags[name] = _STAGE_TAGS.get(name, name) if name in of_stages else _motion_tag(name, actuator.motors)
-    return tags
+    return MappingProxyType(tags)
 
 
 def _motion_tag(name: str, motors: int) -> str:

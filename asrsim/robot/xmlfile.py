@@ -160,4 +160,4 @@ def name_of(element: Any, key: str = "name") -> str:
 
 def elements(parent: Any, tag: str | None = None) -> list[Any]:
     """Child elements without comments: all, or only the elements with a given tag."""
-    return [child for child in parent if isinstance(child.tag, str) and (tag is None or child.tag == tag)]
+    return list(parent.iterchildren("*" if tag is None else tag))

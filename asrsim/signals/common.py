@@ -34,6 +34,11 @@ def since(time: Array, start: float) -> Array:
     return np.maximum(np.asarray(time, dtype=np.float64) - start, 0.0)
 
 
+def minimum_jerk(share: Array) -> Array:
+    """Fraction 10 s^3 - 15 s^4 + 6 s^5 of a motion from rest to rest after a fraction s of its time (Flash and Hogan 1985)."""
+    return share * share * share * (10.0 + share * (6.0 * share - 15.0))
+
+
 def require(condition: bool, message: str, *, key: str) -> None:
     """Raise ScenarioError for a field unless the condition is true."""
     if not condition:

@@ -22,7 +22,7 @@ large jumps is treated as stairs."""
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class CubicCurve:
     """Curve made of a cubic polynomial for each interval between samples, with jumps where the series jumps."""
 
     time: Array
@@ -63,7 +63,7 @@ class Curve:
         return place, time - self.time[place]
 
 
-def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
+def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCurve:
     """Curve through samples (n,) at ascending times (n,) in s. hold: zero-order hold in place of splines."""
     jumping = np.diff(values) != 0.0 if hold else is_jump(values)
     cubics = np.zeros((len(time), 4))
@@ -78,7 +78,7 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> Curve:
             cubics[last - 1] = values[last - 1], b + width * (2.0 * c + 3.0 * d * width), c + 3.0 * d * width, 0.0
     found = np.flatnonzero(jumping) + 1
     large = found[np.abs(values[found] - values[found - 1]) > LARGE * np.ptp(values)]
-    return Curve(np.asarray(time), cubics, large if len(large) <= MANY else large[:0])
+    return CubicCurve(np.asarray(time), cubics, large if len(large) <= MANY else large[:0])
 
 
 def is_jump(values: Array) -> NDArray[np.bool_]:

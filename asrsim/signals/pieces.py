@@ -13,7 +13,18 @@ from asrsim.document.block import declare
 from asrsim.document.kinds import NUMBER, POSITIVE, Choice, Integer, ListOf
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
-from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require, rounded, since, start_time
+from asrsim.signals.common import (
+    INTERPOLATIONS,
+    between,
+    driven,
+    hold_jumps,
+    interpolate,
+    minimum_jerk,
+    require,
+    rounded,
+    since,
+    start_time,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +89,7 @@ class MinimumJerk(Ramp):
     duration: float = declare(POSITIVE, doc="length of the motion", unit="s")
 
     def _way(self, s: Array) -> Array:
-        return s * s * s * (10.0 + s * (6.0 * s - 15.0))
+        return minimum_jerk(s)
 
 
 Point = tuple[float, float]

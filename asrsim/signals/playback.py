@@ -14,7 +14,7 @@ from asrsim.document.kinds import NUMBER, Choice, File, Text
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
 from asrsim.signals.common import INTERPOLATIONS, between, driven, hold_jumps, interpolate, require
-from asrsim.signals.curve import Curve, curve_through
+from asrsim.signals.curve import CubicCurve, curve_through
 from asrsim.signals.recorded import read_column
 
 STAMP_LIMIT = 1e6
@@ -73,7 +73,7 @@ class Playback(Signal):
         return self._series
 
     @cached_property
-    def _curve(self) -> Curve:
+    def _curve(self) -> CubicCurve:
         return curve_through(*self._series)
 
     def values(self, time: Array) -> Array:

@@ -43,7 +43,7 @@ SENSITIVE = 100.0
 start."""
 
 
-class Comparison:
+class RunDifferences:
     """Differences between the motions of several runs of one robot; iteration simulates the runs."""
 
     def __init__(self, runs: Sequence[Prepared]) -> None:
@@ -102,7 +102,7 @@ def certify(
     if a finer run fails.
     """
     scenario, stepping = plan.scenario, plan.stepping
-    comparison = Comparison([build(_finer(plan, run, finer)) for finer in (1, 2, 4)])
+    comparison = RunDifferences([build(_finer(plan, run, finer)) for finer in (1, 2, 4)])
     for time in comparison:
         if progress is not None:
             progress("finer steps", time)
@@ -213,7 +213,7 @@ def cross_check(
 
 def _differences(one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None) -> Array:
     """Differences (joints, `MEASURES`) between two runs. Raises DivergenceError."""
-    comparison = Comparison([one, other])
+    comparison = RunDifferences([one, other])
     for time in comparison:
         if progress is not None:
             progress(title, time)

@@ -58,7 +58,7 @@ class EngineCall(NamedTuple):
     """Loads and motion of the links, (pieces, joints, 6); see `asrsim.engines.base`."""
 
 
-class Recorded(NamedTuple):
+class RowSelection(NamedTuple):
     """What is recorded."""
 
     every: int

@@ -10,7 +10,7 @@ from weakref import ref
 
 import numpy as np
 
-from asrsim.engines.base import VELOCITY, Engine, Native, Record
+from asrsim.engines.base import VELOCITY, Engine, Native, NativeRecord
 from asrsim.samples import Array
 from asrsim.simulation.arguments import EngineCall
 
@@ -132,7 +132,7 @@ class NativeEngine(BoundEngine):
     def __init__(self, engine: Engine, native: Native, states: Array) -> None:
         """states: states of all worlds, (worlds, values)."""
         self.engine, self._native, self.states = engine, native, states
-        self._records: list[Record] = []
+        self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
         self._calls: list[EngineCall] = []
         """Records with exchanges that no thread uses at present."""

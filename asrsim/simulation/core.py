@@ -16,7 +16,7 @@ from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
 from asrsim.simulation import interpreted, kernel
-from asrsim.simulation.arguments import Common, Corrections, Recorded, Stretch, Tables
+from asrsim.simulation.arguments import Common, Corrections, RowSelection, Stretch, Tables
 from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngine
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
@@ -136,7 +136,7 @@ class Core:
         self.columns, self._world_tables = columns, None
         self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
         found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.readers, columns.of_inputs.tolist())
-        self._recorded = Recorded(self.prepared.resolution.substeps, int(watched), *found)
+        self._recorded = RowSelection(self.prepared.resolution.substeps, int(watched), *found)
         """Row (worlds, joints, columns) of each world at its last whole step."""
 
     @property

@@ -12,7 +12,7 @@ from asrsim.actuators.stages import Stage
 from asrsim.actuators.vectorised import energy_law
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, Scheme
 from asrsim.simulation.layout import TASK
-from asrsim.simulation.staged import SLOPE, Access, compose
+from asrsim.simulation.staged import SLOPE, StageAccess, compose
 
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Errors that `math` raises if a law has no finite value."""
@@ -81,7 +81,7 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
     return laws
 
 
-def access(number: int, stage: type[Stage]) -> Access:
+def access(number: int, stage: type[Stage]) -> StageAccess:
     """Functions that find the parts of stage `number` of a joint; see `asrsim.simulation.staged`."""
 
     def acts(link: JointConstants, kind: JointKind, i: int) -> bool:
@@ -96,4 +96,4 @@ def access(number: int, stage: type[Stage]) -> Access:
     def lose(joint: JointState, kind: JointKind, energy: float) -> None:
         joint.stages[kind.places[number]].loss += energy
 
-    return Access(acts, own, memory, lose)
+    return StageAccess(acts, own, memory, lose)

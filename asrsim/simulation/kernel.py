@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from asrsim.simulation.arguments import Common, Corrections, EngineCall, Recorded, Stretch, Tables
+from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSelection, Stretch, Tables
 from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
@@ -24,7 +24,7 @@ ENDLESS = 1e300
 
 
 def run(
-    stretch: Stretch, worlds: Tables, common: Common, given: Given, engine: EngineCall, recorded: Recorded,
+    stretch: Stretch, worlds: Tables, common: Common, given: Given, engine: EngineCall, recorded: RowSelection,
     corrections: Corrections, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by some substeps. out: recorded values (m, rows, joints, columns of the state and of the references)."""

@@ -17,7 +17,7 @@ class Health(NamedTuple):
     """A link became impossibly fast."""
 
 
-class Task(NamedTuple):
+class LawTask(NamedTuple):
     """Tasks of the laws of a joint. The last three are tasks of its stages after the kick."""
 
     torques: int = 0
@@ -32,7 +32,7 @@ class Task(NamedTuple):
     """Compute the losses of the stages."""
 
 
-HEALTH, TASK = Health(), Task()
+HEALTH, TASK = Health(), LawTask()
 EXTERNAL, GOALS = 0, 1
 """First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
 the sensor takes a sample at the beginning of the kick or piece, and the noise."""

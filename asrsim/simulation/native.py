@@ -16,11 +16,11 @@ from asrsim.compiled import compiling
 from asrsim.errors import SimulationError, listed
 from asrsim.records import columns, numbers, own_fields
 from asrsim.simulation import kernel
-from asrsim.simulation.arguments import Common, Corrections, EngineCall, Recorded, Stretch, Tables
+from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSelection, Stretch, Tables
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, columns_of_stages
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import TASK
-from asrsim.simulation.staged import SLOPE, Access, compose
+from asrsim.simulation.staged import SLOPE, StageAccess, compose
 
 INLINE = (
     "asrsim.actuators.motor",
@@ -40,7 +40,7 @@ def compiled_run() -> Any:
         Common(kinds=whole[2], scheme=np.zeros(1, dtype=_dtype(Scheme))),
         Given(inputs=floats[4], references=floats[4], wrenches=floats[4], lengths=floats[2], cuts=whole[3]),
         EngineCall(step=1, record=1, exchange=floats[3]),
-        Recorded(every=1, watched=1, of_state=whole[1], of_inputs=whole[1]),
+        RowSelection(every=1, watched=1, of_state=whole[1], of_inputs=whole[1]),
         Corrections(measured=floats[4], gains=floats[1], coordinates=whole[2]),
         floats[4],
     )
@@ -224,12 +224,12 @@ def _part(whole: Any, part: Any) -> Any:
     return intrinsic(part_of)
 
 
-def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> StageAccess:
     """Functions for compiled code that find the parts of stage `number` of a joint with this actuator."""
     first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     own, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
     law, place = columns(JointKind)["law"], len(columns(JointKind)) + number
-    return Access(
+    return StageAccess(
         acts=_part_at(None, law, first, own), own=_part_at(stage.Constants, law, first + 1, own),
         memory=_part_at(stage.Memory, place, 1, memory), lose=_adding_at(place),
     )  # fmt: skip

@@ -59,7 +59,7 @@ def end_stages(joint: JointState, kind: JointKind, scheme: Scheme) -> None:
         motor.position, motor.mean_velocity = motor.kick_position, motor.velocity
 
 
-class Access(NamedTuple):
+class StageAccess(NamedTuple):
     """Functions that find the parts of a stage in the records of a joint."""
 
     acts: Callable[..., Any]
@@ -87,7 +87,7 @@ class Composed(NamedTuple):
     """lose(joint, link, kind): compute `stage_lost`, and add it to the losses of the stages."""
 
 
-def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], Access]) -> Composed:
+def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], StageAccess]) -> Composed:
     """Composition of stages, in the order of the registry. access: function of the place of a stage and the stage."""
     order = list(STAGES.loaded())
     pairs = sorted(enumerate(stages), key=lambda pair: order.index(pair[1]))
@@ -172,7 +172,7 @@ def _stored(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
     return stored
 
 
-def _lost(law: Any, at: Access, inner: Any) -> Any:
+def _lost(law: Any, at: StageAccess, inner: Any) -> Any:
     acts, own, memory, lose = at
 
     def lost(joint: Any, link: Any, kind: Any) -> None:

@@ -134,19 +134,21 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
     # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
     torque_driven = drive.stepping.released and mode.direct
     sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
-    rest = [sigma] * (drive.positions - count)
+    rest, elastic = [sigma] * (drive.positions - count), drive.elastic
 
     def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
         """Largest magnitude of the values of a law for these positions; infinite if a value is not finite."""
         try:
-            values = law(link, *motors, *rest, drive.elastic)
+            values = law(link, *motors, *rest, elastic)
         except (OverflowError, ZeroDivisionError):
             return math.inf
-        sizes = [abs(value) for value in (values if isinstance(values, tuple) else (values,))]
-        return float(max(sizes)) if all(map(math.isfinite, sizes)) else math.inf
+        if not isinstance(values, tuple):
+            values = (values,)
+        return float(max(map(abs, values))) if all(map(math.isfinite, values)) else math.inf
 
     def torque_at(deflection: float) -> float:
-        return max(largest(actuator.elastic_torques, 0.0, [end] * count) for end in (deflection, -deflection))
+        torques = actuator.elastic_torques
+        return max(largest(torques, 0.0, [deflection] * count), largest(torques, 0.0, [-deflection] * count))
 
     goals = drive.goals(references)[:count]
     centre = goals.mean(axis=0)

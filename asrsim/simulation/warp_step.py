@@ -28,7 +28,7 @@ from asrsim.simulation.fields import (
 from asrsim.simulation.joint import find_state, load_joint, move_on, settle
 from asrsim.simulation.layout import TASK
 from asrsim.simulation.shape import RowShape
-from asrsim.simulation.staged import Access, Composed, compose
+from asrsim.simulation.staged import Composed, StageAccess, compose
 from asrsim.warping import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpProgram
 from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
@@ -224,7 +224,7 @@ SLOPE_ON_WARP = 1e-3
 JOINT_ROWS = STATE, CONSTANTS, KIND
 
 
-def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> Access:
+def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> StageAccess:
     """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
     first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
@@ -247,7 +247,7 @@ def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], num
         caller.line(f"{there.text} = {there.text} + {given[2].text}")
         return Value(None)
 
-    return Access(*(made.special(one) for one in (acts, own, remembered, lose)))
+    return StageAccess(*(made.special(one) for one in (acts, own, remembered, lose)))
 
 
 KERNELS = """

@@ -48,7 +48,7 @@ class Observer:
     """Change of the position, and of the velocity in 1/s, per error."""
 
 
-class World(NamedTuple):
+class WorldSetup(NamedTuple):
     """Parameters, start and input signals of a world."""
 
     start: Start
@@ -156,7 +156,7 @@ class Worlds:
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
             self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
             """Prepared scenarios, by the parameters of the worlds."""
-            self._worlds = [World(Start(), prepared, self._home_inputs, prepared)] * count
+            self._worlds = [WorldSetup(Start(), prepared, self._home_inputs, prepared)] * count
             self._equal_inputs: bool | None = None
             """Whether all worlds have the same inputs; None: not known since a change."""
             self._everyone = np.arange(count)
@@ -451,7 +451,7 @@ class Worlds:
         ]
         self.reset(starts, worlds=numbers)
 
-    def _world_of(self, start: Start) -> World:
+    def _world_of(self, start: Start) -> WorldSetup:
         """Parameters, inputs and state of a start. Raises InputError, RobotError, and ScenarioError for an arm without
         equilibrium."""
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
@@ -475,9 +475,9 @@ class Worlds:
             if other:
                 self._signals = signals, self._inputs_of(started)
             inputs = self._signals[1]
-        return World(start, prepared, inputs, started.started(start))
+        return WorldSetup(start, prepared, inputs, started.started(start))
 
-    def _note(self, number: int, world: World) -> None:
+    def _note(self, number: int, world: WorldSetup) -> None:
         """Store parameters, inputs and start of a world."""
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)

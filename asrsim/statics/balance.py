@@ -24,7 +24,7 @@ ROUNDS = 200
 
 def balanced(
     loads: Callable[[Array], Array], springs: Callable[[Array], Array], start: Array, low: Array, high: Array,
-    movable: NDArray[np.bool_], *, close: float = 0.0,
+    movable: NDArray[np.bool_], *, close: float = 0.0, shove: float = SHOVE,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
 
@@ -34,15 +34,17 @@ def balanced(
     there. loads: function from positions (m, k, n) to the torques of gravity and the like on the joints (m, k, n), N m.
     springs: function from positions (m, k, n) to the torques (m, k, n) that depend on the position of their own joint only.
     low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at which
-    the search ends, rad (m); 0: it ends when the torques balance.
+    the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search leaves an unstable
+    equilibrium, rad (m).
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
+    # The first row has the positions themselves; each further row has one of the movable joints displaced.
+    nudges, slopes = NUDGE * np.vstack([np.zeros(count), np.eye(count)[movable]]), np.zeros((len(q), count, count))
     for _ in range(ROUNDS):
-        # The first row has the positions themselves; each further row has one of the joints displaced.
-        values, pulls = loads(q[:, None] + NUDGE * np.eye(count + 1, count, k=-1)), springs(np.stack([q, q + NUDGE], axis=1))
+        values, pulls = loads(q[:, None] + nudges), springs(np.stack([q, q + NUDGE], axis=1))
         left, own = values[:, 0] + pulls[:, 0], (pulls[:, 1:] - pulls[:, :1]) / NUDGE
-        slopes = (values[:, 1:] - values[:, :1]) / NUDGE + own * np.eye(count)
+        slopes[:, movable] = (values[:, 1:] - values[:, :1]) / NUDGE + (own * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
         # A robot with infinite torques does not move.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]
@@ -56,7 +58,7 @@ def balanced(
             break
         # With negative stiffness, as for an upright link, the step follows the direction of the torque.
         along = np.einsum("mji,mj->mi", ways, residual) / np.maximum(np.abs(stiffness), FLAT)
-        step = np.where(still, SHOVE * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
+        step = np.where(still, shove * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
         # At corners of a law, steps would go to and fro: after a step that reverses the motion, the next is shorter.
         turned = np.sum(step * before, axis=1, keepdims=True) < 0.0

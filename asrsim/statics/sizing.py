@@ -9,7 +9,7 @@ of the zero pose.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
-from asrsim.actuators.rest import alike, resting_motors, spring_torques
+from asrsim.actuators.rest import MotorsAtRest, alike, resting_motors
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
@@ -46,8 +46,12 @@ POSTURES = 64
 """Number of random postures in which the largest torque of gravity on each joint is sought."""
 MOBILE_POSTURES = 16
 """Number of random postures in which the smallest inertia of each joint is sought."""
-CLOSE = 1e-4
+CLOSE = 1e-3
 """Distance from the position of rest at which its search ends, rad (m); sags are told to two digits."""
+RESTED = 1e-10
+"""Error of the motors' positions in this search, rad: small beside the differences that give the stiffness of the springs."""
+SHOVE = 0.1
+"""Displacement by which the search leaves an unstable equilibrium, rad (m): far, since the arm falls a long way."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
@@ -129,17 +133,30 @@ class _Statics:
         self.couplings = model.couplings
         self.wanted = self.couplings.expand(wanted)
         """Commanded positions (instants, joints), rad or m."""
+        rows = [*self.springs.values()]
+        self._efforts = np.array([joint.most_effort for joint, *_ in rows])
+        self._motors = [
+            (group, MotorsAtRest([rows[i][1] for i in group], _goals([rows[i][2] for i in group]), tolerance=RESTED))
+            for group in alike([drive for _, drive, _ in rows])
+        ]
+        """Motors, and the numbers of their springs, for each kind of drive."""
 
     def pulls(self, positions: Array) -> Array:
-        """Torques of the springs on the links (instants, k, joints) in N m."""
-        columns, (joints, drives, references) = [*self.springs], zip(*self.springs.values(), strict=True)
-        q, efforts = self.couplings.expand(positions), [joint.most_effort for joint in joints]
+        """Torques (instants, 2, joints) in N m of the springs on the links at two positions for each instant."""
+        q, columns = self.couplings.expand(positions), [*self.springs]
         place = q[..., columns]
-        goals = [np.repeat(own, place.shape[1], axis=1) for own in references]
-        torques = spring_torques(drives, place.reshape(-1, len(columns)).T, goals).T.reshape(place.shape)
+        torques, links = np.empty((len(columns), place[..., 0].size)), place.reshape(-1, len(columns)).T
+        for group, motors in self._motors:
+            torques[group] = motors.under(links[group])[1].sum(axis=0)
         found = np.zeros_like(positions)
-        found[..., columns] = np.clip(torques, np.negative(efforts), efforts)
+        found[..., columns] = np.clip(torques.T.reshape(place.shape), -self._efforts, self._efforts)
         return self.couplings.fold(found, q)
+
+
+def _goals(references: Sequence[Array]) -> Array:
+    """References (positions, joints, n) of drives at two positions for each instant. references: those (positions, instants) of
+    each drive."""
+    return np.repeat(np.stack(references, axis=1), 2, axis=2)
 
 
 @np.errstate(all="ignore")
@@ -171,7 +188,7 @@ def holdings(statics: _Statics) -> tuple[Holding, ...]:
     model, wanted, couplings, columns = statics.model, statics.wanted, statics.couplings, [*statics.springs]
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(
-        lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE
+        lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE, shove=SHOVE
     )
     positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted)[:, columns], -model.gravity_torques(wanted)[:, columns]

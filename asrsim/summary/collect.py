@@ -11,6 +11,7 @@ import numpy as np
 
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import JointSummary, summarise
+from asrsim.metrics.values import root_mean_square
 from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples, concatenate
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ class Collector:
         if not len(errors):
             return {}
         tail = errors[-max(len(errors) // 10, 1) :]
-        return {"largest": float(errors.max()), "rms": float(np.sqrt(np.mean(errors**2))), "last": float(tail.mean())}
+        return {"largest": float(errors.max()), "rms": root_mean_square(errors), "last": float(tail.mean())}
 
     def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
         """Every step of the series that claims need; the method is an `asrsim.summary.claims.Reader`."""

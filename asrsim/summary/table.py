@@ -12,38 +12,41 @@ from typing import Any
 from asrsim.errors import counted
 from asrsim.quantities import LIMITS, shown
 from asrsim.summary.data import RunSummary
+from asrsim.tables import TableColumn
 
-Column = tuple[str, tuple[str, ...], bool]
-"""Heading of a table's column, a cell for each joint, and whether the cells are right-aligned."""
 Joints = Sequence[Mapping[str, Any]]
 """Entries of `summary.json` about joints, of one run or of several."""
 
 
-def measure_columns(joints: Joints) -> tuple[Column, ...]:
+def measure_columns(joints: Joints) -> tuple[TableColumn, ...]:
     """Columns of the table of joints: names, actuators and measures."""
     length = " or ".join(dict.fromkeys("m" if joint["prismatic"] else "rad" for joint in joints)) or "rad"
     modes = ("" if joint["mode"] is None else f", mode {joint['mode']}" for joint in joints)
     return (
-        ("joint", tuple(joint["name"] for joint in joints), False),
-        ("actuator", tuple(joint["actuator"] + mode for joint, mode in zip(joints, modes, strict=True)), False),
+        TableColumn("joint", tuple(joint["name"] for joint in joints)),
+        TableColumn("actuator", tuple(joint["actuator"] + mode for joint, mode in zip(joints, modes, strict=True))),
         _numbers(f"steady\n{length}", joints, "steady_state", "{:.5g}"),
-        ("error", tuple(map(_error, joints)), True),
+        TableColumn("error", tuple(map(_error, joints)), right=True),
         _numbers("over-\nshoot %", joints, "overshoot", "{:.1f}", 100.0),
         _numbers("settling\ns", joints, "settling", "{:.3f}"),
         _numbers(f"peak defl.\n{length}", joints, "peak_deflection", "{:.3g}"),
     )
 
 
-def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[Column, ...]:
+def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[TableColumn, ...]:
     """Columns of the limits that a joint reached, with each joint's share of the substeps. totals: all substeps of its run."""
     shares = [
         (heading, [joint.get("limits", {}).get(kind, 0) / total for joint, total in zip(joints, totals, strict=True)])
         for kind, heading in LIMITS.items()
     ]
-    return tuple((heading.replace(" ", "\n"), tuple(map(_share, values)), True) for heading, values in shares if any(values))
+    return tuple(
+        TableColumn(heading.replace(" ", "\n"), tuple(map(_share, values)), right=True)
+        for heading, values in shares
+        if any(values)
+    )
 
 
-def difference_columns(names: Sequence[str], joints: Joints) -> tuple[Column, ...]:
+def difference_columns(names: Sequence[str], joints: Joints) -> tuple[TableColumn, ...]:
     """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known."""
     columns = [
         _numbers(f"{quantity}\n{word}", joints, f"{quantity}_{key}", "{:.2g}", digits=99)
@@ -51,14 +54,14 @@ def difference_columns(names: Sequence[str], joints: Joints) -> tuple[Column, ..
         for key, word in (("max", "max"), ("rms", "RMS"))
     ]
     order = [_numbers("order", joints, "order", "{:.2g}")] if any("order" in joint for joint in joints) else []
-    return (("joint", tuple(names), False), *columns, *order)
+    return (TableColumn("joint", tuple(names)), *columns, *order)
 
 
-def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 1.0, digits: int = 12) -> Column:
+def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 1.0, digits: int = 12) -> TableColumn:
     """Column of a number with a dash where it is missing. Numbers are rounded to `digits` decimals."""
     numbers = (joint.get(key) for joint in joints)
     cells = ("-" if number is None else form.format(round(factor * number, digits) + 0.0) for number in numbers)
-    return heading, tuple(cells), True
+    return TableColumn(heading, tuple(cells), right=True)
 
 
 def _error(joint: Mapping[str, Any]) -> str:

@@ -61,7 +61,7 @@ def study_charts(table: Table, results: Sequence[str]) -> dict[str, list[Chart]]
 
 def unit_of(table: Table, name: str) -> str:
     """Unit of a key or result, as pictures write it."""
-    return table.unit(name).replace("N m", "N·m").removeprefix("1")
+    return table.unit(name).removeprefix("1")
 
 
 def over_key(table: Table, result: str) -> Chart:

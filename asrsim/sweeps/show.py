@@ -7,6 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from asrsim.errors import InputError, Problem
+from asrsim.quantities import prefixed
 from asrsim.sweeps.sensitivity import notes
 from asrsim.sweeps.table import Table, shares
 
@@ -42,7 +43,8 @@ def result_rows(table: Table) -> list[tuple[str, ...]]:
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
             ends = (f"run {found.least_run}", f"run {found.largest_run}")
-            rows.append((name, table.unit(name), str(found.count), *(f"{number:.4g}" for number in numbers), *ends))
+            scale, unit = prefixed(numbers, table.unit(name))
+            rows.append((name, unit, str(found.count), *(f"{scale * number:.4g}" for number in numbers), *ends))
     return rows
 
 

@@ -212,7 +212,7 @@ def charts(found: Followed) -> list[list[Chart]]:
     rows = []
     for j, joint in enumerate(found.joints):
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]
-        unit, stiff = (found.units[field][j].replace("N m", "N·m") for field in ("external_torque", "stiffness"))
+        unit, stiff = (found.units[field][j] for field in ("external_torque", "stiffness"))
         bands = [
             Shade(label="no alarm", x=found.time, low=-limit, high=limit, colour=style.LIGHT, opacity=0.3),
             Shade(label="alarm", x=found.time, low=-limit, high=limit, colour=style.VERMILION, opacity=0.35, where=alarm),

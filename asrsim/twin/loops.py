@@ -1,6 +1,6 @@
 """Loops over the joints of a twin and its copies in a step: observed torques and thresholds. They run as Python or compiled.
 
-All arrays are those of `Tables`, since a step must not create arrays: for few joints, that takes longer than the numbers.
+All arrays are those of `TwinTables`, since a step must not create arrays: for few joints, that takes longer than the numbers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from asrsim.compiled.compiling import compile_function
 from asrsim.twin.observer import Gains, respond
 
 
-class Tables(NamedTuple):
+class TwinTables(NamedTuple):
     """Arrays of a twin with n joints, in w simulations: the twin itself, and its copies with other parameters."""
 
     integral: Any
@@ -64,10 +64,10 @@ class AlarmLimits(NamedTuple):
     sticking: float
 
 
-def tables(simulations: int, joints: int, columns: int) -> Tables:
+def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     """The arrays at the start. columns: number of columns of the regression's rows."""
     shape = simulations, joints
-    return Tables(
+    return TwinTables(
         integral=np.zeros(shape), lagged=np.zeros(shape), torques=np.zeros(shape), masses=np.eye(joints),
         stiffness=np.full(joints, np.nan), rows=np.zeros((2, columns, joints)), before=np.full((2, joints), np.nan),
         missing=np.zeros(joints, dtype=np.int64), variance=np.zeros(joints), peak=np.zeros(joints), carried=np.zeros(joints),
@@ -75,7 +75,7 @@ def tables(simulations: int, joints: int, columns: int) -> Tables:
     )  # fmt: skip
 
 
-def measure(t: Tables, positions: Any, share: float) -> None:
+def measure(t: TwinTables, positions: Any, share: float) -> None:
     """Update the noise of the measured positions (n,). share: weight of a new value."""
     for j in range(len(positions)):
         position = positions[j]
@@ -88,7 +88,7 @@ def measure(t: Tables, positions: Any, share: float) -> None:
         t.missing[j] = 0 if position == position else t.missing[j] + 1
 
 
-def pull(t: Tables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
+def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
     """Compute the torques that reduce the position errors (w, n), and the external torques (2, n) after both filters without
     the errors of the model.
 
@@ -120,7 +120,7 @@ def pull(t: Tables, gains: Gains, error: Any, velocity: Any, found: Any, shares:
 
 
 def judge(
-    t: Tables, limits: AlarmLimits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any,
+    t: TwinTables, limits: AlarmLimits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any,
     threshold: Any,
 ) -> None:  # fmt: skip
     """Compute the threshold (n,) and the alarms (n,) of each joint.
@@ -159,7 +159,7 @@ class TwinLoops(NamedTuple):
     judge: Callable[..., None] = judge
 
 
-def compiled_loops(t: Tables, gains: Gains, limits: AlarmLimits) -> TwinLoops:
+def compiled_loops(t: TwinTables, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
     one, two, flags = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool)
     examples = (

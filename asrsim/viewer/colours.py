@@ -19,7 +19,7 @@ SCALES: dict[str, tuple[tuple[int, int, int], ...]] = {
 """Quantities by which bodies can be coloured, and the colours at even distances along each scale."""
 
 
-class Scale:
+class ColourScale:
     """Colours for the values of a quantity. The ends of the scale follow the values that were seen."""
 
     def __init__(self, quantity: str) -> None:

@@ -39,7 +39,7 @@ WAIT = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class WantedRun:
     """The run that the user wants."""
 
     variant: str
@@ -65,7 +65,7 @@ class LiveView:
             self._settings = replace(self._settings, tick=TICK)
         self._out, self._overwrite, self._companions = out, overwrite, list(companions)
         first = variant or plans[0].scenario.variant
-        self._wish = Wish(variant=first, tuned={}, speed=self._settings.speed)
+        self._wish = WantedRun(variant=first, tuned={}, speed=self._settings.speed)
         self.session: Session | None = None
         """The present run."""
         self._present: Desk | None = None
@@ -115,7 +115,7 @@ class LiveView:
             self._wish = self._next(session, desk)
         return summary
 
-    def _session(self, wish: Wish) -> Session:
+    def _session(self, wish: WantedRun) -> Session:
         plan = tuned(self._plans[wish.variant], wish.tuned)
         scenario = plan.scenario
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
@@ -165,12 +165,12 @@ class LiveView:
         while desk.wish is None and not stop():
             clock.sleep(WAIT)
 
-    def _next(self, session: Session, desk: Desk) -> Wish:
+    def _next(self, session: Session, desk: Desk) -> WantedRun:
         wish: Mapping[str, Any] = desk.wish or {}
         variant = str(wish.get("variant", self._wish.variant))
         # Another variant has its own parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
-        return Wish(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
+        return WantedRun(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
 
 
 def _numbered(folder: Path) -> Iterator[Path]:

@@ -17,7 +17,7 @@ from asrsim.samples import Samples
 from asrsim.viewer.colours import SCALES, words_of
 from asrsim.viewer.plots import Plots
 from asrsim.viewer.server import PageServer
-from asrsim.viewer.stage import SEEN, Pull, Stage
+from asrsim.viewer.stage import SEEN, Pull, ViewerStage
 from asrsim.viewer.subject import Companion, Subject
 
 FRAME = 1.0 / 30.0
@@ -50,7 +50,7 @@ class Page:
         self.server = server.viser
         self.lock = RLock()
         """Held while the page is drawn or gets another subject."""
-        self.stage: Stage
+        self.stage: ViewerStage
         self.plots: Plots
         self._drawn = self._plotted = -1.0
         """Wall-clock times of the last pictures, s."""
@@ -76,7 +76,7 @@ class Page:
             gui.reset()
             self.server.scene.reset()
             gui.set_panel_label(subject.title)
-            self.stage = Stage(self.server, subject)
+            self.stage = ViewerStage(self.server, subject)
             self._status = gui.add_html(lines(SAID, PREPARING))
             tabs = gui.add_tab_group()
             panel = gui.add_panel()

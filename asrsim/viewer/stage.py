@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.render.camera import fit_camera, main_axis, viewpoint
 from asrsim.render.scene import RenderScene
 from asrsim.samples import TIP, Array, Samples
-from asrsim.viewer.colours import Scale
+from asrsim.viewer.colours import ColourScale
 from asrsim.viewer.figure import Colour, Figure, frames_of
 from asrsim.viewer.history import values_of
 from asrsim.viewer.subject import Companion, Subject
@@ -70,7 +70,7 @@ class Pull:
     """Force on the link (3,), N, world frame."""
 
 
-class Stage:
+class ViewerStage:
     """3-D scene of one subject."""
 
     def __init__(self, server: viser.ViserServer, subject: Subject) -> None:
@@ -80,7 +80,7 @@ class Stage:
         self._equilibrium.visible = False
         self._collisions: Figure | None = None
         self.ghosts: dict[str, tuple[Companion, Figure]] = {}
-        self._scale: Scale | None = None
+        self._scale: ColourScale | None = None
         self._arrows: dict[str, Any] = {}
         self._label: Any = None
         self._lines: dict[str, Any] = {}
@@ -172,7 +172,7 @@ class Stage:
     def _tint(self, samples: Samples) -> None:
         wanted = self.look.colour
         if (self._scale.quantity if self._scale else "") != wanted:
-            self._scale = Scale(wanted) if wanted else None
+            self._scale = ColourScale(wanted) if wanted else None
         colours: dict[str, Colour] = {}
         values = values_of(samples, wanted, self.subject.joints) if self._scale else None
         if self._scale is not None and values is not None:

@@ -1,12 +1,13 @@
 """Options of the command line reach the functions of the library."""
 
 import json
+from importlib import import_module
 
 import pytest
 
-import asrsim
 from asrsim.designs import design
 from asrsim.errors import InputError
+from asrsim.renamed import NAMES
 
 SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
 CALLS = {
@@ -83,6 +84,11 @@ def test_an_old_name_of_a_keyword_works_and_warns(tmp_path):
         design("a.yaml", tmp_path / "l.yaml", seconds=3.0)
 
 
-def test_an_old_name_of_the_package_works_and_warns():
-    with pytest.warns(DeprecationWarning, match=r"asrsim\.repeat is called asrsim\.rerun now"):
-        assert asrsim.repeat is asrsim.rerun
+@pytest.mark.parametrize(("package", "names"), NAMES.items())
+def test_an_old_name_of_a_package_works_and_warns(package, names):
+    module = import_module(package)
+    for old, new in names.items():
+        with pytest.warns(DeprecationWarning, match=rf"{package}\.{old} is called {package}\.{new} now"):
+            assert getattr(module, old) is getattr(module, new)
+    with pytest.raises(AttributeError, match="no attribute 'older'"):
+        _ = module.older

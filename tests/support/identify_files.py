@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.parameters import Parameter, make_layout
-from asrsim.identification.problem import Meter, Problem, set_up
+from asrsim.identification.parameters import FitParameter, make_layout
+from asrsim.identification.problem import FitProblem, Meter, set_up
 from asrsim.identification.task import task_of
 from asrsim.identification.track import Playing
 from asrsim.scenario import load_scenario
@@ -119,7 +119,7 @@ def modelled(
 ):  # fmt: skip
     """Problem whose residuals are a function of the parameter vector. entries: parameters, or a number of unit parameters."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
-    parameters = [Parameter(key=name, unit="", start=1.0) for name in names] or entries
+    parameters = [FitParameter(key=name, unit="", start=1.0) for name in names] or entries
     layout = make_layout(parameters, (), ["a"], [{}], [{}])
     track = Model(left, layout, np.zeros(samples) if recorded is None else recorded, quantum)
-    return Problem((track,), layout, Playing((1, 1)), ((weight,),), (1.0,), Meter())
+    return FitProblem((track,), layout, Playing((1, 1)), ((weight,),), (1.0,), Meter())

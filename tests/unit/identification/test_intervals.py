@@ -16,8 +16,8 @@ from asrsim.identification.causes import contradicted_ties
 from asrsim.identification.combinations import combinations
 from asrsim.identification.extensions import Extension, extended, presliding, pruned
 from asrsim.identification.noise import quantum_of
-from asrsim.identification.parameters import Parameter, make_layout
-from asrsim.identification.problem import Meter, Problem, jacobian, residuals
+from asrsim.identification.parameters import FitParameter, make_layout
+from asrsim.identification.problem import FitProblem, Meter, jacobian, residuals
 from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
 from asrsim.identification.task import Tie
@@ -41,7 +41,8 @@ def test_differences_are_never_taken_beyond_bounds():
     slopes = np.random.default_rng(0).normal(size=(50, 5))
     low, high = np.array([0.0, -1.0, 0.0, -1.0, -1.0]), np.array([1.0, 0.0, 1.0, 0.0, 1.0])
     parameters = [
-        Parameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b) for key, a, b in zip("abcde", low, high, strict=True)
+        FitParameter(key=key, unit="", start=1.0, low=1.0 + a, high=1.0 + b)
+        for key, a, b in zip("abcde", low, high, strict=True)
     ]
     problem = modelled(lambda x: tried.append(x) or slopes @ x + 100.0 * x.sum() ** 2, parameters, 50)
     x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.01])
@@ -116,7 +117,7 @@ def test_a_parameter_on_which_tenths_disagree_has_this_reason():
 
 def test_a_contradicted_tie_may_have_the_value_0():
     slopes = np.random.default_rng(0).normal(size=(40, 2))
-    a, b = (Parameter(key=key, unit="", start=0.0) for key in "ab")
+    a, b = (FitParameter(key=key, unit="", start=0.0) for key in "ab")
     problem = modelled(lambda x: slopes @ (x - [0.0, 1.0]), [a, b], 40)
     tied = replace(problem, layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}], [{}]))
     assert list(contradicted_ties(tied, np.zeros(1))) == ["b is not a, to which it is tied: they differ by 100 %"]
@@ -154,7 +155,7 @@ def known(parameters, slopes, x=None):
 
 
 def positive(key, start, unit=""):
-    return Parameter(key=key, unit=unit, start=start, low=1e-9 * start, high=1e9 * start, logarithmic=True)
+    return FitParameter(key=key, unit=unit, start=start, low=1e-9 * start, high=1e9 * start, logarithmic=True)
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (2.0, 30.0, 5.0)])
@@ -197,7 +198,9 @@ def test_equal_changes_give_sums_of_masses_and_products_of_gains(unit, text, val
 def of_two(values, slopes, start=None):
     """Combinations of two angles a and b, of which a recording shows slopes[0] a + slopes[1] b."""
     starts = values if start is None else (start, start)
-    parameters = [Parameter(key=key, unit="rad", start=one, low=-5.0, high=5.0) for key, one in zip("ab", starts, strict=True)]
+    parameters = [
+        FitParameter(key=key, unit="rad", start=one, low=-5.0, high=5.0) for key, one in zip("ab", starts, strict=True)
+    ]
     sizes = np.array([one.size for one in parameters])
     return known(parameters, slopes * sizes, (np.array(values) - starts) / sizes)
 
@@ -361,14 +364,14 @@ def test_motors_with_tied_friction_have_tied_bristle_stiffness(tied):
     assert tied_to == [f"{motors[n + 1]}_friction_stiffness" for n in range(tied)]
     assert not any(others)
     given = with_overrides(robot, parameters={"joint_1": {"motor_1_friction_stiffness": 800.0}})
-    free = Parameter(key="joint_2.motor_2_friction_stiffness", unit="N m/rad", start=900.0, logarithmic=True)
+    free = FitParameter(key="joint_2.motor_2_friction_stiffness", unit="N m/rad", start=900.0, logarithmic=True)
     assert list(_freed(given, free=[free])) == [f"{motor}_friction_stiffness" for motor in motors[1:3]]
 
 
 def _freed(robot, free=(), ties=()):
     """Keys of stiffnesses that would be tied, by the key of the stiffness that would be free."""
     track = SimpleNamespace(door=SimpleNamespace(robot=robot))
-    problem = Problem((track,), make_layout(free, ties, ["lab"], [{}], [{}]), (), (), (), Meter())
+    problem = FitProblem((track,), make_layout(free, ties, ["lab"], [{}], [{}]), (), (), (), Meter())
     return {one.parameters[0].key: [tie.key for tie in one.ties] for one in presliding(problem, np.zeros(0))}
 
 

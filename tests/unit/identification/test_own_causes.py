@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from asrsim.errors import InputError
 from asrsim.identification import CAUSES, Cause, Extension, identify
-from asrsim.identification.parameters import Parameter
+from asrsim.identification.parameters import FitParameter
 from asrsim.plugins import load_plugin_files
 from support.identify_files import SEA, save, write
 from support.paths import ROOT
@@ -47,7 +47,7 @@ def test_the_cause_of_the_page_is_named_with_its_size(tmp_path):
 
 def test_a_cause_with_a_parameter_that_the_robot_lacks_is_refused_with_its_name(tmp_path):
     def wrong(problem, x):
-        yield Extension(text="a loose belt", parameters=(Parameter(key="joint_1.belt", unit="N m", start=0.1),))
+        yield Extension(text="a loose belt", parameters=(FitParameter(key="joint_1.belt", unit="N m", start=0.1),))
 
     CAUSES.add("belts", Cause(title="belts", extensions=wrong))
     scenario, recording = recorded(tmp_path)

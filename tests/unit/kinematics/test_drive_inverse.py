@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from asrsim.actuators import Actuator, AwasII, Bavs, Parameter, QbMove, Sea
-from asrsim.actuators.rest import increasing_roots, resting_motors, spring_torques
+from asrsim.actuators.rest import MotorsAtRest, increasing_roots, resting_motors, spring_torques
 from asrsim.errors import ScenarioError
 from asrsim.kinematics import equilibria_for_loads
 from support.robots import drive_with
@@ -60,6 +60,17 @@ def test_springs_of_many_joints_are_those_of_each_joint_alone():
     place, goals = np.full((4, 1), 0.3), [drive.goals(np.full((2, 1), 0.1)) for drive in drives]
     alone = [spring_torques([drive], place[:1], [goal])[0] for drive, goal in zip(drives, goals, strict=True)]
     assert spring_torques(drives, place, goals) == pytest.approx(np.array(alone), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
+def test_searches_that_begin_where_the_last_one_ended_find_the_same_rest(name):
+    actuator, spring, preset, _ = CASES[name]
+    drive = drive_with(actuator, mode=3, spring=spring)
+    goals = drive.goals(np.array([[0.1], [preset]]))[:, None]
+    motors = MotorsAtRest([drive], goals, tolerance=1e-10)
+    for position in (0.3, 0.31, -0.4, 0.8):
+        link = np.array([[position]])
+        assert motors.under(link)[0] == pytest.approx(resting_motors([drive], link, goals)[0], abs=1e-9)
 
 
 def test_roots_do_not_depend_on_the_estimated_slope():

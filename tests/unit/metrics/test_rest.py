@@ -8,7 +8,7 @@ import pytest
 from asrsim.errors import InputError
 from asrsim.metrics import measure
 from asrsim.metrics.expect import evaluate_expectation
-from asrsim.metrics.measures import AT_REST, unrest
+from asrsim.metrics.measures import AT_REST, rest_of, unrest
 from asrsim.scenario.data import Expectation
 
 SECONDS = 2.0
@@ -117,3 +117,13 @@ def test_a_target_replaces_the_steady_state_that_a_swing_lacks():
     assert measure("overshoot", time, swing, target=1.0) == pytest.approx(1.0, abs=1e-4)
     with pytest.raises(InputError):
         measure("steady_state", time, swing, target=1.0)
+
+
+@pytest.mark.parametrize("rate", [0.3, 4.0])
+def test_the_summary_s_steady_state_and_motion_are_those_of_the_measures(rate):
+    time = np.linspace(0.0, 4.0, 801)
+    q = 1.0 - np.exp(-rate * time)
+    steady, left = rest_of(time, q)
+    assert steady == pytest.approx(measure("steady_state", time, q), rel=0.0, nan_ok=True)
+    assert left == unrest("steady_state", time, q)
+    assert np.isnan(steady) == (left > 0.0)

@@ -8,7 +8,7 @@ from asrsim.plots.charts import chart_figure
 from asrsim.plots.decimate import Envelope
 from asrsim.plots.legends import variants
 from asrsim.plots.output import styled
-from asrsim.quantities import shown
+from asrsim.quantities import prefixed, shown
 
 TIME = np.linspace(0.0, 1.0, 20)
 
@@ -76,6 +76,15 @@ def test_the_legend_of_variants_reads_by_rows():
 )  # fmt: skip
 def test_small_numbers_take_a_smaller_unit(value, unit, text):
     assert shown(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [((0.3, -5.841e-5), (1e3, "mrad")), ((12.0, 1e-5), (1.0, "rad")), ((0.5, 0.2), (1.0, "rad")), ((0.0, 2e-6), (1e6, "µrad")),
+     ((float("nan"), 0.0), (1.0, "rad"))],
+)  # fmt: skip
+def test_numbers_of_a_row_share_a_unit_in_which_none_is_tiny(values, expected):
+    assert prefixed(values, "rad") == expected
 
 
 def test_a_series_without_values_has_no_extremes():

@@ -90,21 +90,21 @@ def response(coherence, *, experiment=False, scale=1.0):
         moves=True,
     )  # fmt: skip
     joint = JointInfo(name="elbow", actuator="sea", mode=5, motors=1, quantities=("link_position",))
-    return Response(joint=joint, label="soft", variant=0, source="lab.csv", experiment=experiment, unit="rad/(N·m)",
+    return Response(joint=joint, label="soft", variant=0, source="lab.csv", experiment=experiment, unit="rad/(N m)",
                     output="link_position", response=found)  # fmt: skip
 
 
 def test_a_gain_of_10_at_a_resonance_is_20_decibels():
     rows = {row.measure: (row.value, row.unit) for row in response([0.95, 0.5, 0.6]).rows()}
     assert np.isnan(rows.pop("bandwidth")[0])
-    assert rows == {"resonance": (2.0, "Hz"), "resonance_gain": (20.0, "dB re rad/(N·m)"), "median_coherence": (0.6, "")}
+    assert rows == {"resonance": (2.0, "Hz"), "resonance_gain": (20.0, "dB re rad/(N m)"), "median_coherence": (0.6, "")}
 
 
 def test_a_bode_plot_reaches_to_the_end_of_the_band_and_is_dotted_where_the_coherence_is_low():
     """Gains of 1, 10, 0.1 and 0.5 are 0, 20, -20 and -6.02 dB; a coherence below a half is not to be trusted."""
     figure = bode_figure([response([0.95, 0.5, 0.6, 0.49])], title="title")
     gain, phase, coherence = figure.axes[:3]
-    assert [axes.get_ylabel() for axes in (gain, phase, coherence)] == ["gain\n(dB re rad/(N·m))", "phase (°)", "coherence"]
+    assert [axes.get_ylabel() for axes in (gain, phase, coherence)] == ["gain\n(dB re rad/(N m))", "phase (°)", "coherence"]
     for axes, wanted in ((gain, [0.0, 20.0, -20.0, 20 * np.log10(0.5)]), (phase, [0.0, -90.0, -120.0, -170.0])):
         trusted, faint = axes.get_lines()[:2]
         np.testing.assert_allclose(trusted.get_ydata(), [*wanted[:3], np.nan], atol=1e-12)

@@ -23,7 +23,7 @@ from asrsim.viewer.history import History
 from asrsim.viewer.page import Page
 from asrsim.viewer.recorded import recorded
 from asrsim.viewer.server import PageServer
-from asrsim.viewer.stage import Stage
+from asrsim.viewer.stage import ViewerStage
 from asrsim.viewer.subject import logged
 from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
@@ -58,7 +58,7 @@ def test_a_history_keeps_the_newest_samples_and_the_rate_of_the_page(result):
 
 
 def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflection(result, server):
-    stage = Stage(server.viser, logged(result.log))
+    stage = ViewerStage(server.viser, logged(result.log))
     sample = stage.subject.history.at(0.2)
     stage.look.colour = "deflection"
     stage.draw(sample)
@@ -79,7 +79,7 @@ def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflec
 
 
 def test_a_motion_too_slow_for_one_picture_is_shown_after_many(result, server):
-    figure = Stage(server.viser, logged(result.log)).figure
+    figure = ViewerStage(server.viser, logged(result.log)).figure
     sample = result.samples
     for angle in np.linspace(0.0, 1e-5, 400):
         values = sample.values | {"link_position": np.full((1, 2), angle)}
@@ -131,7 +131,7 @@ def test_the_preset_of_two_antagonistic_springs_uses_up_part_of_the_largest_defl
 def test_the_first_picture_has_room_for_a_motion_that_is_known(tmp_path, server):
     """In a window of 1280 x 800 pixels, the picture begins at 304, and the controls cover what is right of 945."""
     swung = asrsim.run(SOFT_ARM, variant="nominal_soft", overrides={"duration": 0.7}, out=tmp_path / "swung")
-    stage = Stage(server.viser, logged(swung.log))
+    stage = ViewerStage(server.viser, logged(swung.log))
     start, scene = server.viser.initial_camera, stage.subject.scene
     forward = np.subtract(start.look_at, start.position)
     forward /= np.linalg.norm(forward)
