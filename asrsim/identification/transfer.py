@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from asrsim.identification.combinations import percent
+from asrsim.identification.noise import size_of
 from asrsim.identification.problem import FitProblem, differences, weighed
 from asrsim.identification.search import refined
-from asrsim.metrics.values import rms
 from asrsim.samples import Array
 
 TRANSFERS = 1.5
@@ -51,5 +51,5 @@ def _errors(problem: FitProblem, x: Array) -> dict[int, float]:
     """Error of each recording: root mean square of its channels' residuals relative to the recorded motion."""
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):
-        found.setdefault(part.track, []).append(rms(left) / max(float(np.std(part.recorded)), part.noise))
-    return {track: rms(np.array(sizes)) for track, sizes in found.items()}
+        found.setdefault(part.track, []).append(size_of(left) / max(float(np.std(part.recorded)), part.noise))
+    return {track: size_of(np.array(sizes)) for track, sizes in found.items()}
