@@ -23,6 +23,12 @@ OPTIONS = {
 """Options of each command: old and new name."""
 NAMES = {"asrsim": {"repeat": "rerun"}, "asrsim.identification": {"Result": "FitResult"}}
 """Names of each package: old and new name."""
+KEYS = {"effects": "imperfections", "substep_cap": "max_substeps"}
+"""Keys of a scenario: old and new name. Logs keep the old names for ever."""
+
+
+class OldKeyWarning(FutureWarning):
+    """A key of a scenario is written by its old name. The command line prints the message as a line of its own."""
 
 
 def tell(old: str, new: str) -> str:
@@ -53,3 +59,12 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return call
 
     return decorate
+
+
+def new_key(key: str, place: str = "") -> str:
+    """Dotted key of a scenario by its present name; warns if it is given by an old name. place: file and line, if known."""
+    head, dot, rest = key.partition(".")
+    if head not in KEYS:
+        return key
+    warnings.warn(tell(f"{place}{': ' if place else ''}the key `{head}`", f"`{KEYS[head]}`"), OldKeyWarning, stacklevel=3)
+    return f"{KEYS[head]}{dot}{rest}"

@@ -159,9 +159,9 @@ def _unstated(source: Source) -> Iterator[Entry]:
         words="resolution of position",
         unit="rad",
         value=source.resolution,
-        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario"
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario"
         if source.resolution
-        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
+        else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),

@@ -20,6 +20,7 @@ from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.plugins import check_named
+from asrsim.renamed import new_key
 from asrsim.samples import Array
 from asrsim.scenario.kinds import AnyData
 from asrsim.scenario.overrides import override_texts
@@ -49,7 +50,7 @@ class Axis:
 
 def axis_of(name: str, value: Any) -> Axis:
     """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
-    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
+    return Axis(tuple(new_key(part.strip()) for part in name.split("&")), law_of(value, name))
 
 
 class _Law(AnyData):
