@@ -32,7 +32,7 @@ _BLOCK = 1000
 """Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
 _LONGEST = 200
 """Largest length of a joint's name."""
-Row = tuple[int, list[str]]
+NumberedLine = tuple[int, list[str]]
 """Line number and cells of a row."""
 
 
@@ -123,10 +123,10 @@ class TableLayout:
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
-    skipped: tuple[Row, ...]
+    skipped: tuple[NumberedLine, ...]
     """Rows with values above the first row, which have another number of cells."""
 
-    def content(self, rows: Iterable[Row]) -> Content:
+    def content(self, rows: Iterable[NumberedLine]) -> Content:
         """Content with the table made of the rows, and one problem for each kind of fault.
 
         Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError where
@@ -214,7 +214,7 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     return layout.content([row for row in filled if row[0] >= layout.first])
 
 
-def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayout:
+def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> TableLayout:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
     # The names of joints in rows below their header do not count as text: there may be more names than numbers.

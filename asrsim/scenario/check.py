@@ -17,7 +17,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
-from asrsim.robot.findings import LARGEST
+from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
@@ -228,8 +228,8 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
     numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
     for path, _, node in walk(SCENARIO, node_from_data(numbers)):
-        if isinstance(node.value, float | int) and abs(node.value) > LARGEST:
-            message = f"is larger than {LARGEST:g}, which no robot has"
+        if isinstance(node.value, float | int) and abs(node.value) > LARGEST_NUMBER:
+            message = f"is larger than {LARGEST_NUMBER:g}, which no robot has"
             yield Problem(message, key=".".join(path), value=node.value, code="out-of-range")
 
 

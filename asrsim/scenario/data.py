@@ -29,6 +29,7 @@ from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.registry.engines import ENGINES, default_engine
 from asrsim.registry.steppings import STEPPINGS
+from asrsim.robot.model import Vector
 from asrsim.samples import Array, grid
 from asrsim.scenario.expectation import Expectation
 from asrsim.scenario.goals import CartesianPose, CartesianTask, Learning
@@ -42,7 +43,7 @@ from asrsim.scenario.joints import (
     LinkDamping,
     Range,
 )
-from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys, Vector
+from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.surroundings import WORLD, LoopClosure, World, WorldObject, Wrench
 from asrsim.signals.base import Signal

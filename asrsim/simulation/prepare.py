@@ -281,12 +281,12 @@ class Prepared:
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
 
-Source = str | Path | Scenario | Plan | Prepared
+ScenarioLike = str | Path | Scenario | Plan | Prepared
 """What a simulation is made of. Only a file or a scenario is examined, and only a prepared scenario is not built."""
 
 
 def prepare(
-    scenario: Source, robot: Robot | str | Path | None = None, *, variant: str | None = None, overrides: Overrides = (),
+    scenario: ScenarioLike, robot: Robot | str | Path | None = None, *, variant: str | None = None, overrides: Overrides = (),
     plugins: Sequence[str | Path] = (), settable: bool = False,
 ) -> Prepared:  # fmt: skip
     """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. A prepared scenario is
@@ -297,7 +297,7 @@ def prepare(
 
 
 def prepare_worlds(
-    scenario: Source, *, engine: str | None = None, variant: str | None = None, overrides: Overrides = (),
+    scenario: ScenarioLike, *, engine: str | None = None, variant: str | None = None, overrides: Overrides = (),
     plugins: Sequence[str | Path] = (), settable: bool = False,
 ) -> Prepared:  # fmt: skip
     """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about

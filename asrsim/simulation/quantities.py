@@ -37,11 +37,11 @@ def simulated_quantities(motors: int) -> tuple[str, ...]:
     return (*names, *(stage.lost for stage in STAGES.loaded() if stage.lost))
 
 
-Reader = Callable[[JointState], float]
+StateReader = Callable[[JointState], float]
 """Function that returns a number of a joint's state."""
 
 
-def columns_of(shape: RowShape) -> dict[str, tuple[int, Reader]]:
+def columns_of(shape: RowShape) -> dict[str, tuple[int, StateReader]]:
     """Column of S for each quantity, and its reader."""
     columns = {name: JOINT[path] for path, name in LOGGED.items()}
     for i in range(shape.motors):

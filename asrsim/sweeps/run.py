@@ -20,7 +20,7 @@ from asrsim.scenario.digest import input_hashes
 from asrsim.simulation.examine import examine
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
-from asrsim.sweeps.rows import Row, Runner, row_of
+from asrsim.sweeps.rows import Runner, StudyRow, row_of
 from asrsim.sweeps.store import open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
@@ -122,7 +122,7 @@ def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]
     return study
 
 
-def crashed_row(payload: Payload, run: int, lost: Lost) -> Row:
+def crashed_row(payload: Payload, run: int, lost: Lost) -> StudyRow:
     """Row of a run during which its workers crashed."""
     return row_of(payload, run, {"status": "crashed", "reason": lost.reason, "ok": False})
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from asrsim.errors import InputError
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import Source, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.loops import AlarmLimits, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
@@ -90,7 +90,7 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: Source, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
+        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
         plugins: Sequence[str | Path] = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as

@@ -28,7 +28,7 @@ CALLS = {
         {"given": ["a.yaml", "b.xml"], "knots": 9, "step": 0.002, "fit": "fit.json", "variant": "soft",
          "overrides": ["step=0.001"], "plot": False},
     ),
-    "asrsim.twin.follow.follow": (
+    "asrsim.twin.follow.follow_recording": (
         "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --clock-offset 0.2 --variant soft --set step=0.001",
         {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "clock_offset": 0.2,
          "variant": "soft", "overrides": ["step=0.001"]},

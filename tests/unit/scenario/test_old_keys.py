@@ -43,7 +43,7 @@ def test_a_key_by_both_names_is_an_error(tmp_path):
 
 def test_old_keys_of_overrides_keywords_and_axes(tiny):
     with pytest.warns(OldKeyWarning, match="the key `substep_cap` is called `max_substeps` now"):
-        assert make_scenario(tiny.robot, substep_cap=7).max_substeps == 7
+        assert make_scenario(tiny.robot, duration=1, substep_cap=7).max_substeps == 7
     with pytest.warns(OldKeyWarning):
         late = scenario_from_data({"robot": str(tiny.robot), "duration": 1}, overrides=["effects.sensors.*.delay=0.1"])
     assert late.sensor_imperfections["*"].delay == 0.1

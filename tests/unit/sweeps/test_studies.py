@@ -15,7 +15,7 @@ from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import Runner, alone
 from asrsim.sweeps.run import crashed_row, run_again
 from asrsim.sweeps.sensitivity import influences, sobol
-from asrsim.sweeps.show import as_dict, remarks, result_rows, varying
+from asrsim.sweeps.show import remarks, result_rows, study_data, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.workers import Lost
 from support.edits import edits
@@ -305,7 +305,7 @@ def test_an_edited_manifest_is_refused_or_leaves_the_rows_unchanged(tmp_path):
         try:
             table = Table(tmp_path)
             assert [table[name] for name in table.columns][-1].tolist() == [0.0, 1 / 7, 2 / 7]
-            as_dict(table), table.to_arrow()
+            study_data(table), table.to_arrow()
         except InputError as error:
             told.append(str(error))
     assert len(told) > 30
