@@ -150,8 +150,8 @@ def _call() -> int:
     from asrsim.cli.console import complain
     from asrsim.cli.interrupt import INTERRUPTED, interruptible
 
-    warnings.showwarning = _tell_old_keys(warnings.showwarning)
-    with interruptible() as interrupted:
+    with interruptible() as interrupted, warnings.catch_warnings():
+        warnings.showwarning = _tell_old_keys(warnings.showwarning)
         try:
             app()
         except SystemExit as end:

@@ -36,7 +36,7 @@ def sweep(
     ] = None,
     variant: Variants = None,
     overrides: Overrides = None,
-    design: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
+    sampler: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
     samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
     seed: Annotated[int, option("Seed of the draws.", min=0)] = 0,
     fit: Annotated[
@@ -69,7 +69,7 @@ def sweep(
     On a cluster: asrsim sweep study.yaml --cluster tcp://host:8786
     """
     given: dict[str, Any] = {
-        "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
+        "variants": variant or [], "overrides": overrides or [], "sampler": sampler, "samples": samples, "seed": seed,
         "fit": fit, "plugins": plugin,
     }  # fmt: skip
     if run is not None:

@@ -15,11 +15,11 @@ from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
-from asrsim.renamed import new_key
+from asrsim.renamed import new_key, with_new_keys
 from asrsim.samples import TIP
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import names_a_folder, prescribes_motion
-from asrsim.scenario.overrides import Overrides, apply_overrides, with_new_keys
+from asrsim.scenario.overrides import Overrides, apply_overrides
 
 PLUGINS = "plugins/"
 """Prefix of users' plugin files among the attachments of a scenario and of a log."""

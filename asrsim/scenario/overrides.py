@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, TypeAlias
 
 from asrsim.document.kinds import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError, did_you_mean
-from asrsim.renamed import KEYS, new_key
+from asrsim.renamed import new_key
 from asrsim.scenario.data import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
@@ -108,24 +107,3 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[
     lines = dict(node.key_lines or {})
     lines[head] = None
     return Node(mapping, node.line, lines, node.file)
-
-
-def with_new_keys(root: Node, *, told: bool = True) -> Node:
-    """Document whose keys, also those of its variants, have their present names. told: warn of old names, with file and line.
-    An old name beside the new one stays, and is an unknown key."""
-    if not isinstance(root.value, dict):
-        return root
-    items: dict[str, Node] = {}
-    lines = dict(root.key_lines or {})
-    for key, node in root.value.items():
-        name = key
-        if key in KEYS and KEYS[key] not in root.value:
-            name = KEYS[key]
-            lines[name] = lines.pop(key, None)
-            if told:
-                new_key(key, "" if root.file is None else f"{root.file}:{lines[name]}")
-        if key == "variants":
-            changes = {variant: with_new_keys(one, told=told) for variant, one in node.items()}
-            node = replace(node, value=changes) if isinstance(node.value, dict) else node
-        items[name] = node
-    return replace(root, value=items, key_lines=lines)
