@@ -3,10 +3,11 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
-to 0 and it follows the channels. Otherwise errors of the model accumulate in it. Then the level with the best predictions is kept, and above the first
-level the bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of
-its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
+simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
+agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is
+kept, and above the first level the bandwidth rises as long as predictions become better and exceed the noise: an optimal
+observer minimises the error of its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the
+observer follows the noise.
 """
 
 from __future__ import annotations
