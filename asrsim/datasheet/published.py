@@ -42,7 +42,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="top_speed", source=f"{CJT}WMBig10k_ds.m", text="5.86 rad/s at 24 V",
-            why="a sheet with these constants has 24 V / (100 x 0.0453 V s/rad) = 5.3 rad/s: they do not reach the source's own "
+            why="a sheet with these constants has 24 V / (100 x 0.0453 V s/rad) = 5.3 rad/s: they do not reach the source's "
             "limit; the default is the toolbox's limit of 6 rad/s",
         ),
         Published(
@@ -68,7 +68,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="stiffness_max", source=RICHI,
-            text="k = 0.0222 N m, a = 6.7328 1/rad, 0.8 rad: 8.49 N m/rad at preset 0.6 rad, 0.299 at preset 0; 4.85 N m at 0.8 rad",
+            text="k = 0.0222 N m, a = 6.7328 1/rad: 8.49 N m/rad at preset 0.6 rad, 0.299 at preset 0; 4.85 N m at 0.8 rad",
             why="the springs of the data sheet before the Advanced Kit: stiffer at rest, less progressive (exponent 6.7 for 9)",
         ),
         Published(
@@ -77,8 +77,8 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="change_loaded", text="its change of stiffness was measured at a nominal torque of 1.5 N m", source=PARNENZINI,
-            why="the toolbox states no nominal torque: the sheet loads the joint by 20 % of what every setting holds; the published "
-            "times are a figure only",
+            why="the toolbox states no nominal torque: the sheet loads the joint by 20 % of what every setting holds; the "
+            "published times are a figure only",
         ),
         Published(
             key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,
@@ -96,8 +96,8 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="peak_torque", source=PETIT_2010,
-            text="a helping mode, in which both motors pull in one direction, increases the load range; the joint has no pretension there",
-            why="the sheet's largest torque is at preset 0, where both springs pull in one direction; no number is printed",
+            text="a helping mode, in which both motors pull in one direction, increases the load range, without pretension",
+            why="the sheet's largest torque is at preset 0, where both springs pull in one direction",
         ),
     ),
     "awas_ii": (
