@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import asrsim
 from asrsim.actuators import ACTUATORS
-from asrsim.datasheet import make_sheet, measured_curve, sources_of
+from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
 from asrsim.datasheet.published import PUBLISHED
 from asrsim.datasheet.statics import Statics
 from asrsim.datasheet.trials import BAND
@@ -197,13 +197,15 @@ def test_the_usual_presets_stay_within_the_limits_that_a_robot_states():
         assert statics.reach(high) > 0.0
 
 
-def test_a_sliding_joint_has_newtons_and_metres(tmp_path):
+def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
     (tmp_path / "r.urdf").write_text(SEA.replace("revolute", "prismatic"))
     (source,) = sources_of([str(tmp_path / "r.urdf")])
     sheet = make_sheet(source)
     units = [sheet.entry(key).unit for key in ("peak_torque", "top_speed", "stiffness_min", "deflection_soft")]
     assert units == ["N", "m/s", "N/m", "m"]
     assert 'type="prismatic"' in sheet.files["r_j.urdf"]
+    with pytest.raises(InputError, match="different units"):
+        write_sheets([sheet, qbmove], tmp_path, compare=True)
 
 
 def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_command, monkeypatch):
