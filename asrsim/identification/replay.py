@@ -148,13 +148,16 @@ def played_table(command: PlayedCommand, reading: SeriesReading, late: float) ->
 
 
 def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Start of each joint that does not start as in the scenario."""
+    """Start of each joint that does not start as in the scenario, with the starts of its motors that either one states."""
     door = track.door
-    for joint, position, velocity in zip(door.joints, door.positions, door.velocities, strict=True):
+    for drive, position, velocity in zip(door.drives, door.positions, door.velocities, strict=True):
+        joint = drive.name
         place, speed = track.start(joint, values)
         if (place, speed) != (position, velocity) or joint in track.motors:
-            motors = {"motor_positions": track.motors[joint]} if joint in track.motors else {}
-            yield joint, {"position": place, "velocity": speed, **motors}
+            motors = {
+                "motor_positions": track.motors.get(joint, drive.motor_positions), "motor_velocities": drive.motor_velocities
+            }  # fmt: skip
+            yield joint, {"position": place, "velocity": speed, **{key: [*own] for key, own in motors.items() if own}}
 
 
 def as_plain(replay: FitReplay) -> dict[str, Any]:

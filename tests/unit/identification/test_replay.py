@@ -80,6 +80,17 @@ def test_the_clock_and_the_start_of_a_fit_are_in_its_replay(tmp_path):
     assert found.initial["joint_1"]["position"] == pytest.approx(np.deg2rad(20.0), abs=0.01)
 
 
+def test_motors_that_start_as_the_scenario_says_do_so_after_the_fit(tmp_path):
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": GOAL, "joint_1.link_position [rad]": 0.4 + GOAL}
+    keys = "initial: {joint_1: {position: 0.1, motor_positions: [0.7, -0.2], motor_velocities: [3.0, -1.0]}}\n"
+    with ExitStack() as stack:
+        robot = {"actuator": "qbmove", "mode": 5, "tags": "", "keys": keys}
+        problem = prepared(stack, tmp_path, columns, ["joint_1.damping"], **robot)
+        start = replay_of(problem.tracks[0], {}, problem.playing).initial["joint_1"]
+    assert start["position"] == pytest.approx(0.4, abs=0.05)
+    assert (start["motor_positions"], start["motor_velocities"]) == ([0.7, -0.2], [3.0, -1.0])
+
+
 @pytest.mark.parametrize("interpolation", ["hold", "smooth"])
 def test_a_command_that_jumped_before_its_sample_is_played_at_its_instant(interpolation):
     """Delay, zero and scale; the jump from 0 to 1 at the sample of .5 s happened 4 ms earlier."""

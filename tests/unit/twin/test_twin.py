@@ -157,6 +157,13 @@ def test_a_joint_that_is_not_measured_runs_free(five):
     assert "not corrected" in notes[1]
 
 
+def test_an_infinite_position_is_not_measured(tmp_path):
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
+        steps = [twin.step([np.inf if k == 10 else 0.0], goal(0.0)) for k in range(20)]
+    assert np.flatnonzero(np.isnan([step.external_torque[0] for step in steps])).tolist() == [10]
+    assert not any(step.notes for step in steps)
+
+
 def test_a_twin_far_from_its_robot_is_set_to_it(tmp_path):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
         before = [twin.step({"joint_1": 0.0}, goal(0.0)) for _ in range(600)][-1]

@@ -1,0 +1,26 @@
+"""Tables of numbers of sheets, for pages and pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from asrsim.datasheet.data import Entry, Sheet
+from asrsim.report.html import number
+
+
+def number_rows(sheet: Sheet) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the numbers of a sheet; an unknown number is empty, and says how it could be found."""
+    rows = [
+        [one.words, number(one.value) if one.known else "", one.unit if one.known else "", one.how] for one in sheet.entries
+    ]
+    return ["quantity", "value", "unit", "how it was found"], rows
+
+
+def compared_rows(sheets: Sequence[Sheet]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the numbers of several sheets, side by side."""
+
+    def cell(one: Entry) -> str:
+        return number(one.value) if one.known else "-"
+
+    rows = [[f"{one.words} ({one.unit})", *(cell(sheet.entry(one.key)) for sheet in sheets)] for one in sheets[0].entries]
+    return ["quantity", *(sheet.name for sheet in sheets)], rows
