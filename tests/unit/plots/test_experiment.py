@@ -77,8 +77,6 @@ def test_a_late_command_is_not_taken_for_a_late_clock(tiny, asrsim_command, head
     sine = "elbow: {equilibrium_position: {sinusoid: {amplitude: 0.4, frequency: 1.3}}}"
     late = "imperfections: {commands: {elbow: {delay: 0.034}}}"
     text = f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\n{late}\n"
-        f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\nimperfections: {{commands: {{elbow: {{delay: 0.034}}}}}}\n"
-    )
     tiny.scenario.write_text(text)
     assert asrsim_command("run", tiny.scenario, "--quiet").code == 0
     log = tiny.folder / "out" / "step" / "default" / "log.mcap"
