@@ -43,7 +43,7 @@ def whole(path: str) -> float:
     """CPU time per step of a run that records every quantity, without its start, s."""
     (loaded,) = load_scenario(path)
     marks: list[tuple[float, float]] = []
-    simulate(loaded, sinks=[Discard()], keep=False, progress=lambda t: marks.append((t, time.process_time())))
+    simulate(loaded, sinks=[Discard()], keep=False, progress=lambda now: marks.append((now.time, time.process_time())))
     (first, begin), (last, end) = marks[0], marks[-1]
     return (end - begin) / ((last - first) / loaded.step)
 

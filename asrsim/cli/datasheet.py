@@ -60,6 +60,7 @@ def datasheet(
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
+    from asrsim.progress import Progress
 
     if inertia is not None and not 0.0 < inertia < 1e6:
         raise typer.BadParameter("must be positive", param_hint="--inertia")
@@ -73,7 +74,7 @@ def datasheet(
     sheets = []
     with FractionBar(show=not quiet) as bar:
         for i, source in enumerate(sources):
-            bar.update(source.name, i / len(sources))
+            bar.update(Progress(task=source.name, fraction=i / len(sources)))
             measured = [] if experiment is None else [measured_curve(source, experiment, mapping or ())]
             sheets.append(make_sheet(source, presets=presets, inertia=inertia, measured=measured))
     files = write_sheets(sheets, out, compare=compare, formats=formats or ("png",))

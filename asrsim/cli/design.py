@@ -66,7 +66,7 @@ def design(
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
             scenario, limits, duration=duration, experiments=experiment or (), robust=robust, seed=seed, stop=interruption.stop,
-            progress=lambda share: bar.update("search", share),
+            progress=bar.update,
             **{name: value for name, value in options.items() if value not in (None, [])},
         )  # fmt: skip
         files = write_design(found, out, plot=plot)

@@ -85,7 +85,6 @@ def run(
                         executed = execute(
                             plan, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
                             started=progress.start, progress=progress.update, stop=interruption.stop,
-                            certifying=progress.update_part,
                         )  # fmt: skip
                     # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
                     done.append(write_summary(executed))

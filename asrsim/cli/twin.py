@@ -51,7 +51,7 @@ def twin(
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
 
         def work(**more: Any) -> Followed:
-            return follow_recording(scenario, experiment, progress=lambda share: bar.update("twin", share), **options, **more)
+            return follow_recording(scenario, experiment, progress=bar.update, **options, **more)
 
         def done(found: Followed) -> None:
             written.extend(write(found, out, plot=plot))

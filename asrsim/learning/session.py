@@ -23,6 +23,7 @@ from asrsim.learning.state import LearningState, load_state, save_state, simulat
 from asrsim.learning.trial import LearningResult, Trial, iterate
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
+from asrsim.progress import Stop, never
 from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
@@ -69,7 +70,7 @@ def learn(
     plugins: Sequence[str | Path] = (),
     on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
-    stop: Callable[[], bool] = lambda: False,
+    stop: Stop = never,
     resume: bool = False,
     overwrite: bool = False,
     picture: bool = True,

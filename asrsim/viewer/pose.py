@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.progress import Stop
 from asrsim.quantities import linear_unit
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
@@ -65,7 +65,7 @@ class PoseView:
 
         on_click(zero, reset)
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Stop) -> None:
         """Show the robot until `stop` returns True."""
         while not stop():
             self.draw()

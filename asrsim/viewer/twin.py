@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from asrsim.progress import Stop
 from asrsim.samples import Array, Samples
 from asrsim.simulation.prepare import Prepared
 from asrsim.twin import TwinStep
@@ -76,7 +77,7 @@ class TwinView(TwinPage):
         self._twin = twin
         twin.watch = lambda positions, found: self.note(found.time, positions, found)
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Stop) -> None:
         """Follow the robot until `stop` returns True."""
         self._twin.run(stop=stop)
 
@@ -90,7 +91,7 @@ class FollowView(TwinPage):
         super().__init__(page, prepared)
         self._work, self._done = work, done
 
-    def run(self, stop: Callable[[], bool]) -> Followed:
+    def run(self, stop: Stop) -> Followed:
         """Follow the recording, and play the result until `stop` returns True."""
         found = self._work(watch=self.note, stop=stop)
         self._done(found)

@@ -350,7 +350,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     told, asked = [], []
 
     def stop():
-        if told and told[-1].stage == stage:
+        if told and told[-1].task == stage:
             asked.append(told[-1].evaluations)
         return bool(asked)
 
