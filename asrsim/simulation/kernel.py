@@ -13,7 +13,7 @@ from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSele
 from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
-from asrsim.simulation.laws import engine_step, joint_of, motion_of, motor_of, value_of
+from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, record
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.ledger import update_ledger
 
@@ -70,10 +70,7 @@ def run(
                 if watched:
                     update_ledger(joint, link, kind, scheme, begins, jumped, asked)
                 if asked:
-                    for c in range(len(of_state)):
-                        out[place, kept, j, c] = value_of(joint, of_state[c])
-                    for c in range(len(of_inputs)):
-                        out[place, kept, j, len(of_state) + c] = references[step][j][of_inputs[c]]
+                    record(out, place, kept, j, joint, of_state, inputs_of(references, step, j), of_inputs)
                 move_on(joint, scheme, position, velocity, begins)
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = HEALTH.ran_away, j
@@ -81,7 +78,7 @@ def run(
                 kept += 1
             worlds.done[w] = substep + 1
         for j in range(len(kinds) if kept else 0):
-            for c in range(len(of_state) + len(of_inputs)):
+            for c in range(out.shape[3]):
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]
 
 
