@@ -54,6 +54,8 @@ class Sheet:
 
     name: str
     """Name of files: the actuator's, or that of robot and joint."""
+    short: str
+    """Name beside other sheets: the actuator's, or the joint's."""
     title: str
     source: str
     """Publication of the law."""

@@ -8,12 +8,12 @@ from dataclasses import replace
 from html import escape
 
 from asrsim.datasheet.data import Sheet
-from asrsim.datasheet.rows import compared_rows, number_rows
+from asrsim.datasheet.rows import compared_rows, names_of, number_rows
 from asrsim.plots import style
 from asrsim.plots.chart import Chart
 from asrsim.report.charts import page_data
 from asrsim.report.html import section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 
 HEADS = ("torque and stiffness", "limits of the motors", "simulated steps")
 """Names of the rows of charts."""
@@ -27,18 +27,20 @@ def sheet_page(sheet: Sheet) -> str:
     shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS))
     values = [[name, f"{value:.6g}", sheet.units[name]] for name, value in sheet.values.items() if math.isfinite(value)]
     parameters = table(["parameter", "value", "unit"], values)
-    about = f"The folder of this page has {' and '.join(sheet.files)}. The scenario claims the simulated numbers of this sheet."
+    simulated = any(one.known and one.how.startswith("simulation") for one in sheet.entries)
+    about = f"The folder of this page has {' and '.join(sheet.files)}: the steps of the last charts"
+    about += ", and claims with the simulated numbers." if simulated else "."
+    beside = ["quantity", "published", "source", "compared with the defaults"]
     sections = [
         section("Numbers", table(heads, rows, long=(3,))),
         section("Curves", HINT + shown + NO_SCRIPT),
-        section("Published", table(["quantity", "published", "source", "compared with this sheet"], published, long=(1, 2, 3)))
-        if published else "",
+        section("Published", table(beside, published, long=(1, 2, 3))) if published else "",
         section("Repeat the simulations", f"<p>{escape(about)}</p><pre>{escape(sheet.command)}</pre>"),
         f"<section><details class='part'><summary><b>Parameters</b></summary>{parameters}</details></section>",
     ]  # fmt: skip
     head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre class='law'>{escape(sheet.law)}</pre>"
     data = page_data([*zip(HEADS, sheet.rows, strict=True)])
-    return build(f"Data sheet: {sheet.title}", sections, head=head, data=data)
+    return page_html(f"Data sheet: {sheet.title}", sections, head=head, data=data)
 
 
 def comparison_page(sheets: Sequence[Sheet]) -> str:
@@ -54,22 +56,22 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
         section("Sheets", f"<ul>{links}</ul>"),
     ]  # fmt: skip
     data = page_data([*zip(HEADS, common_charts(sheets), strict=False)])
-    return build("Data sheets side by side", sections, data=data)
+    return page_html("Data sheets side by side", sections, data=data)
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
     """Charts of the first two rows with the first and the last curve of every sheet (of the motors' limits, the first), one
     colour for each actuator."""
-    rows = []
+    rows, names = [], names_of(sheets)
     for r in range(2):
         charts = []
         for c in range(2):
             lines = []
-            for i, sheet in enumerate(sheets):
+            for i, (sheet, name) in enumerate(zip(sheets, names, strict=True)):
                 curves = [one for one in sheet.rows[r][c].lines if one.kind == "line"]
                 ends = dict.fromkeys((0, 0 if r else len(curves) - 1))
                 for curve in ends:
-                    label = f"{sheet.name}, {'stiffest' if curve else 'softest'}" if len(ends) > 1 else sheet.name
+                    label = f"{name}, {'stiffest' if curve else 'softest'}" if len(ends) > 1 else name
                     lines.append(replace(curves[curve], label=label, colour=style.variant_colour(i), dash=1 if curve else 0))
             chart = sheets[0].rows[r][c]
             logarithmic = "y" if chart.words == "stiffness" else ""  # actuators differ by orders of magnitude

@@ -23,4 +23,10 @@ def compared_rows(sheets: Sequence[Sheet]) -> tuple[list[str], list[list[str]]]:
         return number(one.value) if one.known else "-"
 
     rows = [[f"{one.words} ({one.unit})", *(cell(sheet.entry(one.key)) for sheet in sheets)] for one in sheets[0].entries]
-    return ["quantity", *(sheet.name for sheet in sheets)], rows
+    return ["quantity", *names_of(sheets)], rows
+
+
+def names_of(sheets: Sequence[Sheet]) -> list[str]:
+    """Short names of sheets; the names of their files where two are alike."""
+    short = [sheet.short for sheet in sheets]
+    return short if len(set(short)) == len(short) else [sheet.name for sheet in sheets]

@@ -23,6 +23,8 @@ from asrsim.samples import Array
 
 CURVES = 5
 """Number of presets of the curves."""
+WIDE = 50.0
+"""Ratio of largest and least stiffness from which on the chart of the stiffness is logarithmic."""
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
@@ -53,7 +55,8 @@ def make_sheet(
     entries = (*_torques(statics), *_springs(source, statics), *_dynamics(source, statics, trials), *_stated(source))
     rows = (_laws(statics, measured), _limits(statics), _responses(trials))
     return Sheet(
-        name=source.name, title=actuator.title, source=actuator.source, law=actuator.law, origin=source.origin,
+        name=source.name, short=source.short, title=actuator.title, source=actuator.source, law=actuator.law,
+        origin=source.origin,
         entries=tuple(replace(one, unit=unit(one.unit), how=unit(one.how)) for one in entries),
         rows=tuple(tuple(replace(one, unit=unit(one.unit), across_unit=unit(one.across_unit)) for one in row) for row in rows),
         published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
@@ -175,8 +178,8 @@ def _stated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
         key="resolution", words="resolution of position", unit="rad", value=source.resolution,
-        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
-        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
+        else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )  # fmt: skip
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
@@ -191,11 +194,11 @@ def _finite(value: float) -> float | None:
 
 
 def _settings(statics: Statics) -> list[tuple[str, float]]:
-    """Name and value of the presets of the curves."""
+    """Name and value of the presets of the curves, from the softest to the stiffest."""
     if not statics.adjustable:
         return [("spring", 0.0)]
     unit = statics.drive.actuator.reference_2_unit
-    return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(*statics.presets, CURVES)]
+    return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(statics.softest, statics.stiffest, CURVES)]
 
 
 def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, ...]:
@@ -209,10 +212,14 @@ def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, .
         stiffness = statics.stiffness(deflection, presets)
         stiffnesses.append(Line(label=label, x=torque[order], y=stiffness[order], colour=colour))
     torques += [Line(label=one.label, x=one.deflection, y=one.torque, colour=style.BLACK, kind="points") for one in measured]
+    low, high = statics.unloaded_stiffness()
+    logarithmic = "y" if high > WIDE * low > 0.0 else ""
     return (
         Chart(words="torque", unit="N m", across="deflection", across_unit="rad", lines=torques),
-        Chart(words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses),
-    )
+        Chart(
+            words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses, logarithmic=logarithmic
+        ),
+    )  # fmt: skip
 
 
 def _limits(statics: Statics) -> tuple[Chart, ...]:
@@ -243,13 +250,14 @@ def _responses(trials: Trials) -> tuple[Chart, ...]:
                 found.append(Line(label=label, x=_thin(time), y=_thin(values), colour=colour))
         return found
 
-    return (
+    charts = (
         Chart(words="link position", unit="rad", lines=lines(
             [("soft", "softest", style.variant_colour(0)), ("stiff", "stiffest", style.variant_colour(4))], "link_position")),
         Chart(words="stiffness", unit="N m/rad", lines=lines(
             [("stiffness_free", "no load", style.variant_colour(1)), ("stiffness_loaded", "loaded", style.variant_colour(2))],
             "stiffness")),
     )  # fmt: skip
+    return tuple(one for one in charts if not one.empty)
 
 
 def _thin(values: Array, most: int = 1000) -> Array:

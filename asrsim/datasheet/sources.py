@@ -28,6 +28,8 @@ class Source:
 
     name: str
     """Name of the sheet and its files."""
+    short: str
+    """Name beside other sheets: the actuator's, or the joint's."""
     drive: Drive
     """Drive in `SHEET_MODE`."""
     origin: str
@@ -86,7 +88,7 @@ _TOOLBOX = ("sea", "qbmove", "bavs", "awas_ii")
 
 def _by_name(name: str, origin: str, plugins: tuple[Path, ...]) -> Source:
     block = block_for("joint_1", name, SHEET_MODE)
-    return Source(name=name, drive=drive_of(block), origin=origin, stated={}, plugins=plugins)
+    return Source(name=name, short=name, drive=drive_of(block), origin=origin, stated={}, plugins=plugins)
 
 
 def _of_robot(
@@ -102,7 +104,7 @@ def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -
     found = []
     for source in sources_in(examine(first).robot, joints, plugins):
         joint = source.drive.joint
-        sensors = first.sensor_effects.get(joint) or first.sensor_effects.get("*")
+        sensors = first.sensor_imperfections.get(joint) or first.sensor_imperfections.get("*")
         found.append(
             replace(
                 source, name=_named(path, joint), origin=f"{path.name}, joint {joint}",
@@ -137,7 +139,7 @@ def _of_block(path: Path, block: ActuatorBlock, joint: Joint, plugins: tuple[Pat
     values = {name: value for name, value in block.values().items() if name in usual}
     drive = Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[SHEET_MODE], values={**usual, **values})
     return Source(
-        name=_named(path, block.joint), drive=drive, effort=joint.most_effort, stops=joint.stops,
+        name=_named(path, block.joint), short=block.joint, drive=drive, effort=joint.most_effort, stops=joint.stops,
         prismatic=joint.kind == "prismatic",
         origin=f"{path.name}, joint {block.joint}", plugins=plugins,
         stated={name: value for name, value in values.items() if value != usual[name] and math.isfinite(value)},

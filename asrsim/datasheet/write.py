@@ -9,6 +9,7 @@ from pathlib import Path
 from asrsim.datasheet.data import Sheet
 from asrsim.datasheet.page import common_charts, comparison_page, sheet_page
 from asrsim.datasheet.picture import save_comparison, save_sheet
+from asrsim.errors import InputError
 from asrsim.outfile import check_output, make_folder, write_json, write_text
 from asrsim.plots.output import check_formats
 
@@ -22,9 +23,12 @@ def write_sheets(
 ) -> tuple[Path, ...]:
     """Write the files of all sheets, and return their paths. compare: also a page with all actuators side by side.
 
-    formats: formats of the pictures: png, pdf, svg. Raises OutputError, and InputError for an unknown format.
+    formats: formats of the pictures: png, pdf, svg. Raises OutputError, and InputError for an unknown format, or for sliding
+    and turning joints side by side.
     """
     kinds = check_formats(formats)
+    if compare and len({tuple(one.unit for one in sheet.entries) for sheet in sheets}) > 1:
+        raise InputError("sliding and turning joints have different units", key="--compare", code="units")
     texts = {folder / name: text for sheet in sheets for name, text in sheet.files.items()}
     texts |= {folder / f"{sheet.name}.html": sheet_page(sheet) for sheet in sheets}
     numbers = {folder / f"{sheet.name}.json": sheet.as_dict() for sheet in sheets}

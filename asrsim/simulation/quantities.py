@@ -117,7 +117,7 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
         return tuple(names)
     sprung = drive.drive.mode.spring
     references = [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
-    names += [*references, *(f"sent_{name}" for name in references if drive.command_effects)]
+    names += [*references, *(f"sent_{name}" for name in references if drive.command_imperfections)]
     if sprung:
         names += [f"elastic_torque_{i}" for i in range(1, drive.motors + 1)] + ["stiffness"]
         names += [f"motor_{i}_position" for i in range(1, drive.placed + 1)]

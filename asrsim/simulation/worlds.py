@@ -29,7 +29,7 @@ from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import WARP, Prepared, Source, Start, prepare_worlds
+from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
 NOTHING = np.empty(0)
@@ -93,7 +93,7 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: Source,
+        scenario: ScenarioLike,
         count: int,
         *,
         variant: str | None = None,

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import asrsim
 from asrsim.actuators import ACTUATORS
-from asrsim.datasheet import make_sheet, measured_curve, sources_of
+from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
 from asrsim.datasheet.published import PUBLISHED
 from asrsim.datasheet.statics import Statics
 from asrsim.datasheet.trials import BAND
@@ -197,13 +197,15 @@ def test_the_usual_presets_stay_within_the_limits_that_a_robot_states():
         assert statics.reach(high) > 0.0
 
 
-def test_a_sliding_joint_has_newtons_and_metres(tmp_path):
+def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
     (tmp_path / "r.urdf").write_text(SEA.replace("revolute", "prismatic"))
     (source,) = sources_of([str(tmp_path / "r.urdf")])
     sheet = make_sheet(source)
     units = [sheet.entry(key).unit for key in ("peak_torque", "top_speed", "stiffness_min", "deflection_soft")]
     assert units == ["N", "m/s", "N/m", "m"]
     assert 'type="prismatic"' in sheet.files["r_j.urdf"]
+    with pytest.raises(InputError, match="different units"):
+        write_sheets([sheet, qbmove], tmp_path, compare=True)
 
 
 def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_command, monkeypatch):
@@ -272,12 +274,12 @@ def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_en
     """A scenario mounts an SEA of 17 N m/rad behind an encoder of 4096 counts a turn."""
     (tmp_path / "r.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", SEA, flags=re.DOTALL))
     text = "robot: r.urdf\nduration: 1\nactuators: {j: {type: sea, mode: 6, parameters: {spring_stiffness: 17}}}\n"
-    (tmp_path / "lab.yaml").write_text(f"{text}effects: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
+    (tmp_path / "lab.yaml").write_text(f"{text}imperfections: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
     (source,) = sources_of([str(tmp_path / "lab.yaml")])
     sheet = make_sheet(source)
     assert value(sheet, "stiffness_max") == pytest.approx(17.0)
     assert value(sheet, "resolution") == pytest.approx(math.tau / 4096)
-    assert "effects.sensors.j.quantum" in sheet.entry("resolution").how
+    assert "imperfections.sensors.j.quantum" in sheet.entry("resolution").how
 
 
 def test_joints_without_a_robot_are_refused():
