@@ -123,7 +123,7 @@ def test_the_sampler_places_points(own):
 def test_an_error_of_a_users_part_names_its_file_and_line(own, tiny, asrsim_command):
     plugin = own("sweep.md", "A sampler of your own")
     plugin.write_text(plugin.read_text().replace("return qmc", "return seed / 0 + qmc"))
-    varied = ("--over", "arm.mass=uniform(0.3, 0.5)", "--samples", "2", "--design", "halton", "--out", "study")
+    varied = ("--over", "arm.mass=uniform(0.3, 0.5)", "--samples", "2", "--sampler", "halton", "--out", "study")
     done = asrsim_command("sweep", tiny.scenario, *varied, "--plugin", plugin)
     assert done.code == 1
     assert f"{plugin}:10: points: the plugin raised ZeroDivisionError" in done.err
