@@ -178,8 +178,8 @@ def _stated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
         key="resolution", words="resolution of position", unit="rad", value=source.resolution,
-        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
-        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
+        else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )  # fmt: skip
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
