@@ -77,9 +77,9 @@ class RowSelection(NamedTuple):
     watched: int
     """1 if energies, limits and stiffness are computed, else 0."""
     of_state: Any
-    """Recorded columns of S."""
+    """Recorded columns of S; in plain Python, a function that returns their numbers from a joint's state."""
     of_inputs: Any
-    """Recorded columns of the references."""
+    """Recorded columns of the references; in plain Python, a function that returns their numbers from a row."""
 
 
 class Corrections(NamedTuple):

@@ -13,7 +13,7 @@ from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSele
 from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
-from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, spring_law, value_of
+from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, record, spring_law
 from asrsim.simulation.layout import GOALS, HEALTH, TASK
 from asrsim.simulation.ledger import update_ledger
 
@@ -87,10 +87,7 @@ def run(
                 if watched:
                     update_ledger(joint, link, kind, scheme, begins, jumped, asked)
                 if asked:
-                    for c in range(len(of_state)):
-                        out[place, kept, j, c] = value_of(joint, of_state[c])
-                    for c in range(len(of_inputs)):
-                        out[place, kept, j, len(of_state) + c] = references[step][j][of_inputs[c]]
+                    record(out, place, kept, j, joint, of_state, inputs_of(references, step, j), of_inputs)
                 start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
                 if before != after:
@@ -104,7 +101,7 @@ def run(
             step, before = step + sizes[after], after
             worlds.strides[w, 0] = after
         for j in range(len(kinds) if kept else 0):
-            for c in range(len(of_state) + len(of_inputs)):
+            for c in range(out.shape[3]):
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]
 
 
