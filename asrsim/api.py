@@ -238,9 +238,11 @@ def run_variants(
         return Path(out or "") / one.variant
 
     plans = examine_all(
-        scenario, overrides=overrides, plugins=plugins,
+        scenario,
+        overrides=overrides,
+        plugins=plugins,
         beside=None if out is None else lambda own: folder_problems(own, folder, overwrite=overwrite),
-    )  # fmt: skip
+    )
     return {
         plan.scenario.variant: _run_one(plan, out and folder(plan.scenario), overwrite=overwrite, keep=keep) for plan in plans
     }

@@ -84,12 +84,14 @@ def datasheet(
         for sheet in sheets:
             say(f"{styled(sheet.title, 'bold cyan')}  {sheet.origin}")
             rows = sheet.entries
-            say_table([
-                TableColumn("quantity", [one.words for one in rows]),
-                TableColumn("value", [f"{one.value:.4g}" if one.known else "" for one in rows], right=True),
-                TableColumn("unit", [one.unit if one.known else "" for one in rows]),
-                TableColumn("how", [one.how for one in rows]),
-            ])  # fmt: skip
+            say_table(
+                [
+                    TableColumn("quantity", [one.words for one in rows]),
+                    TableColumn("value", [f"{one.value:.4g}" if one.known else "" for one in rows], right=True),
+                    TableColumn("unit", [one.unit if one.known else "" for one in rows]),
+                    TableColumn("how", [one.how for one in rows]),
+                ]
+            )
             say(f"repeat the simulations, in {out}/: {sheet.command}")
         say_written(files)
 

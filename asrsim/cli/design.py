@@ -79,7 +79,9 @@ def design(
 
     intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
     data = {
-        "ok": not found.interrupted, "files": files,
-        "findings": [{"message": remark} for remark in found.remarks], "intervals": mapped(intervals, finite_or_none),
-    }  # fmt: skip
+        "ok": not found.interrupted,
+        "files": files,
+        "findings": [{"message": remark} for remark in found.remarks],
+        "intervals": mapped(intervals, finite_or_none),
+    }
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)

@@ -106,23 +106,22 @@ def live(
     )
 
 
-def _shown(
-    plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: bool, line: Any, quiet: bool
-) -> tuple[Any, Any]:  # fmt: skip
+def _shown(plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: bool, line: Any, quiet: bool) -> tuple[Any, Any]:
     """Run in real time on a page; returns the last run and its summary."""
     from asrsim.cli.view import show_page
     from asrsim.viewer.live import LiveView
 
     show, summary = show_page(
-        lambda page: LiveView(page, [plan], out=folder, overwrite=overwrite, settings=settings, tell=line.tell), stop,
+        lambda page: LiveView(page, [plan], out=folder, overwrite=overwrite, settings=settings, tell=line.tell),
+        stop,
         quiet=quiet,
-    )  # fmt: skip
+    )
     return show.session, summary
 
 
 def _follow(
     plan: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
-) -> Done:  # fmt: skip
+) -> Done:
     """Run a twin beside a robot."""
     from asrsim.twin.live import LiveTwin
 

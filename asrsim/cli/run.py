@@ -54,7 +54,7 @@ def run(
     Example: asrsim run examples/scenarios/step_2dof.yaml
 
     Example: asrsim run examples/scenarios/step_2dof.yaml --variant soft --set references.joint_1.stiffness_preset=0.3
-    """  # fmt: skip
+    """
     from asrsim.cli.progress import RunBar
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError

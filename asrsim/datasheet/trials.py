@@ -103,9 +103,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
             times[variant] = time
     claims = [_claim(variant, times[variant]) for variant in CHANGES if variant in times]
     files[f"{source.name}.yaml"] = _scenario(source, variants, claims)
-    return Trials(
-        files=files, results=results, faults=faults, change_times=times, unchanged=unchanged, load=load, under=under
-    )  # fmt: skip
+    return Trials(files=files, results=results, faults=faults, change_times=times, unchanged=unchanged, load=load, under=under)
 
 
 def _torque(statics: Statics) -> tuple[float, str]:
@@ -175,12 +173,14 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
     import yaml
 
     data: dict[str, Any] = {
-        "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0],
+        "robot": f"{source.name}.urdf",
+        "duration": LASTS,
+        "gravity": [0, 0, 0],
         "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},
         **({"parameters": {JOINT: dict(source.stated)}} if source.stated else {}),
         **({"variants": variants} if len(variants) > 1 else variants["soft"]),
         **({"expect": claims} if claims else {}),
-    }  # fmt: skip
+    }
     head = (
         f"# Trials of the data sheet of {source.name}: steps of the equilibrium at the softest and at the stiffest setting,\n"
     )

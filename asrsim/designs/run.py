@@ -153,9 +153,10 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
     known = parameters_of(
-        robot, [f"{joint}.{name}" for joint in joints for name in each_motor("reference_{}")],
+        robot,
+        [f"{joint}.{name}" for joint in joints for name in each_motor("reference_{}")],
         {f"{joint}.{name}": "" for joint in joints for name in ("link_position", *each_motor("motor_{}_position"))},
-    )  # fmt: skip
+    )
     free, ties = free_parameters(task, known)
     own = [one.key for one in free if one.own or one.key == CLOCK or one.key.rpartition(".")[2] in NOT_THE_ROBOTS]
     free = [one for one in free if one.key not in own]

@@ -111,7 +111,7 @@ def learn(
 
         result = iterate(
             prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=trials, stop=stop
-        )  # fmt: skip
+        )
         replaced = ""
         if earlier and not going_on:
             plural = "s" * (len(earlier) != 1)
@@ -245,9 +245,11 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
     # A parameter of this entry that every joint replaces would have no effect.
     missed = {
         name
-        for drive in plant.prepared.drives if drive.mode
-        for name in drive.mode.references if name not in references.get(drive.name, {})
-    }  # fmt: skip
+        for drive in plant.prepared.drives
+        if drive.mode
+        for name in drive.mode.references
+        if name not in references.get(drive.name, {})
+    }
     left = {name: signal for name, signal in common.items() if name in missed}
     return ({"*": left} if left else {}) | references
 

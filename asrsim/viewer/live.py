@@ -155,9 +155,11 @@ class LiveView:
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
         subject = Subject(
-            title=variant, joints=run.info.joints, scene=RenderScene(robot, run.scenario),
+            title=variant,
+            joints=run.info.joints,
+            scene=RenderScene(robot, run.scenario),
             history=History(run.info.joints, run.samples),
-        )  # fmt: skip
+        )
         return as_companion(subject, variant)
 
     def _wait(self, desk: Desk, summary: RunSummary, stop: Stop) -> None:

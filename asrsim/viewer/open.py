@@ -178,7 +178,7 @@ def maker(
 
 def _playback(
     path: Path, others: list[Companion], experiments: Sequence[str | Path], speed: float, recordings: dict[str, Any]
-) -> Callable[[Page], Show]:  # fmt: skip
+) -> Callable[[Page], Show]:
     """Playback of a log, or of the first of a folder's logs, with the others as ghosts."""
     logs = find_logs(path)[0]
     subject = logged(logs[0])

@@ -34,10 +34,11 @@ class PoseView:
         scenario = scenario or make_scenario(key, duration=1.0)  # type: ignore[arg-type]
         shown, notes = drawable(robot, reading.get("package_paths"))
         joints = tuple(
-            JointInfo(name=joint.name, actuator="rigid", mode=None, prismatic=joint.kind == "prismatic",
-                      quantities=("link_position",))
+            JointInfo(
+                name=joint.name, actuator="rigid", mode=None, prismatic=joint.kind == "prismatic", quantities=("link_position",)
+            )
             for joint in robot.moving_joints
-        )  # fmt: skip
+        )
         self._values = dict.fromkeys((joint.name for joint in joints), 0.0)
         self._began = clock.perf_counter()
         scene = RenderScene(shown, scenario)

@@ -35,9 +35,7 @@ def followed_player(page: Page, prepared: Prepared, found: Followed) -> Player:
     """Playback of a recording with the torques that a twin found, and jumps to the alarms."""
     values = dict(zip(QUANTITIES, (found.positions, found.external_torque, found.stiffness), strict=True))
     samples = Samples(time=found.time, joints=found.joints, values=values)
-    events = [
-        Event(start, f"alarm at {joint}") for j, joint in enumerate(found.joints) for start, _ in found.alarms(j)
-    ]  # fmt: skip
+    events = [Event(start, f"alarm at {joint}") for j, joint in enumerate(found.joints) for start, _ in found.alarms(j)]
     return Player(page, twin_subject(prepared, samples), events=sorted(events))
 
 
