@@ -13,7 +13,7 @@ from asrsim.plots import style
 from asrsim.plots.chart import Chart
 from asrsim.report.charts import page_data
 from asrsim.report.html import section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 
 HEADS = ("torque and stiffness", "limits of the motors", "simulated steps")
 """Names of the rows of charts."""
@@ -40,7 +40,7 @@ def sheet_page(sheet: Sheet) -> str:
     ]  # fmt: skip
     head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre class='law'>{escape(sheet.law)}</pre>"
     data = page_data([*zip(HEADS, sheet.rows, strict=True)])
-    return build(f"Data sheet: {sheet.title}", sections, head=head, data=data)
+    return page_html(f"Data sheet: {sheet.title}", sections, head=head, data=data)
 
 
 def comparison_page(sheets: Sequence[Sheet]) -> str:
@@ -56,7 +56,7 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
         section("Sheets", f"<ul>{links}</ul>"),
     ]  # fmt: skip
     data = page_data([*zip(HEADS, common_charts(sheets), strict=False)])
-    return build("Data sheets side by side", sections, data=data)
+    return page_html("Data sheets side by side", sections, data=data)
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:

@@ -178,8 +178,8 @@ def _stated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
         key="resolution", words="resolution of position", unit="rad", value=source.resolution,
-        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
-        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
+        else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )  # fmt: skip
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
@@ -250,13 +250,14 @@ def _responses(trials: Trials) -> tuple[Chart, ...]:
                 found.append(Line(label=label, x=_thin(time), y=_thin(values), colour=colour))
         return found
 
-    return (
+    charts = (
         Chart(words="link position", unit="rad", lines=lines(
             [("soft", "softest", style.variant_colour(0)), ("stiff", "stiffest", style.variant_colour(4))], "link_position")),
         Chart(words="stiffness", unit="N m/rad", lines=lines(
             [("stiffness_free", "no load", style.variant_colour(1)), ("stiffness_loaded", "loaded", style.variant_colour(2))],
             "stiffness")),
     )  # fmt: skip
+    return tuple(one for one in charts if not one.empty)
 
 
 def _thin(values: Array, most: int = 1000) -> Array:

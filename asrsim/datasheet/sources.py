@@ -104,7 +104,7 @@ def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -
     found = []
     for source in sources_in(examine(first).robot, joints, plugins):
         joint = source.drive.joint
-        sensors = first.sensor_effects.get(joint) or first.sensor_effects.get("*")
+        sensors = first.sensor_imperfections.get(joint) or first.sensor_imperfections.get("*")
         found.append(
             replace(
                 source, name=_named(path, joint), origin=f"{path.name}, joint {joint}",

@@ -32,7 +32,7 @@ from mcap.records import (
 from asrsim import __version__
 from asrsim.errors import OutputError
 from asrsim.log.rows import MESSAGE_HEADER, RowBuffer
-from asrsim.log.topics import Topic, schema_name, schema_text
+from asrsim.log.topics import Topic, message_definition, schema_name
 from asrsim.outfile import check_output, is_special
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -272,7 +272,7 @@ class McapContainer:
     def _schema(self, message: str) -> int:
         if message not in self._schemas:
             self._schemas[message] = number = len(self._schemas) + 1
-            schema = Schema(id=number, data=schema_text(message).encode(), encoding="ros2msg", name=schema_name(message))
+            schema = Schema(id=number, data=message_definition(message).encode(), encoding="ros2msg", name=schema_name(message))
             self._pending += self._summarise(Opcode.SCHEMA, encode(schema))
         return self._schemas[message]
 

@@ -37,7 +37,7 @@ _ONLY_BRACKETS = re.compile(r"\s*(?:[\[(][^\])\s]*[\])]\s*)+")
 """Pattern of a row of units in brackets, which belong to no words before them."""
 _LONGEST = 200
 """Largest length of a joint's name."""
-Row = tuple[int, list[str]]
+NumberedLine = tuple[int, list[str]]
 """Line number and cells of a row."""
 
 
@@ -158,10 +158,10 @@ class TableLayout:
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
-    skipped: tuple[Row, ...]
+    skipped: tuple[NumberedLine, ...]
     """Rows with values above the first row, which have another number of cells."""
 
-    def content(self, rows: Iterable[Row]) -> Content:
+    def content(self, rows: Iterable[NumberedLine]) -> Content:
         """Content with the table made of the rows, and one problem for each kind of fault.
 
         Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError where
@@ -249,7 +249,7 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     return layout.content([row for row in filled if row[0] >= layout.first])
 
 
-def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayout:
+def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> TableLayout:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
     # The names of joints in rows below their header do not count as text: there may be more names than numbers.
@@ -308,12 +308,12 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayou
     )  # fmt: skip
 
 
-def _may_name(row: Row, stated: int | None, decimal: str) -> bool:
+def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:
     """Whether a row may be the header: it is the stated one, or, where none is stated, most of its cells are text."""
     return row[0] == stated if stated is not None else share_of_values(kinds_of(row[1], decimal)) < 0.5
 
 
-def _with_units(above: Sequence[Row], fitting: Sequence[Row]) -> Row:
+def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) -> NumberedLine:
     """Header, the last of the fitting rows, with the units of a row that only holds units, below or above it.
 
     above: rows above the numbers with as many cells.

@@ -13,7 +13,7 @@ from asrsim.robot.model import ZERO, Vector
 from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import BLANKS, elements
 
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Largest plausible mass, inertia or length, SI units; products of larger values would overflow."""
 SMALLEST = 1e-30
 """Smallest plausible mass, inertia or parameter other than 0, SI units; inverses of smaller values would overflow."""
@@ -115,8 +115,8 @@ class Findings:
         else:
             if math.isnan(number) or (finite and math.isinf(number)):
                 fault, code = "must be finite", "not-finite"
-            elif finite and abs(number) > LARGEST:
-                fault, code = f"is larger than {LARGEST:g}, which no robot has", "out-of-range"
+            elif finite and abs(number) > LARGEST_NUMBER:
+                fault, code = f"is larger than {LARGEST_NUMBER:g}, which no robot has", "out-of-range"
         if fault:
             hint = next((hint for pattern, hint in _HINTS if pattern.fullmatch(text.strip())), None)
             self.error(fault, at, place, code=code, value=shown, hint=hint)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +22,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Imperfect, Sensor
+from asrsim.simulation.imperfections import Imperfect, Sensor
 from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
@@ -49,8 +49,8 @@ class Given(NamedTuple):
     beginning of the piece, and the noise); shape (sets, rows, joints, columns). The row of a substep whose kick is split
     belongs to the time of the substep."""
     references: Array
-    """External torques and references before the reference map, and, if commands have effects, the references as they were
-    sent, without effects; shape (sets, rows, joints, columns)."""
+    """External torques and references before the reference map, and, if commands have imperfections, the references as they
+    were sent, without imperfections; shape (sets, rows, joints, columns)."""
     wrenches: Array
     """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
@@ -90,6 +90,7 @@ class Inputs:
         """Signals and sensors that may jump, without repetitions."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
+        self._duration = scenario.duration
         self._moving = np.array([[type(signal) is not Constant for signal in row] for row in self._signals])
         """Mask (joints, columns) of the signals that are not constant."""
         self._holds = not self._sensed and all(type(signal) is Constant for row in self._wrenches for signal in row)
@@ -98,6 +99,11 @@ class Inputs:
         """Number of columns of the external torque and the references that act."""
         self._recorded = [row + own for row, own in zip(self._signals, sent, strict=True)] if affected else self._signals
         """Signals in the columns of `Given.references`, by joint."""
+
+    @cached_property
+    def jumps(self) -> bool:
+        """Whether inputs jump after the start of the run, until the scenario ends."""
+        return any(one.jumps(self.substep, self._duration).size for one in self._jumping.values())
 
     def _map(self, inputs: Array, references: Array) -> None:
         """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of
@@ -156,7 +162,7 @@ class Inputs:
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given
-        # A reference that is set from outside has no effects: it acts as it was sent.
+        # A reference that is set from outside has no imperfections: it acts as it was sent.
         sent = given.references.shape[-1] > self._goals
         wanted = np.concatenate([held, held[..., GOALS:]], axis=-1)[:, None] if sent else held[:, None]
         references = np.where(np.isnan(wanted), given.references, wanted)
@@ -280,9 +286,9 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=drive.stated_position) if moved else REST
     signal = scenario.references_of(drive.name).get(names[slot], rest)
-    if drive.command_effects is None:
+    if drive.command_imperfections is None:
         return signal
-    return Imperfect(of=signal, effects=drive.command_effects, step=scenario.step, seed=(scenario.seed, j, slot))
+    return Imperfect(of=signal, imperfections=drive.command_imperfections, step=scenario.step, seed=(scenario.seed, j, slot))
 
 
 def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Array) -> Array:

@@ -17,7 +17,7 @@ from asrsim.errors import InputError
 from asrsim.robot.chain_masses import find_masses
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import Source, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
@@ -94,7 +94,7 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: Source, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
+        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
         plugins: Sequence[str | Path] = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as

@@ -239,6 +239,9 @@ def test_measured_points_stand_beside_the_law(tmp_path):
     (source,) = sources_of(["sea"])
     angle, torque = measured(make_sheet(source, measured=[measured_curve(source, tmp_path / "bench.csv")]))
     np.testing.assert_allclose(torque, 11.0 * angle)
+    np.savetxt(tmp_path / "timeless.csv", table[:, 1:], delimiter=",", header="deflection [rad],torque [Nm]", comments="")
+    curve = measured_curve(source, tmp_path / "timeless.csv", rate=1.0)
+    np.testing.assert_allclose(curve.torque, 11.0 * curve.deflection)
 
 
 @pytest.mark.slow
@@ -274,12 +277,12 @@ def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_en
     """A scenario mounts an SEA of 17 N m/rad behind an encoder of 4096 counts a turn."""
     (tmp_path / "r.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", SEA, flags=re.DOTALL))
     text = "robot: r.urdf\nduration: 1\nactuators: {j: {type: sea, mode: 6, parameters: {spring_stiffness: 17}}}\n"
-    (tmp_path / "lab.yaml").write_text(f"{text}effects: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
+    (tmp_path / "lab.yaml").write_text(f"{text}imperfections: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
     (source,) = sources_of([str(tmp_path / "lab.yaml")])
     sheet = make_sheet(source)
     assert value(sheet, "stiffness_max") == pytest.approx(17.0)
     assert value(sheet, "resolution") == pytest.approx(math.tau / 4096)
-    assert "effects.sensors.j.quantum" in sheet.entry("resolution").how
+    assert "imperfections.sensors.j.quantum" in sheet.entry("resolution").how
 
 
 def test_joints_without_a_robot_are_refused():

@@ -12,7 +12,7 @@ from asrsim.identification import identify, read_fit
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.replay import SeriesReading, as_plain, from_plain, played_table, replay_of
 from asrsim.identification.resume import resumed
-from asrsim.identification.write import as_dict, write_robot
+from asrsim.identification.write import fit_data, write_robot
 from asrsim.outfile import write_json
 from asrsim.plots.job import PlotJob, plot
 from support.identify_files import SEA, prepared, save, write
@@ -37,7 +37,7 @@ def fitted(tmp_path_factory):
     result = identify(scenario, [lab], free=FREE, mapping=mapping)
     place = folder / "fit"
     place.mkdir()
-    write_json(place / "fit.json", as_dict(result))
+    write_json(place / "fit.json", fit_data(result))
     write_robot(result, place)
     return result, place
 
