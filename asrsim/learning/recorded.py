@@ -65,10 +65,8 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTria
         odd = [replace(one, key=column.source) for one in beside(wanted, values, column, joint, than="the desired motion")]
         odd += [one for one in recording.findings if one.code in DANGEROUS and one.key == column.source]
         (findings if column.given else wrong).extend(odd)
-    by_joint = {joint: (motion, seen) for joint, motion, seen in zip(plant.joints, plant.reference.T, outputs.T, strict=True)}
-    series = ({joint: pair[i] for joint, pair in by_joint.items()} for i in (0, 1))
-    sources = dict(zip(plant.joints, columns, strict=True))
-    swapped = [*interchanged(*series, sources, than="the desired motion")]
+    desired, seen, sources = (dict(zip(plant.joints, of, strict=True)) for of in (plant.reference.T, outputs.T, columns))
+    swapped = [*interchanged(desired, seen, sources, than="the desired motion")]
     (findings if all(column.given for column in columns) else wrong).extend(swapped)
     if wrong:
         raise RecordingError(replace(problem, file=recording.path) for problem in wrong)

@@ -140,8 +140,8 @@ def compare(
     for quantity in {one.quantity: None for one in series}:
         alike = [one for one in series if one.quantity == quantity]
         alike = [one for one in alike if np.array_equal(one.time, alike[0].time)]
-        both = ({one.joint: getattr(one, side) for one in alike} for side in ("simulation", "recording"))
-        swapped = interchanged(*both, {one.joint: columns[one.joint, quantity] for one in alike})
+        expected, measured = {one.joint: one.simulation for one in alike}, {one.joint: one.recording for one in alike}
+        swapped = interchanged(expected, measured, {one.joint: columns[one.joint, quantity] for one in alike})
         findings += [replace(one, file=recording.path) for one in swapped]
     return Comparison(recording=recording.path, series=series, alignment=alignment, findings=tuple(findings))
 
