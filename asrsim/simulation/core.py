@@ -141,7 +141,7 @@ class Core:
         """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
         self.columns, self._world_tables = columns, None
         self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
-        found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.readers, columns.of_inputs.tolist())
+        found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.read_state, columns.read_inputs)
         self._recorded = RowSelection(self.prepared.resolution.substeps, int(watched), *found)
         """Row (worlds, joints, columns) of each world at its last whole step."""
 

@@ -13,7 +13,7 @@ from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSele
 from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
-from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, spring_law, value_of
+from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, record, spring_law
 from asrsim.simulation.layout import GOALS, HEALTH, TASK
 from asrsim.simulation.ledger import update_ledger
 
@@ -21,6 +21,8 @@ FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
 """Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
+OTHER = 2
+"""What `strides` says of a world with other parameters than the scenario's, for which `deflections` do not hold."""
 FASTER = 2.0
 """Safety factor of the speeds with which a deflection may grow within a step."""
 ENDLESS = 1e300
@@ -85,10 +87,7 @@ def run(
                 if watched:
                     update_ledger(joint, link, kind, scheme, begins, jumped, asked)
                 if asked:
-                    for c in range(len(of_state)):
-                        out[place, kept, j, c] = value_of(joint, of_state[c])
-                    for c in range(len(of_inputs)):
-                        out[place, kept, j, len(of_state) + c] = references[step][j][of_inputs[c]]
+                    record(out, place, kept, j, joint, of_state, inputs_of(references, step, j), of_inputs)
                 start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
                 if before != after:
@@ -102,7 +101,7 @@ def run(
             step, before = step + sizes[after], after
             worlds.strides[w, 0] = after
         for j in range(len(kinds) if kept else 0):
-            for c in range(len(of_state) + len(of_inputs)):
+            for c in range(out.shape[3]):
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]
 
 
@@ -125,7 +124,7 @@ def stride_of(
             place = motor.position if i < kind.dynamic else inputs_of(inputs, step, j)[GOALS + i]
             motor.theta = place + way if place > joint.position else place - way
             most = max(most, abs(motor.theta - joint.position))
-        if not most <= common.deflections[longest, j]:
+        if strides[w, 2] == OTHER or not most <= common.deflections[longest, j]:
             # The stiffness where the step can take the springs.
             spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
             while longest > 0 and not joint.stiffness <= common.stiffest[longest, j]:

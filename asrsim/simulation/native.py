@@ -24,6 +24,7 @@ from asrsim.simulation.staged import SLOPE, StageAccess, compose
 
 INLINE = (
     "asrsim.actuators.motor",
+    __name__,
     *(f"asrsim.simulation.{name}" for name in ("kernel", "joint", "sensing", "ledger", "laws", "staged")),
 )
 """Modules whose functions are inlined into their callers."""
@@ -59,7 +60,14 @@ def compiled_run() -> Any:
         Corrections(measured=floats[4], gains=floats[1], coordinates=whole[2]),
         floats[4],
     )
-    return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
+    return compiling.compile_function(kernel.run, example, names={**_pointers(), "record": _record}, inline=INLINE)
+
+
+def _record(out: Any, place: int, kept: int, j: int, joint: Any, of_state: Any, references: Any, of_inputs: Any) -> None:
+    for c in range(len(of_state)):
+        out[place, kept, j, c] = value_of(joint, of_state[c])
+    for c in range(len(of_inputs)):
+        out[place, kept, j, len(of_state) + c] = references[of_inputs[c]]
 
 
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
@@ -174,8 +182,8 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("the compiler replaces this function")
 
 
-torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = motor_of = _unbound
-springs = place = add = remember = store = lose = _unbound
+torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = _unbound
+springs = place = add = remember = store = lose = motor_of = value_of = _unbound
 
 
 @cache
