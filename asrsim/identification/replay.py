@@ -153,7 +153,11 @@ def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, di
     for joint, position, velocity in zip(door.joints, door.positions, door.velocities, strict=True):
         place, speed = track.start(joint, values)
         if (place, speed) != (position, velocity) or joint in track.motors:
-            motors = {"motor_positions": track.motors[joint]} if joint in track.motors else {}
+            given = {
+                "motor_positions": track.motors.get(joint),
+                "motor_velocities": track.motor_velocities({joint: speed}).get(joint),
+            }
+            motors = {name: values for name, values in given.items() if values is not None}
             yield joint, {"position": place, "velocity": speed, **motors}
 
 
