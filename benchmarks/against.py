@@ -86,6 +86,14 @@ def outside(path: str) -> float:
     return whole - loop(path) * loaded.duration / loaded.step
 
 
+def plain(path: str) -> float:
+    """CPU time of a step of a simulation in plain Python, in calls of 20 steps, s."""
+    import asrsim
+
+    with asrsim.Simulation(path, overrides={"compiled": False}) as simulation:
+        return _median(lambda: [simulation.advance(20) for _ in range(10)]) / 200
+
+
 def worlds(path: str) -> float:
     """CPU time of a step of one of 64 worlds, in calls of 20 steps, s; versions without `Worlds` use 64 simulations."""
     import asrsim
@@ -100,14 +108,14 @@ def worlds(path: str) -> float:
 
 def environments(count: int, path: str) -> float:
     """CPU time of a physics step of 1 ms of one of `count` environments with a reward, in control steps of 20 ms with random
-    actions, s. Versions that know rewards of all environments at once use them."""
+    actions, s. Versions that know rewards of all environments at once, and substeps as needed, use them."""
     import asrsim
     from asrsim.environment.options import Options
 
     def reward(state: Any) -> Any:
         return -np.abs(state.values["link_position"] - 0.5).sum(axis=-1)
 
-    more: dict[str, Any] = {"batched": True} if "batched" in Options.__annotations__ else {}
+    more: dict[str, Any] = dict.fromkeys({"batched", "adaptive"} & Options.__annotations__.keys(), True)
     many = asrsim.make_vec_env(path, count, reward=reward, **more)
     many.reset(seed=0)
     actions = iter(np.random.default_rng(0).uniform(-1.0, 1.0, (21, *many.action_space.shape)).astype(np.float32))
@@ -173,6 +181,7 @@ def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
         found[f"loop_{joints}"] = (loop, _scenario(folder, robot, duration=50.0))
         found[f"outside_{joints}"] = (outside, _scenario(folder, robot, duration=2.0))
         found[f"bullet_{joints}"] = (loop, _scenario(folder, robot, duration=2.0, engine="bullet"))
+        found[f"plain_{joints}"] = (plain, _scenario(folder, robot, duration=50.0))
         found[f"worlds_{joints}"] = (worlds, _scenario(folder, robot, duration=50.0))
         for engine in ("mujoco", "bullet"):
             found[f"motion_{engine}_{joints}"] = (motion, _scenario(folder, robot, duration=1.0, engine=engine))

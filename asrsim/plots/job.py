@@ -15,7 +15,7 @@ from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
-from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
+from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
@@ -23,6 +23,7 @@ from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, w
 from asrsim.plots.responses import Response, ResponseExperiment, recorded_responses, responses
 from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
+from asrsim.scenario.carried import unknown_actuators
 
 Progress = Callable[[str, float], None]
 """Callback that receives the current task and the fraction done, 0 to 1."""
@@ -139,7 +140,8 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     labels = [run.label for run in runs]
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
-    findings = [finding for recording in recordings for finding in recording.findings]
+    findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    findings += [finding for recording in recordings for finding in recording.findings]
     members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
     compared = _compared(job, runs, members)
     findings += [finding for one in compared for finding in one.findings]
@@ -180,7 +182,7 @@ def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
 
 def _beside(path: Path) -> tuple[str, ...]:
     """Quantities drawn in addition to the compared quantities: the run's reference, if the run has a reference."""
-    known = available(open_log(path))
+    known = drawable_quantities(open_log(path))
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 

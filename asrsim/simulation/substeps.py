@@ -80,8 +80,11 @@ class Resolution:
     """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
-def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
-    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
+def resolution_of(
+    scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, *, softer: float = 1.0
+) -> Resolution:  # fmt: skip
+    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient.
+    softer: fraction of the stiffness that the springs can reach that is to be resolved."""
     sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
@@ -103,7 +106,8 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Rob
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    return _resolve(scenario, drives, couplings, places, masses, [_reachable_stiffness(*row, interval) for row in rows])
+    stiffness = [softer * _reachable_stiffness(*row, interval) for row in rows]
+    return _resolve(scenario, drives, couplings, places, masses, stiffness)
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
@@ -232,12 +236,13 @@ def _resolve(
     needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
     if substeps is None:
-        if needed > scenario.substep_cap:
+        if needed > scenario.max_substeps:
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its "
                 f"{frequency / math.tau:.4g} Hz cannot be resolved, since a step of {step:g} s would need {needed:.12g} "
-                f"substeps and the cap is {scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit "
-                "its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
+                f"substeps and `max_substeps` is {scenario.max_substeps}. Lower the step, raise this limit, soften the spring, "
+                "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
+                "outside"
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
@@ -245,7 +250,7 @@ def _resolve(
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
         fading = max(STEEPEST * max(growths), rate)
-        substeps = int(max(needed, min(scenario.substep_cap, _count(fading * step / FADING))))
+        substeps = int(max(needed, min(scenario.max_substeps, _count(fading * step / FADING))))
     h = step / substeps
     if rate * h >= DAMPED:
         raise UnresolvedSpringError(

@@ -21,6 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
+from asrsim.simulation import kernel
 from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
@@ -29,8 +30,9 @@ from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import WARP, Prepared, Source, Start, prepare_worlds
+from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
+from asrsim.simulation.strides import ALWAYS_ALL, strides_of
 
 NOTHING = np.empty(0)
 VARIANTS_KEPT = 256
@@ -93,7 +95,7 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: Source,
+        scenario: ScenarioLike,
         count: int,
         *,
         variant: str | None = None,
@@ -108,6 +110,7 @@ class Worlds:
         watch: Callable[[], None] | None = None,
         engine: str | None = None,
         device: str = "cpu",
+        adaptive: bool = False,
     ) -> None:
         """Prepare the worlds.
 
@@ -125,6 +128,9 @@ class Worlds:
                 Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are not
                 computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
+            adaptive: Whether each world takes fewer substeps while its springs are soft enough
+                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo, without contacts,
+                imperfect sensors, stages and energies (`watched`).
         """
         for key, value in (("count", count), ("threads", threads)):
             check_number(value, key)
@@ -133,6 +139,7 @@ class Worlds:
                 "only worlds on Warp choose a device", key="device", value=device, hint=f"engine: {WARP}", code="warp"
             )
         prepared = prepare_worlds(scenario, engine=engine, variant=variant, overrides=overrides, plugins=plugins)
+        strides = strides_of(prepared) if adaptive else ALWAYS_ALL
         self.on_warp = engine == WARP
         """Whether the worlds are on a device of Warp."""
         if self.on_warp:
@@ -148,9 +155,19 @@ class Worlds:
             self.core, self.slow_because = (
                 (_warp_core(prepared, links, count, device), "")
                 if self.on_warp
-                else make_core(prepared, links, compiled=compiled, substeps=substeps, worlds=count, watch=watch)
-            )
+                else make_core(
+                    prepared, links, compiled=True if adaptive and compiled is None else compiled, substeps=substeps,
+                    worlds=count, watch=watch, strides=strides,
+                )
+            )  # fmt: skip
             self.record_as(prepared)
+            if adaptive and (self._watched or not self.core.native):
+                raise InputError(
+                    "needs the compiled loop without energies",
+                    key="adaptive",
+                    hint="watched=False, compiled=True",
+                    code="adaptive",
+                )
             self._home_inputs = self._inputs_of(prepared)
             self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
@@ -166,6 +183,8 @@ class Worlds:
             """Inputs of the next substeps; None after a change from outside, but for values that were set."""
             self._renewed = True
             """Whether `_block` contains the values that were set."""
+            self._sizes = np.array(strides.sizes)
+            """Lengths of the strides in substeps."""
             self.closed = False
             self.reset()
         except BaseException:
@@ -260,7 +279,7 @@ class Worlds:
         the values that they set differ: then the rows are used again."""
         if block.steady is not None and length <= block.end and int(self.core.done[block.numbers[0]]) + length <= block.until:
             if not self._renewed:
-                block.steady.renew(block.given, self.core.held[block.numbers])
+                block.steady.renew(block.given, self.core.held, block.numbers)
                 self._renewed = True
             block.row = 0
         return self._renewed and block.row + length <= block.end
@@ -347,7 +366,13 @@ class Worlds:
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self.check_open()
-        return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self.core.S, self._stride)
+
+    @property
+    def _stride(self) -> Any:
+        """Present length of the steps of all worlds in s; (N, 1) if they differ."""
+        sizes = self.core.strides[:, 0]
+        return self.prepared.substep * self._sizes[sizes][:, None] if np.count_nonzero(sizes) else self.prepared.substep
 
     def links(self) -> tuple[Array, Array]:
         """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
@@ -356,10 +381,14 @@ class Worlds:
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
-        self.check_open()
         self.columns.check(names)
-        if self.core.done.all():
-            return self.columns.values(np.where(self._absent, np.nan, self.core.rows), names)
+        return self.columns.values(self.latest(), names)
+
+    def latest(self) -> Array:
+        """Recorded values of the last step, (N, n, columns), with the columns of `columns.place`; see `read`."""
+        self.check_open()
+        if np.count_nonzero(self.core.done) == self.count:
+            return np.where(self._absent, np.nan, self.core.rows)
         # Worlds at their start have no step yet: they show the values of the first one.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
@@ -368,7 +397,7 @@ class Worlds:
         rows = np.where(self._absent, np.nan, self.core.rows)
         for world, state in zip(fresh.tolist(), states, strict=True):
             self.core.put(world, self._worlds[world].prepared, state)
-        return self.columns.values(rows, names)
+        return rows
 
     @property
     def model(self) -> RobotModel | None:
@@ -482,6 +511,9 @@ class Worlds:
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)
         self._worlds[number], self._equal_inputs = world, None
+        if len(self._sizes) > 1:
+            own = 1 if world.prepared is self.prepared else kernel.OTHER
+            self.core.strides[number, 2] = 0 if world.inputs.jumps else own
 
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""

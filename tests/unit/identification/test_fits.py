@@ -21,7 +21,7 @@ from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
 from asrsim.identification.track import Played
 from asrsim.identification.uncertainty import uncertainty
-from asrsim.identification.write import as_dict, write_robot
+from asrsim.identification.write import fit_data, write_robot
 from asrsim.recordings import read_recording
 from asrsim.robot import load_robot
 from asrsim.scenario.recording_plan import make_plan
@@ -282,8 +282,8 @@ def test_a_draw_of_a_sweep_is_the_written_robot(lab, fitted, tmp_path):
     )
     tied = replace(fitted, layout=replace(fitted.layout, ties=ties))
     files, _ = write_robot(tied, tmp_path, everything=True)
-    (best,) = joint_of(as_dict(tied)).interval(0.0)[:1]
-    drawn = asrsim.prepare(lab / "lab.yaml").vary(numbers_of(joint_of(as_dict(tied)).assign(best))).robot
+    (best,) = joint_of(fit_data(tied)).interval(0.0)[:1]
+    drawn = asrsim.prepare(lab / "lab.yaml").vary(numbers_of(joint_of(fit_data(tied)).assign(best))).robot
     written = load_robot(files[0])
     assert drawn.links[1].inertia == pytest.approx(written.links[1].inertia, rel=1e-6)
     joints = [robot.joint("joint_1") for robot in (drawn, written)]
@@ -357,7 +357,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     free = ["joint_1.damping", "joint_1.friction"]
     result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=free), stop=stop, progress=told.append)
     assert (result.status, bool(asked)) == ("interrupted", True)
-    assert result.fits is as_dict(result)["fits"] is None
+    assert result.fits is fit_data(result)["fits"] is None
     assert result.evaluations - asked[0] < 12
     assert len(result.estimates) == 2
 
