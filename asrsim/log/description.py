@@ -44,7 +44,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
         "metadata": dict(info.metadata),
     }
     files = {
-        _RESOLVED: ("application/json", json.dumps(dict(info.resolved), indent=1).encode()),
+        _RESOLVED: ("application/json", json.dumps(dict(info.resolved)).encode()),
     }
     if info.urdf:
         files[_URDF] = ("application/xml", info.urdf.encode())
@@ -52,7 +52,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
     # run.json is the last attachment: a truncated file that contains run.json contains all attachments.
-    files[_RUN] = ("application/json", json.dumps(run, indent=1).encode())
+    files[_RUN] = ("application/json", json.dumps(run).encode())
     return files
 
 
