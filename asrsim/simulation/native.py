@@ -37,10 +37,25 @@ def compiled_run() -> Any:
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
         Stretch(which=whole[2], first=1, substeps=1),
-        Tables(states=floats[3], constants=floats[3], engines=floats[2], done=whole[1], fault=whole[2], rows=floats[3]),
-        Common(kinds=whole[2], scheme=np.zeros(1, dtype=_dtype(Scheme))),
+        Tables(
+            states=floats[3],
+            constants=floats[3],
+            engines=floats[2],
+            done=whole[1],
+            fault=whole[2],
+            rows=floats[3],
+            strides=whole[2],
+        ),
+        Common(
+            kinds=whole[2],
+            scheme=np.zeros(1, dtype=_dtype(Scheme)),
+            sizes=whole[1],
+            deflections=floats[2],
+            stiffest=floats[2],
+            shares=floats[2],
+        ),
         Given(inputs=floats[4], references=floats[4], wrenches=floats[4], lengths=floats[2], cuts=whole[3]),
-        EngineCall(step=1, record=1, exchange=floats[3]),
+        EngineCall(step=1, records=whole[1], exchange=floats[3]),
         RowSelection(every=1, watched=1, of_state=whole[1], of_inputs=whole[1]),
         Corrections(measured=floats[4], gains=floats[1], coordinates=whole[2]),
         floats[4],
@@ -296,9 +311,9 @@ def _adding_at(column: int) -> Any:
     return intrinsic(add_to)
 
 
-def scheme_table(scheme: Scheme) -> NDArray[Any]:
-    """Table with one record: the constants of a stepping."""
-    return np.array([numbers(scheme)], dtype=_dtype(Scheme))
+def scheme_table(schemes: Sequence[Scheme]) -> NDArray[Any]:
+    """Table with the constants of steppings."""
+    return np.array([numbers(scheme) for scheme in schemes], dtype=_dtype(Scheme))
 
 
 @cache
