@@ -37,8 +37,8 @@ class Tables(NamedTuple):
     rows: Any
     """Last recorded row (worlds, joints, columns)."""
     strides: Any
-    """Of each world (worlds, 3): stride in which it moves, number of steps for which a longer stride has been possible, and 1
-    if its stride may change, else 0; see `asrsim.simulation.strides`."""
+    """Of each world (worlds, 3): stride in which it moves, number of steps for which a longer stride has been possible, and
+    whether its stride may change: 0 no, 1 yes, 2 yes with other parameters; see `asrsim.simulation.strides`."""
 
 
 class Common(NamedTuple):

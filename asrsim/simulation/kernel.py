@@ -21,6 +21,8 @@ FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
 """Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
+OTHER = 2
+"""What `strides` says of a world with other parameters than the scenario's, for which `deflections` do not hold."""
 FASTER = 2.0
 """Safety factor of the speeds with which a deflection may grow within a step."""
 ENDLESS = 1e300
@@ -122,7 +124,7 @@ def stride_of(
             place = motor.position if i < kind.dynamic else inputs_of(inputs, step, j)[GOALS + i]
             motor.theta = place + way if place > joint.position else place - way
             most = max(most, abs(motor.theta - joint.position))
-        if not most <= common.deflections[longest, j]:
+        if strides[w, 2] == OTHER or not most <= common.deflections[longest, j]:
             # The stiffness where the step can take the springs.
             spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
             while longest > 0 and not joint.stiffness <= common.stiffest[longest, j]:

@@ -21,6 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
+from asrsim.simulation import kernel
 from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
@@ -128,8 +129,8 @@ class Worlds:
                 computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
             adaptive: Whether each world takes fewer substeps while its springs are soft enough
-                (`asrsim.simulation.strides`), as far as its parameters are the scenario's and its inputs do not jump. Needs a
-                compiled loop in MuJoCo, without contacts, imperfect sensors, stages and energies (`watched`).
+                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo, without contacts,
+                imperfect sensors, stages and energies (`watched`).
         """
         for key, value in (("count", count), ("threads", threads)):
             check_number(value, key)
@@ -511,7 +512,8 @@ class Worlds:
             self._absent[number] = self.columns.absent(world.prepared.drives)
         self._worlds[number], self._equal_inputs = world, None
         if len(self._sizes) > 1:
-            self.core.strides[number, 2] = world.prepared is self.prepared and not world.inputs.jumps
+            own = 1 if world.prepared is self.prepared else kernel.OTHER
+            self.core.strides[number, 2] = 0 if world.inputs.jumps else own
 
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""

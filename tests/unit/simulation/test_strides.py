@@ -105,17 +105,28 @@ def test_a_restored_world_continues_in_its_stride():
         assert np.array_equal(worlds.links()[0], after)
 
 
-@pytest.mark.parametrize("change", ["jump", "parameter"])
-def test_worlds_with_jumps_or_other_parameters_take_all_substeps(change):
-    keys = {"references": {"*": {"equilibrium_position": {"step": {"at": 0.1, "to": 0.5}}}}} if change == "jump" else {}
-    start = asrsim.Start(parameters={"joint_1": {"damping": 0.1}} if change == "parameter" else {})
-    found = []
+def test_worlds_whose_signals_jump_take_all_substeps():
+    jump, found = {"equilibrium_position": {"step": {"at": 0.1, "to": 0.5}}}, []
     for adaptive in (True, False):
-        with many(arm(**keys), adaptive=adaptive) as worlds:
-            worlds.reset(start)
+        with many(arm(references={"*": jump}), adaptive=adaptive) as worlds:
             worlds.advance(400)
             found.append(worlds.links()[0].copy())
     assert np.array_equal(*found)
+
+
+def test_the_stiffness_of_a_world_with_other_parameters_is_its_own():
+    """The third world is a little softer than what the longer stride resolves, the fourth a little stiffer."""
+    still = arm(references={"*": {"equilibrium_position": 0.0, "stiffness_preset": 0.05}})
+    with many(still, 4, adaptive=True) as worlds:
+        spring = worlds.prepared.drives[0]
+        ratio = worlds.core._common.stiffest[1, 0] / spring.actuator.stiffness(0.0, 0.05, -0.05, spring.elastic)
+        numbers = {name: spring.values[name] for name in ("spring_k_1", "spring_k_2")}
+        shares = (1.0, 0.1, 0.7 * ratio, 1.3 * ratio)
+        worlds.reset([
+            asrsim.Start(parameters={"joint_1": {name: share * one for name, one in numbers.items()}}) for share in shares
+        ])  # fmt: skip
+        worlds.advance(300)
+        assert worlds.core.strides[:, 0].tolist() == [1, 1, 1, 0]
 
 
 def test_motors_are_observed_at_the_time_of_the_step():
@@ -130,7 +141,7 @@ def test_motors_are_observed_at_the_time_of_the_step():
 @pytest.mark.parametrize(
     ("keys", "options", "words"),
     [
-        ({"effects": {"sensors": {"*": {"delay": 0.002}}}}, {}, "without imperfect sensors"),
+        ({"imperfections": {"sensors": {"*": {"delay": 0.002}}}}, {}, "without imperfect sensors"),
         ({"world": {"ground": True}}, {}, "without contacts"),
         ({"stepping": "euler"}, {}, "stepping leapfrog"),
         ({}, {"compiled": False}, "compiled loop"),
