@@ -39,7 +39,7 @@ TOLERANCE = 0.01
 CHANGES = ("stiffness_free", "stiffness_loaded")
 """Variants in which the stiffness changes."""
 STILL = 1e-9
-"""Relative change of the stiffness that is none."""
+"""Relative change of the stiffness below which the stiffness counts as constant."""
 LOADED = 0.2
 """Load while the stiffness changes where no nominal torque is stated, as a share of the torque that every setting holds."""
 JOINT = "joint_1"

@@ -164,3 +164,25 @@ def test_derivatives_by_a_parameter_of_the_second_recording_are_zero_in_the_firs
         slopes = jacobian(problem, np.zeros(len(keys)), columns=[column])[:, 0]
         assert not slopes[problem.rows(0)].any()
         assert slopes[problem.rows(1)].any()
+
+
+def test_a_motor_before_its_gear_is_not_compared_and_another_zero_is_estimated(tmp_path):
+    """The motor's sensor has another zero than the two others, and in the second recording another scale."""
+    time = np.arange(0.0, 3.0, 2e-3)
+    link, bent = np.sin(4.0 * time), 0.05 * np.cos(4.0 * time)
+    names = ("reference_1", "link_position", "deflection", "motor_1_position")
+    header = ",".join(["time [s]", *(f"joint_1.{name} [rad]" for name in names)])
+    for gear in (1.0, 100.0):
+        recording = save(tmp_path / f"{gear}.csv", header, time, link, link, bent, gear * (link + bent + 0.4))
+        with ExitStack() as stack:
+            problem = set_up(
+                task_of(write(tmp_path, "lab", {**SEA, "mode": 6}), [recording], free=["joint_1.damping"]), stack
+            ).problem
+        remarks, compared = problem.tracks[0].data.remarks, {channel.quantity for channel in problem.tracks[0].channels}
+        if gear == 1.0:
+            assert problem.layout.table(np.zeros(len(problem.layout)), 0)["joint_1.motor_1_position.offset"] == pytest.approx(
+                0.4
+            )
+        else:
+            assert "motor_1_position" not in compared
+            assert any("moves 100.1 times as far as the link" in text for text in remarks), remarks
