@@ -22,7 +22,7 @@ FASTEST = 1e4
 PATIENCE = 100
 """Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
 OTHER = 2
-"""What `strides` says of a world with other parameters than the scenario's, for which `deflections` do not hold."""
+"""Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
 FASTER = 2.0
 """Safety factor of the speeds with which a deflection may grow within a step."""
 ENDLESS = 1e300
