@@ -135,9 +135,9 @@ class Result:
 
     def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
         """Figure of the joints, or of the named quantities; a notebook displays it. Raises LogError for unknown names."""
-        from asrsim.notebook import draw
+        from asrsim.notebook import run_picture
 
-        return draw(self, joints=joints, quantities=quantities)
+        return run_picture(self, joints=joints, quantities=quantities)
 
     def render(self, *, frames: int = 6) -> Image:
         """Film strip of the motion; a notebook displays it."""

@@ -24,7 +24,7 @@ WIDTH = 900
 """Width of the picture that a result displays, pixels."""
 
 
-def draw(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
+def run_picture(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
     """First picture of `asrsim plot` for the run: its joints, or the given quantities."""
     from asrsim.plots.curves import read_curves
     from asrsim.plots.figures import run_pages
@@ -81,7 +81,7 @@ def as_html(result: Result) -> str:
     remarks = [f"{'pass' if claim.holds else 'FAIL'} {claim.text}" for claim in summary.claims]
     remarks += filter(None, [rest_note(joints)])
     remarks += [f"warning {warning}" for warning in summary.warnings[:5]]
-    figure = draw(result)
+    figure = run_picture(result)
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=WIDTH / figure.get_size_inches()[0])
     title = html.escape(f"{summary.scenario} / {summary.variant}")

@@ -63,7 +63,7 @@ QUANTITIES: dict[str, Quantity] = {
         *of_motors("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, where it is electric", apart=True),
         *of_motors("motor_{}_current", "A", "$i_{}$", "current of motor {}, where it is electric", apart=True),
         *of_motors(
-            "sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `effects` of commands", apart=True
+            "sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `imperfections` of commands", apart=True
         ),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy stored in the springs"),

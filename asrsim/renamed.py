@@ -4,25 +4,39 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Callable
-from typing import ParamSpec, TypeVar
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
+
+if TYPE_CHECKING:
+    from asrsim.document.node import Node
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 OPTIONS = {
     "design": {"--seconds": "--duration", "--after": "--experiment"},
-    "export": {"--timestep": "--step"},
+    "export": {"--timestep": "--step", "--to": "--format"},
     "identify": {"--time": "--duration"},
     "ilc": {"--next": "--experiment", "--lag": "--align"},
+    "init": {"--force": "--overwrite", "-f": "--overwrite"},
     "live": {"--rate": "--publish-rate"},
     "plot": {"--lag": "--align"},
+    "sweep": {"--design": "--sampler"},
     "twin": {"--lag": "--clock-offset"},
     "view": {"--lag": "--align"},
 }
 """Options of each command: old and new name."""
 NAMES = {"asrsim": {"repeat": "rerun"}, "asrsim.identification": {"Result": "FitResult"}}
 """Names of each package: old and new name."""
+STUDY_KEYS = {"design": "sampler"}
+"""Keys of a study: old and new name."""
+KEYS = {"effects": "imperfections", "substep_cap": "max_substeps"}
+"""Keys of a scenario: old and new name. Logs keep the old names for ever."""
+
+
+class OldKeyWarning(FutureWarning):
+    """A key of a scenario is written by its old name. The command line prints the message as a line of its own."""
 
 
 def tell(old: str, new: str) -> str:
@@ -53,3 +67,32 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
         return call
 
     return decorate
+
+
+def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
+    """Dotted key of a document by its present name; warns if it is given by an old name. place: file and line, if known."""
+    head, dot, rest = key.partition(".")
+    if head not in names:
+        return key
+    start = f"{place}: " if place else ""
+    warnings.warn(tell(f"{start}the key `{head}`", f"`{names[head]}`"), OldKeyWarning, stacklevel=3)
+    return f"{names[head]}{dot}{rest}"
+
+
+def with_new_keys(root: Node, names: Mapping[str, str] = KEYS, *, told: bool = True) -> Node:
+    """Document whose keys, also those of its variants, have their present names. told: warn of old names, with file and line.
+    An old name beside the new one stays, and is an unknown key."""
+    if not isinstance(root.value, dict):
+        return root
+    items: dict[str, Node] = {}
+    lines = dict(root.key_lines or {})
+    for key, node in root.value.items():
+        name = key
+        if key in names and names[key] not in root.value:
+            name = names[key]
+            lines[name] = lines.pop(key, None)
+            if told:
+                new_key(key, names, "" if root.file is None else f"{root.file}:{lines[name]}")
+        changes = {variant: with_new_keys(one, names, told=told) for variant, one in node.items() if key == "variants"}
+        items[name] = replace(node, value=changes) if changes and isinstance(node.value, dict) else node
+    return replace(root, value=items, key_lines=lines)

@@ -86,6 +86,14 @@ def outside(path: str) -> float:
     return whole - loop(path) * loaded.duration / loaded.step
 
 
+def plain(path: str) -> float:
+    """CPU time of a step of a simulation in plain Python, in calls of 20 steps, s."""
+    import asrsim
+
+    with asrsim.Simulation(path, overrides={"compiled": False}) as simulation:
+        return _median(lambda: [simulation.advance(20) for _ in range(10)]) / 200
+
+
 def worlds(path: str) -> float:
     """CPU time of a step of one of 64 worlds, in calls of 20 steps, s; versions without `Worlds` use 64 simulations."""
     import asrsim
@@ -173,6 +181,7 @@ def _cases(folder: Path) -> dict[str, tuple[Callable[[str], Any], str]]:
         found[f"loop_{joints}"] = (loop, _scenario(folder, robot, duration=50.0))
         found[f"outside_{joints}"] = (outside, _scenario(folder, robot, duration=2.0))
         found[f"bullet_{joints}"] = (loop, _scenario(folder, robot, duration=2.0, engine="bullet"))
+        found[f"plain_{joints}"] = (plain, _scenario(folder, robot, duration=50.0))
         found[f"worlds_{joints}"] = (worlds, _scenario(folder, robot, duration=50.0))
         for engine in ("mujoco", "bullet"):
             found[f"motion_{engine}_{joints}"] = (motion, _scenario(folder, robot, duration=1.0, engine=engine))

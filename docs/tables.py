@@ -16,7 +16,7 @@ from asrsim.identification import CAUSES
 from asrsim.metrics.measures import MEASURES
 from asrsim.plots import FIGURES
 from asrsim.recordings.reading import READING, TIME
-from asrsim.robot.vocabulary import PLUGINS, WORDS
+from asrsim.robot.vocabulary import PLUGINS, SILENT_PLUGINS, UNKNOWN_PLUGIN, WORDS
 from asrsim.scenario.data import KEYS, VARIANTS
 from asrsim.signals import SIGNALS
 from asrsim.signals.parse import block_of
@@ -145,6 +145,8 @@ def word_tables() -> dict[str, str]:
             groups.setdefault((word.use, word.doc if word.use == "left out" else ""), []).append(f"`{name}`")
         rows += [(f"`{parent}`", ", ".join(names), use, doc) for (use, doc), names in groups.items()]
     plugins = [(", ".join(f"`{part}`" for part in parts), word.use, word.doc) for parts, word in PLUGINS]
+    silent = ", ".join(f"`{part}`" for part in SILENT_PLUGINS.pattern.split("|"))
+    plugins += [(silent, "no physics", ""), ("any other", UNKNOWN_PLUGIN.use, UNKNOWN_PLUGIN.doc)]
     return {
         "words": markdown_table(("in", "words", "use", "warning"), rows),
         "word-plugins": markdown_table(("file name contains", "use", "warning"), plugins),

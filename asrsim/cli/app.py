@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import re
 import sys
+import warnings
+from collections.abc import Callable
 from importlib import import_module
 from inspect import cleandoc
 from typing import Annotated, Any
@@ -12,7 +14,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from asrsim.renamed import OPTIONS, tell
+from asrsim.renamed import OPTIONS, OldKeyWarning, tell
 
 GROUPS = {
     "Simulate": {"run": "run", "live": "live", "rerun": "rerun"},
@@ -148,7 +150,8 @@ def _call() -> int:
     from asrsim.cli.console import complain
     from asrsim.cli.interrupt import INTERRUPTED, interruptible
 
-    with interruptible() as interrupted:
+    with interruptible() as interrupted, warnings.catch_warnings():
+        warnings.showwarning = _tell_old_keys(warnings.showwarning)
         try:
             app()
         except SystemExit as end:
@@ -162,6 +165,19 @@ def _call() -> int:
             complain("asrsim: aborted")
             return INTERRUPTED
     return 0
+
+
+def _tell_old_keys(show: Callable[..., None]) -> Callable[..., None]:
+    """Function that prints a warning about a key's old name as one line, and passes other warnings to `show`."""
+    from asrsim.cli.console import complain
+
+    def tell_old_key(message: Warning | str, *given: Any, **named: Any) -> None:
+        if isinstance(message, OldKeyWarning):
+            complain(f"asrsim: {message}")
+        else:
+            show(message, *given, **named)
+
+    return tell_old_key
 
 
 def _report_error(error: BaseException) -> int:

@@ -88,6 +88,7 @@ def datasheet(
                 TableColumn("unit", [one.unit if one.known else "" for one in rows]),
                 TableColumn("how", [one.how for one in rows]),
             ])  # fmt: skip
+            say(f"repeat the simulations, in {out}/: {sheet.command}")
         say_written(files)
 
     return Done(data={"ok": True, "files": files, "sheets": [sheet.as_dict() for sheet in sheets]}, text=text)

@@ -54,7 +54,7 @@ def design(
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.designs.run import design as designed
-    from asrsim.designs.write import columns, write_design
+    from asrsim.designs.write import interval_columns, write_design
     from asrsim.outfile import check_output, make_folder
     from asrsim.plain import finite_or_none, mapped
 
@@ -72,7 +72,7 @@ def design(
         files = write_design(found, out, plot=plot)
 
     def text() -> None:
-        say_table(columns(found))
+        say_table(interval_columns(found))
         for remark in (*found.remarks, *(["interrupted: this is the best so far"] if found.interrupted else [])):
             say(remark)
         say_written(files)

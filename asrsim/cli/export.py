@@ -17,7 +17,7 @@ from asrsim.tables import TableColumn
 def export(
     scenario: Scenario,
     program: Annotated[str, option("Program that the file is made for.", "--for", metavar="mujoco|warp|mjx|mjlab")] = "mujoco",
-    to: Annotated[str, option("Format of the file.", "--to", metavar="mjcf")] = "mjcf",
+    file_format: Annotated[str, option("Format of the file.", "--format", metavar="mjcf")] = "mjcf",
     out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(
         "soft.xml"
     ),
@@ -41,8 +41,8 @@ def export(
 
     Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --for mujoco --out soft.xml
     """
-    if to != "mjcf":
-        raise typer.BadParameter(f"'{to}' is not a known format; choose from: mjcf", param_hint="--to")
+    if file_format != "mjcf":
+        raise typer.BadParameter(f"'{file_format}' is not a known format; choose from: mjcf", param_hint="--format")
     if step is not None and not 1e-6 <= step <= 1.0:
         raise typer.BadParameter("must be from 1e-6 to 1 s", param_hint="--step")
     from asrsim.exports import export as exported

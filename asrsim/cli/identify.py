@@ -113,7 +113,7 @@ def identify(
     Options beside a fit file add to `free` and `ties`, and replace its other values.
     """
     from asrsim.identification.task import task_of
-    from asrsim.identification.write import as_dict
+    from asrsim.identification.write import fit_data
 
     options: dict[str, Any] = {
         "validate": validate, "free": free, "ties": tie, "own": own, "mapping": mapping,
@@ -130,7 +130,7 @@ def identify(
         return _resume(task, folder, everything=everything, accept=accept)
     result, code = _run(task, check=check, quiet=quiet, accept=accept, adopt=adopt, duration=duration)
     files, said = ([], []) if check else _write(result, folder, everything=everything, plot=plot, sheet=sheet)
-    data = {"ok": code == 0, **as_dict(result), "files": files}
+    data = {"ok": code == 0, **fit_data(result), "files": files}
     return Done(data=data, text=lambda: _say(result, files, said), code=code)
 
 
@@ -157,7 +157,7 @@ def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done
 
     from asrsim.identification.folder import FIT, read_fit
     from asrsim.identification.resume import resumed
-    from asrsim.identification.show import columns
+    from asrsim.identification.show import estimate_columns
     from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
 
@@ -169,7 +169,7 @@ def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done
     files, code = [folder / FIT, *files], 0 if found.fits else 1
 
     def text() -> None:
-        say_table(columns(found))
+        say_table(estimate_columns(found))
         for line in (*found.misfit, *said):
             say(line)
         say_written(files)
@@ -193,25 +193,25 @@ def _robot(found: FitResult | Resumed, folder: Path, *, everything: bool) -> tup
 def _write(result: FitResult, folder: Path, *, everything: bool, plot: bool, sheet: bool) -> tuple[list[Path], list[str]]:
     from asrsim.designs.advice import advice, design_line
     from asrsim.identification.folder import FIT
-    from asrsim.identification.write import as_dict, write_curves_of
+    from asrsim.identification.write import fit_data, write_curves_of
     from asrsim.outfile import write_json
     from asrsim.runs.lock import owned
 
     with owned(folder):
         files, said = [folder / FIT], list[str]()
         advices = list(advice(result))
-        write_json(folder / FIT, {**as_dict(result), "next": advices})
+        write_json(folder / FIT, {**fit_data(result), "next": advices})
         if result.status == "complete":
             written, said = _robot(result, folder, everything=everything)
             files += written
             found, line = design_line(result, folder)
             files += [*found, write_curves_of(result, folder)]
             said += [f"next experiment: {line}"] if line else []
-            write_json(folder / FIT, {**as_dict(result), "next": [*advices, *([line] if line else [])]})
+            write_json(folder / FIT, {**fit_data(result), "next": [*advices, *([line] if line else [])]})
         if plot and result.status == "complete":
-            from asrsim.identification.write import draw
+            from asrsim.identification.write import draw_recordings
 
-            files += draw(result, folder)
+            files += draw_recordings(result, folder)
         if sheet and result.status == "complete":
             from asrsim.datasheet import fitted_sheets, write_sheets
 
@@ -221,9 +221,9 @@ def _write(result: FitResult, folder: Path, *, everything: bool, plot: bool, she
 
 def _say(result: FitResult, files: list[Path], said: list[str]) -> None:
     from asrsim.designs.advice import advice
-    from asrsim.identification.show import columns, errors, judgement
+    from asrsim.identification.show import errors, estimate_columns, judgement
 
-    say_table(columns(result))
+    say_table(estimate_columns(result))
     say()
     say_table(errors(result))
     say()

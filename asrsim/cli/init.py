@@ -46,7 +46,7 @@ def init(
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    overwrite: Annotated[bool, option("Replace the file if it is there.", "--overwrite", "--force", "-f")] = False,
+    overwrite: Annotated[bool, option("Replace the file if it is there.", "--overwrite")] = False,
     arg: Arguments = None,
     package: Packages = None,
     *,

@@ -36,7 +36,7 @@ def sweep(
     ] = None,
     variant: Variants = None,
     overrides: Overrides = None,
-    design: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
+    sampler: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
     samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
     seed: Annotated[int, option("Seed of the draws.", min=0)] = 0,
     fit: Annotated[
@@ -69,7 +69,7 @@ def sweep(
     On a cluster: asrsim sweep study.yaml --cluster tcp://host:8786
     """
     given: dict[str, Any] = {
-        "variants": variant or [], "overrides": overrides or [], "design": design, "samples": samples, "seed": seed,
+        "variants": variant or [], "overrides": overrides or [], "sampler": sampler, "samples": samples, "seed": seed,
         "fit": fit, "plugins": plugin,
     }  # fmt: skip
     if run is not None:
@@ -85,10 +85,10 @@ def sweep(
         from asrsim.sweeps.pictures import draw_sweep
 
         files += draw_sweep(table, results=result or [])
-    from asrsim.sweeps.show import HEADS, as_dict, headline, remarks, result_rows
+    from asrsim.sweeps.show import HEADS, remarks, result_rows, study_data, study_headline
 
     def text() -> None:
-        say(headline(table))
+        say(study_headline(table))
         if rows := result_rows(table):
             say_table(from_rows(HEADS, rows, right=range(1, len(HEADS))))
         for line in remarks(table):
@@ -97,7 +97,7 @@ def sweep(
         if table.missing:
             say(f"{table.missing} runs are missing; --resume does them")
 
-    data = {**as_dict(table), "files": [*table.files, *files]}
+    data = {**study_data(table), "files": [*table.files, *files]}
     return Done(data=data, text=text, code=code)
 
 

@@ -40,7 +40,7 @@ def twin(
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """
     from asrsim.cli.progress import FractionBar
-    from asrsim.twin.follow import Followed, follow, write
+    from asrsim.twin.follow import Followed, follow_recording, write
 
     options: dict[str, Any] = {
         "bandwidth": bandwidth, "mapping": mapping, "rate": rate, "clock_offset": clock_offset, "variant": variant,
@@ -51,7 +51,7 @@ def twin(
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
 
         def work(**more: Any) -> Followed:
-            return follow(scenario, experiment, progress=lambda share: bar.update("twin", share), **options, **more)
+            return follow_recording(scenario, experiment, progress=lambda share: bar.update("twin", share), **options, **more)
 
         def done(found: Followed) -> None:
             written.extend(write(found, out, plot=plot))

@@ -35,7 +35,7 @@ _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """What this process has compiled or loaded, by digest and folder of the cache."""
 
 
-def available() -> bool:
+def numba_available() -> bool:
     """Whether Numba is installed (the extra `fast`)."""
     from importlib.util import find_spec
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from asrsim.plots.chart import Chart
@@ -53,6 +54,8 @@ class Sheet:
 
     name: str
     """Name of files: the actuator's, or that of robot and joint."""
+    short: str
+    """Name beside other sheets: the actuator's, or the joint's."""
     title: str
     source: str
     """Publication of the law."""
@@ -71,6 +74,12 @@ class Sheet:
     units: Mapping[str, str] = field(default_factory=dict)
     """Their units."""
 
+    @property
+    def command(self) -> str:
+        """Command that repeats the simulations, in the folder of the files."""
+        scenario = next(name for name in self.files if name.endswith(".yaml"))
+        return " ".join(["asrsim run", scenario, *(f"--plugin {quote(str(path.absolute()))}" for path in self.plugins)])
+
     def entry(self, key: str) -> Entry:
         """Entry with this key. Raises KeyError."""
         return {one.key: one for one in self.entries}[key]
@@ -79,6 +88,7 @@ class Sheet:
         """Plain data of numbers; charts are left out."""
         return {
             "name": self.name, "title": self.title, "source": self.source, "law": self.law, "origin": self.origin,
+            "command": self.command,
             "numbers": {one.key: one.as_dict() for one in self.entries},
             "published": [vars(one) for one in self.published],
             "parameters": {name: value if math.isfinite(value) else None for name, value in self.values.items()},

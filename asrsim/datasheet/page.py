@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 
-from asrsim.datasheet.data import Entry, Sheet
+from asrsim.datasheet.data import Sheet
+from asrsim.datasheet.rows import compared_rows, names_of, number_rows
 from asrsim.plots import style
 from asrsim.plots.chart import Chart
 from asrsim.report.charts import page_data
-from asrsim.report.html import number, section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.html import section, table
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 
 HEADS = ("torque and stiffness", "limits of the motors", "simulated steps")
 """Names of the rows of charts."""
@@ -20,58 +21,57 @@ HEADS = ("torque and stiffness", "limits of the motors", "simulated steps")
 
 def sheet_page(sheet: Sheet) -> str:
     """HTML of the sheet of one actuator."""
-    rows = [
-        [one.words, number(one.value) if one.known else "", one.unit if one.known else "", one.how] for one in sheet.entries
-    ]
+    heads, rows = number_rows(sheet)
     words = {one.key: one.words for one in sheet.entries}
     published = [[words.get(one.key, "remark"), one.text, one.source, one.why] for one in sheet.published]
     shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS))
     values = [[name, f"{value:.6g}", sheet.units[name]] for name, value in sheet.values.items() if math.isfinite(value)]
-    commands = "\n".join(f"asrsim run {name}" for name in sheet.files if name.endswith(".yaml"))
+    parameters = table(["parameter", "value", "unit"], values)
+    simulated = any(one.known and one.how.startswith("simulation") for one in sheet.entries)
+    about = f"The folder of this page has {' and '.join(sheet.files)}: the steps of the last charts"
+    about += ", and claims with the simulated numbers." if simulated else "."
+    beside = ["quantity", "published", "source", "compared with the defaults"]
     sections = [
-        section("Numbers", table(["quantity", "value", "unit", "how it was found"], rows, long=(3,))),
+        section("Numbers", table(heads, rows, long=(3,))),
         section("Curves", HINT + shown + NO_SCRIPT),
-        section("Published", table(["quantity", "published", "source", "compared with this sheet"], published, long=(1, 2, 3)))
-        if published else "",
-        section("Repeat the simulations", f"<pre>{escape(commands)}</pre>"),
-        section("Parameters", table(["parameter", "value", "unit"], values)),
+        section("Published", table(beside, published, long=(1, 2, 3))) if published else "",
+        section("Repeat the simulations", f"<p>{escape(about)}</p><pre>{escape(sheet.command)}</pre>"),
+        f"<section><details class='part'><summary><b>Parameters</b></summary>{parameters}</details></section>",
     ]  # fmt: skip
-    head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre>{escape(sheet.law)}</pre>"
+    head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre class='law'>{escape(sheet.law)}</pre>"
     data = page_data([*zip(HEADS, sheet.rows, strict=True)])
-    return build(f"Data sheet: {sheet.title}", sections, head=head, data=data)
+    return page_html(f"Data sheet: {sheet.title}", sections, head=head, data=data)
 
 
 def comparison_page(sheets: Sequence[Sheet]) -> str:
     """HTML with the numbers of several actuators side by side, and their softest and stiffest curves in common charts."""
-
-    def cell(one: Entry) -> str:
-        return number(one.value) if one.known else "-"
-
-    rows = [[f"{one.words} ({one.unit})", *(cell(sheet.entry(one.key)) for sheet in sheets)] for one in sheets[0].entries]
+    heads, rows = compared_rows(sheets)
     shown = "".join(folded(n, name, opened=True) for n, name in enumerate(HEADS[:2]))
     links = "".join(
         f'<li><a href="{escape(one.name)}.html">{escape(one.title)}</a>: {escape(one.origin)}</li>' for one in sheets
     )
     sections = [
-        section("Numbers", table(["quantity", *(sheet.name for sheet in sheets)], rows)),
+        section("Numbers", table(heads, rows)),
         section("Curves", HINT + shown + NO_SCRIPT),
         section("Sheets", f"<ul>{links}</ul>"),
     ]  # fmt: skip
     data = page_data([*zip(HEADS, common_charts(sheets), strict=False)])
-    return build("Data sheets side by side", sections, data=data)
+    return page_html("Data sheets side by side", sections, data=data)
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
-    """Charts of the first two rows with the first and the last curve of every sheet, one colour for each actuator."""
-    rows = []
+    """Charts of the first two rows with the first and the last curve of every sheet (of the motors' limits, the first), one
+    colour for each actuator."""
+    rows, names = [], names_of(sheets)
     for r in range(2):
         charts = []
         for c in range(2):
             lines = []
-            for i, sheet in enumerate(sheets):
+            for i, (sheet, name) in enumerate(zip(sheets, names, strict=True)):
                 curves = [one for one in sheet.rows[r][c].lines if one.kind == "line"]
-                for curve in dict.fromkeys((0, len(curves) - 1)):
-                    label = sheet.name if r or len(curves) == 1 else f"{sheet.name}, {'stiffest' if curve else 'softest'}"
+                ends = dict.fromkeys((0, 0 if r else len(curves) - 1))
+                for curve in ends:
+                    label = f"{name}, {'stiffest' if curve else 'softest'}" if len(ends) > 1 else name
                     lines.append(replace(curves[curve], label=label, colour=style.variant_colour(i), dash=1 if curve else 0))
             chart = sheets[0].rows[r][c]
             logarithmic = "y" if chart.words == "stiffness" else ""  # actuators differ by orders of magnitude

@@ -19,10 +19,37 @@ EDINBURGH = (
 PAPER = "Mengacci et al. (2021), section 4.1 and figure 8"
 FRIEDL_2011 = "Friedl, Hoeppner, Petit, Hirzinger (2011), Wrist and forearm rotation of the DLR Hand Arm System, IROS, abstract"
 VAN_HAM_2006 = "Van Ham, Vanderborght, Verrelst, Van Damme, Lefeber (2006), MACCEPA, abstract"
+CJT = "Malzahn, Roozing (2016), Compliant Joint Toolbox (github.com/geez0x1/CompliantJointToolbox), param/"
+RICHI = "Mengacci, advanced_plugin.cpp in github.com/Richi90/ROS-Gazebo-plugin-qbmove, after the maker's data sheet"
+PETIT_2010 = "Petit, Chalon, Friedl, Grebenstein, Albu-Schaeffer, Hirzinger (2010), ICRA, abstract"
 NONE = "No source at hand states its numbers: the sheet stands alone."
 
 PUBLISHED: dict[str, tuple[Published, ...]] = {
-    "sea": (Published(key="", text=NONE, source=PAPER, why="the paper takes a Walk-Man SEA and prints no data of it"),),
+    "sea": (
+        Published(
+            key="stiffness_max", source=PAPER, text="200 and 400 N m/rad, for the Walk-Man SEA of figure 8",
+            why="the toolbox's default is 10 N m/rad; the example dof1_sea states 200 and 400 as the paper",
+        ),
+        Published(
+            key="stiffness_max", source=f"{CJT}WMBig10k_ds.m, WMBig2300_ds.m, WMBig10k.m",
+            text="torsion bars of Walk-Man's big motor: 10000 and 2300 N m/rad by data sheet, 12823 N m/rad identified",
+            why="the spring of a leg; the toolbox's default is one of a desk-top joint",
+        ),
+        Published(
+            key="peak_torque", source=f"{CJT}WMBig10k_ds.m",
+            text="40 A x 0.0453 N m/A x 100 = 181 N m, of the same motor; 40 A are the continuous current too",
+            why="a sheet with these constants in its tags has 181.2 N m; the toolbox's default is 6 N m",
+        ),
+        Published(
+            key="top_speed", source=f"{CJT}WMBig10k_ds.m", text="5.86 rad/s at 24 V",
+            why="a sheet with these constants has 24 V / (100 x 0.0453 V s/rad) = 5.3 rad/s: they do not reach the source's "
+            "limit; the default is the toolbox's limit of 6 rad/s",
+        ),
+        Published(
+            key="voltage", source=f"{CJT}WMBig10k_ds.m", text="24 V, 0.0885 ohm, gear 100", why="<mot_voltMax> would state it"
+        ),
+        Published(key="current", source=f"{CJT}WMBig10k_ds.m", text="40 A", why="<mot_currMax> would state it"),
+    ),
     "qbmove": (
         Published(
             key="stiffness_max", source=QB_MANUAL,
@@ -40,12 +67,18 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
             why="the same law, k sinh(a d) for each motor, with other springs",
         ),
         Published(
+            key="stiffness_max", source=RICHI,
+            text="k = 0.0222 N m, a = 6.7328 1/rad: 8.49 N m/rad at preset 0.6 rad, 0.299 at preset 0; 4.85 N m at 0.8 rad",
+            why="the springs of the data sheet before the Advanced Kit: stiffer at rest, less progressive (exponent 6.7 for 9)",
+        ),
+        Published(
             key="top_speed", text="3.75 rad/s, measured as rise over time of a step without load", source=PARNENZINI,
             why="a mean over the rise, and of another motor: 0.8 N m of friction, 1 g m^2; 6 rad/s is the toolbox's limit",
         ),
         Published(
             key="change_loaded", text="its change of stiffness was measured at a nominal torque of 1.5 N m", source=PARNENZINI,
-            why="the sheet loads the softest setting by 20 % of its largest torque; the times are a figure only",
+            why="the toolbox states no nominal torque: the sheet loads the joint by 20 % of what every setting holds; the "
+            "published times are a figure only",
         ),
         Published(
             key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,
@@ -60,6 +93,11 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         Published(
             key="peak_torque", source=FRIEDL_2011, text="both motors may drive the joint in one direction (drive redundancy)",
             why="so does the sheet; numbers of torque and stiffness were not found in a source at hand",
+        ),
+        Published(
+            key="peak_torque", source=PETIT_2010,
+            text="a helping mode, in which both motors pull in one direction, increases the load range, without pretension",
+            why="the sheet's largest torque is at preset 0, where both springs pull in one direction",
         ),
     ),
     "awas_ii": (

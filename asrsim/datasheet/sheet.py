@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,13 +17,18 @@ from asrsim.datasheet.statics import Statics
 from asrsim.datasheet.trials import BAND, Trials, run_trials, usual_load
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
-from asrsim.quantities import shown
+from asrsim.quantities import linear_unit, shown
 from asrsim.robot.tags import parameter_tags
 from asrsim.samples import Array
 
 CURVES = 5
 """Number of presets of the curves."""
+WIDE = 50.0
+"""Ratio of largest and least stiffness from which on the chart of the stiffness is logarithmic."""
 LAW = "closed form"
+WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
+SOFTEST = 1e-9
+"""Share of the largest stiffness up to which a setting has none: its bandwidth would be that of rounding errors."""
 
 
 def make_sheet(
@@ -36,48 +42,61 @@ def make_sheet(
         presets: Smallest and largest second reference; None: the actuator's range.
         inertia: Inertia of the test load, kg m^2; None: 3 Hz on the mean stiffness.
         measured: Curves of test benches, drawn beside the law.
+
+    Raises InputError for presets that the actuator cannot have.
     """
     statics = Statics(drive=source.drive, effort=source.effort, given=presets)
+    statics.check()
     load = usual_load(statics)
     load = load if inertia is None else Load(inertia=inertia, damping=load.damping * math.sqrt(inertia / load.inertia))
     trials = run_trials(source, statics, load)
     actuator = source.drive.actuator
+    unit = linear_unit if source.prismatic else str
+    entries = (*_torques(statics), *_springs(source, statics), *_dynamics(source, statics, trials), *_stated(source))
+    rows = (_laws(statics, measured), _limits(statics), _responses(trials))
     return Sheet(
-        name=source.name, title=actuator.title, source=actuator.source, law=actuator.law, origin=source.origin,
-        entries=(*_statics(source, statics), *_dynamics(source, statics, trials), *_unstated(source)),
-        rows=(_laws(statics, measured), _limits(statics, trials), _responses(trials)),
+        name=source.name, short=source.short, title=actuator.title, source=actuator.source, law=actuator.law,
+        origin=source.origin,
+        entries=tuple(replace(one, unit=unit(one.unit), how=unit(one.how)) for one in entries),
+        rows=tuple(tuple(replace(one, unit=unit(one.unit), across_unit=unit(one.across_unit)) for one in row) for row in rows),
         published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
-        values=dict(source.drive.values), units={one.name: one.unit for one in actuator.all_parameters()},
+        values=dict(source.drive.values), units={one.name: unit(one.unit) for one in actuator.all_parameters()},
     )  # fmt: skip
 
 
-def _statics(source: Source, statics: Statics) -> Iterator[Entry]:
+def _torques(statics: Statics) -> Iterator[Entry]:
+    """Torque, speed and power: of the motors' limits, and for ever."""
+    most, lasting = statics, statics.lasting
+    heat = "not stated: <thermal_resistance>, and <winding_heat> or the electric constants"
+    if lasting is not None:
+        heat = f"{LAW}: with every winding at <derating_temperature> for ever"
+    yield Entry(key="peak_torque", words="peak torque", unit="N m", value=most.peak_torque, how=WITHIN)
+    at_rest = heat if lasting is None else f"{heat}, at rest"
+    held = None if lasting is None else lasting.peak_torque
+    yield Entry(key="nominal_torque", words="nominal torque", unit="N m", value=held, how=at_rest)
+    yield Entry(
+        key="top_speed", words="speed without load", unit="rad/s", value=_finite(most.top_speed),
+        how=f"{LAW}: where the motors' torque less damping and friction ends, or their largest speed"
+        if math.isfinite(most.top_speed) else "not limited by the motors' torque, voltage or largest speed",
+    )  # fmt: skip
+    product = f"{LAW}: largest product of torque and speed of the third chart"
+    largest = (
+        ("power", "largest output power"), ("power_torque", "torque at largest power"),
+        ("power_speed", "speed at largest power"),
+    )  # fmt: skip
+    nominal = (
+        ("nominal_power", "nominal (continuous) output power"), ("nominal_power_torque", "torque at nominal power"),
+        ("nominal_speed", "nominal speed, at nominal power"),
+    )  # fmt: skip
+    for one, how, names in ((most, product, largest), (lasting, heat, nominal)):
+        best = one.best_power() if one is not None and math.isfinite(one.top_speed) else (None, None, None)
+        for (key, words), unit, value in zip(names, ("W", "N m", "rad/s"), best, strict=True):
+            yield Entry(key=key, words=words, unit=unit, value=value, how=how)
+
+
+def _springs(source: Source, statics: Statics) -> Iterator[Entry]:
     unit = source.drive.actuator.reference_2_unit
     low, high = statics.unloaded_stiffness()
-    power, torque, speed = statics.best_power() if math.isfinite(statics.top_speed) else (None, None, None)
-    within = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
-    yield Entry(key="peak_torque", words="peak torque", unit="N m", value=statics.peak_torque, how=within)
-    nominal = statics.nominal_torque
-    lasting = "as the peak torque, with every winding at rest below <derating_temperature> for ever"
-    unstated = "not stated: <thermal_resistance>, and <winding_heat> or the electric constants"
-    yield Entry(
-        key="nominal_torque",
-        words="nominal (continuous) torque",
-        unit="N m",
-        value=nominal,
-        how=unstated if nominal is None else f"{LAW}: {lasting}",
-    )
-    yield Entry(
-        key="top_speed",
-        words="speed without load",
-        unit="rad/s",
-        value=_finite(statics.top_speed),
-        how=f"{LAW}: where the motors' torque less damping and friction ends, or their largest speed",
-    )
-    how = f"{LAW}: largest product of torque and speed of the third chart"
-    yield Entry(key="power", words="largest output power", unit="W", value=power, how=how)
-    yield Entry(key="power_torque", words="torque at largest power", unit="N m", value=torque, how=how)
-    yield Entry(key="power_speed", words="speed at largest power", unit="rad/s", value=speed, how=how)
     for key, words, value, preset in (
         ("stiffness_min", "least stiffness", low, statics.softest),
         ("stiffness_max", "largest stiffness", high, statics.stiffest),
@@ -85,95 +104,89 @@ def _statics(source: Source, statics: Statics) -> Iterator[Entry]:
         at = f" at preset {preset:.4g} {unit}" if statics.adjustable else ""
         yield Entry(key=key, words=words, unit="N m/rad", value=value, how=f"{LAW}: unloaded{at}")
     yield Entry(
-        key="stiffness_loaded", words="largest stiffness under load", unit="N m/rad", value=statics.peak_stiffness, how=within
+        key="stiffness_loaded", words="largest stiffness under load", unit="N m/rad", value=statics.peak_stiffness, how=WITHIN
     )
     limited = f"{LAW}: where a spring, a motor or the joint reaches its limit"
-    yield from _at_both_ends(statics, "deflection", "largest deflection", "rad", statics.reach, limited)
-    yield Entry(key="energy", words="largest elastic energy", unit="J", value=statics.peak_energy, how=within)
+    yield from _at_both_ends(statics, "deflection", "largest deflection", "rad", statics.reach, limited, limited)
+    yield Entry(key="energy", words="largest elastic energy", unit="J", value=statics.peak_energy, how=WITHIN)
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     width = 2.0 * values["hysteresis_torque"] * source.drive.actuator.motors
     yield Entry(
-        key="hysteresis",
-        words="width of the torque's hysteresis",
-        unit="N m",
-        value=width or None,
+        key="hysteresis", words="width of the torque's hysteresis", unit="N m", value=width or None,
         how=f"{LAW}: twice the hysteresis torque of all springs" if width else f"not stated: <{tags['hysteresis_torque']}>",
-    )
-    ranges = [high - low for low, high in source.drive.motor_ranges]
-    stops = [tags[f"motor_1_{name}_position"] for name in ("min", "max")]
-    turn = min(ranges) if ranges and math.isfinite(min(ranges)) else None
+    )  # fmt: skip
+    turn = min(high - low for low, high in (*source.drive.motor_ranges, source.stops))
+    stops = [f"<{tags[f'motor_1_{name}_position']}>" for name in ("min", "max")]
     yield Entry(
-        key="rotation",
-        words="active rotation",
-        unit="rad",
-        value=turn,
-        how=f"{LAW}: range of the motors" if turn else f"not stated: <{stops[0]}> and <{stops[1]}>",
-    )
+        key="rotation", words="active rotation", unit="rad", value=_finite(turn),
+        how=f"{LAW}: the smallest range of the motors and the joint" if math.isfinite(turn)
+        else f"not stated: {' and '.join(stops)}, or the joint's limits",
+    )  # fmt: skip
 
 
 def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entry]:
-    drive, command = source.drive, f"asrsim run {source.name}.yaml"
-    for key, words, variant, torque in (
-        ("change_free", "time to change stiffness, no load", "stiffness_free", 0.0),
-        ("change_loaded", "time to change stiffness, loaded", "stiffness_loaded", trials.torque),
+    drive = source.drive
+    for key, words, variant, under in (
+        ("change_free", "time to change stiffness, no load", "stiffness_free", ""),
+        ("change_loaded", "time to change stiffness, loaded", "stiffness_loaded", f", under {trials.under}"),
     ):
-        value, how = trials.change_time(variant), f"simulation: until within {100 * BAND:g} % of the change"
-        if torque:
-            how += f", under {torque:g} N m"
-        how += f"; {command} --variant {variant}"
+        value = trials.change_times.get(variant)
+        trial = f"variant {variant} of {source.name}.yaml"
+        how = f"simulation: {trial}: until within {100 * BAND:g} % of the change{under}"
         if not statics.adjustable:
             how = "does not apply: one spring"
         elif drive.actuator.adjuster:
             how = "not in the model: the adjuster's motor has no dynamics (section 2.3 of the paper)"
         elif variant in trials.faults:
             how = f"the simulation was refused: {trials.faults[variant]}"
+        elif variant in trials.unchanged:
+            how = "does not apply: the preset does not change the stiffness"
         elif value is None:
-            how = f"not settled within the trial; {command} --variant {variant}"
+            how = f"not settled at the end of {trial}"
         yield Entry(key=key, words=words, unit="s", value=value, how=how)
     about = f"behind {trials.load.inertia:.3g} kg m^2 and {trials.load.damping:.3g} N m s/rad, without friction"
     yield from _at_both_ends(
-        statics, "bandwidth", "bandwidth of position", "Hz", lambda preset: position_bandwidth(drive, preset, trials.load),
-        f"{LAW}: linearised, 3 dB, {about}",
+        statics, "bandwidth", "bandwidth of position", "Hz", lambda preset: _bandwidth(statics, preset, trials.load),
+        f"{LAW}: linearised, 3 dB, {about}", "does not apply: no stiffness without load, or no controller that moves the link",
     )  # fmt: skip
     two = drive.actuator.motors == 2
     yield Entry(
         key="bandwidth_stiffness", words="bandwidth of stiffness", unit="Hz",
         value=preset_bandwidth(drive, statics.stiffest) if two else None,
         how=f"{LAW}: linearised, 3 dB, motors against each other at the stiffest setting, link locked" if two
-        else "not in the model" if drive.actuator.adjuster else "does not apply",
+        else "not in the model: the adjuster's motor has no dynamics" if drive.actuator.adjuster
+        else "does not apply: one spring" if drive.actuator.motors == 1 else "does not apply: more than two motors",
     )  # fmt: skip
 
 
+def _bandwidth(statics: Statics, preset: float, load: Load) -> float | None:
+    """Bandwidth of position in Hz; None where the unloaded link has no stiffness."""
+    (stiffness,) = statics.stiffness(np.zeros(1), np.full(1, preset))
+    return position_bandwidth(statics.drive, preset, load) if stiffness > SOFTEST * statics.peak_stiffness else None
+
+
 def _at_both_ends(
-    statics: Statics, key: str, words: str, unit: str, law: Callable[[float], float | None], how: str
+    statics: Statics, key: str, words: str, unit: str, law: Callable[[float], float | None], how: str, unknown: str
 ) -> Iterator[Entry]:
     """A number that depends on the preset, at the softest and at the stiffest preset."""
     for end, name, preset in (("soft", "softest", statics.softest), ("stiff", "stiffest", statics.stiffest)):
-        yield Entry(key=f"{key}_{end}", words=f"{words}, {name}", unit=unit, value=law(preset), how=how)
+        value = law(preset)
+        yield Entry(key=f"{key}_{end}", words=f"{words}, {name}", unit=unit, value=value, how=unknown if value is None else how)
 
 
-def _unstated(source: Source) -> Iterator[Entry]:
+def _stated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
-        key="resolution",
-        words="resolution of position",
-        unit="rad",
-        value=source.resolution,
-        how=f"stated: effects.sensors.{source.drive.joint}.quantum of the scenario"
-        if source.resolution
-        else "not stated: `effects: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
-    )
+        key="resolution", words="resolution of position", unit="rad", value=source.resolution,
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
+        else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
+    )  # fmt: skip
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
     ):  # fmt: skip
         value = _finite(values[name])
-        yield Entry(
-            key=key,
-            words=words,
-            unit=unit,
-            value=value,
-            how=f"stated: <{tags[name]}>" if value else f"not stated: <{tags[name]}>",
-        )
+        how = "not stated" if value is None else "stated"
+        yield Entry(key=key, words=words, unit=unit, value=value, how=f"{how}: <{tags[name]}>")
 
 
 def _finite(value: float) -> float | None:
@@ -181,11 +194,11 @@ def _finite(value: float) -> float | None:
 
 
 def _settings(statics: Statics) -> list[tuple[str, float]]:
-    """Name and value of the presets of the curves."""
+    """Name and value of the presets of the curves, from the softest to the stiffest."""
     if not statics.adjustable:
         return [("spring", 0.0)]
     unit = statics.drive.actuator.reference_2_unit
-    return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(*statics.presets, CURVES)]
+    return [(f"preset {shown(float(one), unit)}", float(one)) for one in np.linspace(statics.softest, statics.stiffest, CURVES)]
 
 
 def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, ...]:
@@ -199,23 +212,32 @@ def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, .
         stiffness = statics.stiffness(deflection, presets)
         stiffnesses.append(Line(label=label, x=torque[order], y=stiffness[order], colour=colour))
     torques += [Line(label=one.label, x=one.deflection, y=one.torque, colour=style.BLACK, kind="points") for one in measured]
+    low, high = statics.unloaded_stiffness()
+    logarithmic = "y" if high > WIDE * low > 0.0 else ""
     return (
         Chart(words="torque", unit="N m", across="deflection", across_unit="rad", lines=torques),
-        Chart(words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses),
-    )
+        Chart(
+            words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses, logarithmic=logarithmic
+        ),
+    )  # fmt: skip
 
 
-def _limits(statics: Statics, trials: Trials) -> tuple[Chart, ...]:
+def _limits(statics: Statics) -> tuple[Chart, ...]:
     fastest = statics.top_speed if math.isfinite(statics.top_speed) else 10.0
     speed = np.linspace(0.0, fastest, 201)
-    torque = statics.driving_torque(speed)
-    lines = [Line(label="largest torque", x=speed, y=torque, colour=style.BLUE)]
-    power = [Line(label="output power", x=speed, y=speed * torque, colour=style.VERMILION)]
+    both = [("largest", statics, style.BLUE), ("nominal", statics.lasting, style.VERMILION)]
+    torques = [
+        Line(label=label, x=speed, y=np.maximum(one.driving_torque(speed), 0.0), colour=colour)
+        for label, one, colour in both if one is not None
+    ]  # fmt: skip
+    powers = [replace(one, y=speed * one.y) for one in torques]
+    motors = np.maximum(statics.motor_torque(speed), 0.0)
+    if (motors > 1.001 * statics.peak_torque).any():
+        torques.append(Line(label="motors without springs", x=speed, y=motors, colour=style.GREY, dash=1))
+    top = 1.1 * max(float(one.y.max()) for one in torques)
     return (
-        Chart(
-            words="torque", unit="N m", across="speed", across_unit="rad/s", lines=lines, span=(0.0, 1.1 * float(torque.max()))
-        ),
-        Chart(words="power", unit="W", across="speed", across_unit="rad/s", lines=power),
+        Chart(words="torque", unit="N m", across="speed", across_unit="rad/s", lines=torques, span=(0.0, top)),
+        Chart(words="power", unit="W", across="speed", across_unit="rad/s", lines=powers),
     )
 
 
@@ -228,13 +250,14 @@ def _responses(trials: Trials) -> tuple[Chart, ...]:
                 found.append(Line(label=label, x=_thin(time), y=_thin(values), colour=colour))
         return found
 
-    return (
+    charts = (
         Chart(words="link position", unit="rad", lines=lines(
             [("soft", "softest", style.variant_colour(0)), ("stiff", "stiffest", style.variant_colour(4))], "link_position")),
         Chart(words="stiffness", unit="N m/rad", lines=lines(
             [("stiffness_free", "no load", style.variant_colour(1)), ("stiffness_loaded", "loaded", style.variant_colour(2))],
             "stiffness")),
     )  # fmt: skip
+    return tuple(one for one in charts if not one.empty)
 
 
 def _thin(values: Array, most: int = 1000) -> Array:

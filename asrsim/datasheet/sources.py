@@ -12,7 +12,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem
 from asrsim.plugins import load_plugin_file
-from asrsim.robot import ActuatorBlock, Robot, load_robot
+from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot
 from asrsim.robot.mounting import block_for, drive_of
 from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
@@ -28,6 +28,8 @@ class Source:
 
     name: str
     """Name of the sheet and its files."""
+    short: str
+    """Name beside other sheets: the actuator's, or the joint's."""
     drive: Drive
     """Drive in `SHEET_MODE`."""
     origin: str
@@ -35,6 +37,10 @@ class Source:
     """Values that differ from the defaults, by parameter."""
     effort: float = math.inf
     """Effort limit of the joint, N m."""
+    stops: tuple[float, float] = (-math.inf, math.inf)
+    """Limits of the joint, rad."""
+    prismatic: bool = False
+    """Whether the joint slides: N and m for N m and rad."""
     resolution: float | None = None
     """Resolution of the encoders that a scenario states, rad."""
     plugins: tuple[Path, ...] = ()
@@ -47,13 +53,17 @@ def sources_of(
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
     joints: joints of robots; all with actuators if there are none. arguments, packages: of xacro files. plugins: plugin files
-    that are loaded already. Raises InputError for an unknown name, joint or file.
+    that are loaded already. Raises InputError for an unknown name, joint or file, and
+    for joints without a robot or scenario.
     """
     found: list[Source] = []
     for target in targets:
         path = Path(target)
         if path.suffix == ".py":
-            found += [_by_name(kind.name, f"defaults of {path.name}", (path,)) for kind in load_plugin_file(path)]
+            kinds = load_plugin_file(path)
+            if not kinds:
+                raise InputError("defines no actuator", file=path, code="no-actuator")
+            found += [_by_name(kind.name, f"defaults of {path.name}", (path,)) for kind in kinds]
         elif path.suffix.lower() in ROBOTS:
             found += _of_robot(path, joints, arguments, packages, tuple(plugins))
         elif path.suffix.lower() in SCENARIOS:
@@ -64,6 +74,8 @@ def sources_of(
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
             message = "is no actuator"
             raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
+    if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
+        raise InputError("needs a robot or a scenario among the targets", key="--joint", value=joints[0], code="no-robot")
     names = [one.name for one in found]
     if doubles := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise InputError(f"{doubles[0]} is given twice", code="twice")
@@ -76,7 +88,7 @@ _TOOLBOX = ("sea", "qbmove", "bavs", "awas_ii")
 
 def _by_name(name: str, origin: str, plugins: tuple[Path, ...]) -> Source:
     block = block_for("joint_1", name, SHEET_MODE)
-    return Source(name=name, drive=drive_of(block), origin=origin, stated={}, plugins=plugins)
+    return Source(name=name, short=name, drive=drive_of(block), origin=origin, stated={}, plugins=plugins)
 
 
 def _of_robot(
@@ -92,7 +104,7 @@ def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -
     found = []
     for source in sources_in(examine(first).robot, joints, plugins):
         joint = source.drive.joint
-        sensors = first.sensor_effects.get(joint) or first.sensor_effects.get("*")
+        sensors = first.sensor_imperfections.get(joint) or first.sensor_imperfections.get("*")
         found.append(
             replace(
                 source, name=_named(path, joint), origin=f"{path.name}, joint {joint}",
@@ -119,15 +131,16 @@ def sources_in(robot: Robot, joints: Sequence[str] = (), plugins: tuple[Path, ..
     if unknown:
         raise InputError(unknown)
     chosen = [blocks[name] for name in joints] or list(blocks.values())
-    return [_of_block(path, block, robot.joint(block.joint).most_effort, plugins) for block in chosen]
+    return [_of_block(path, block, robot.joint(block.joint), plugins) for block in chosen]
 
 
-def _of_block(path: Path, block: ActuatorBlock, effort: float, plugins: tuple[Path, ...]) -> Source:
+def _of_block(path: Path, block: ActuatorBlock, joint: Joint, plugins: tuple[Path, ...]) -> Source:
     usual = block_for(block.joint, block.actuator, SHEET_MODE).values()
     values = {name: value for name, value in block.values().items() if name in usual}
     drive = Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[SHEET_MODE], values={**usual, **values})
     return Source(
-        name=_named(path, block.joint), drive=drive, effort=effort,
+        name=_named(path, block.joint), short=block.joint, drive=drive, effort=joint.most_effort, stops=joint.stops,
+        prismatic=joint.kind == "prismatic",
         origin=f"{path.name}, joint {block.joint}", plugins=plugins,
         stated={name: value for name, value in values.items() if value != usual[name] and math.isfinite(value)},
     )  # fmt: skip

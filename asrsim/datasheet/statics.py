@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.vectorised import energy_law, over_arrays
+from asrsim.errors import InputError
 from asrsim.samples import Array
 
-POINTS, PRESETS = 1001, 41
+POINTS, PRESETS = 1001, 21
 """Numbers of deflections and of presets at which the laws are evaluated."""
+NEAR = 1e-4
+"""Relative difference of a law's largest values at neighbouring presets, up to which presets between them are not searched."""
 WIDEST = math.pi
 """Largest deflection of a drive without a limit, rad."""
 MARGIN = 0.75
@@ -35,6 +38,19 @@ class Statics:
     given: tuple[float, float] | None = None
     """Range of presets that the user states."""
 
+    def check(self) -> None:
+        """Raise InputError if the user's presets cannot be set."""
+        if self.given is None:
+            return
+        key, value = "--presets", "{:g} {:g}".format(*self.given)
+        if not self.adjustable:
+            message = f"{self.drive.actuator.title}: the second reference does not change the stiffness"
+            raise InputError(message, key=key, value=value, code="no-preset")
+        if self.given[1] >= self.highest_preset:
+            unit = self.drive.actuator.reference_2_unit
+            message = f"must stay below {self.highest_preset:.4g} {unit}, where a spring, a motor or the lever is at its limit"
+            raise InputError(message, key=key, value=value, code="high-preset")
+
     @property
     def adjustable(self) -> bool:
         """Whether the second reference changes the stiffness."""
@@ -46,13 +62,23 @@ class Statics:
         actuator = self.drive.actuator
         if not self.adjustable:
             return 0.0, 0.0
-        if found := self.given or actuator.preset_range:
-            return found
-        if actuator.adjuster:
-            return 0.5 * actuator.typical_preset, 2.0 * actuator.typical_preset
+        if self.given:
+            return self.given
+        most = float(f"{MARGIN * self.highest_preset:.3g}")
+        usual = (0.5 * actuator.typical_preset, 2.0 * actuator.typical_preset) if actuator.adjuster else (0.0, most)
+        low, high = actuator.preset_range or usual
+        if high >= self.highest_preset:
+            low, high = min(low, 0.5 * most), most
+        return low, high
+
+    @cached_property
+    def highest_preset(self) -> float:
+        """Preset at which the springs, the motors or the adjuster's lever are at their limits without load; infinite without
+        limits."""
+        if self.drive.actuator.adjuster:
+            return self.drive.values.get("lever_length", math.inf)
         farthest = min(self.drive.max_deflection, WIDEST)
-        allowed = _last(lambda presets: self.allowed(np.zeros_like(presets), presets), farthest)
-        return 0.0, float(f"{MARGIN * allowed:.3g}")
+        return _last(lambda presets: self.allowed(np.zeros_like(presets), presets), farthest)
 
     def motors(self, deflection: Array, preset: Array) -> Array:
         """Positions (motors, n) for a deflection (n,) of the link at 0 and a preset (n,)."""
@@ -91,16 +117,29 @@ class Statics:
         farthest = min(self.drive.max_deflection, WIDEST)
         return _last(lambda deflections: self.allowed(deflections, np.full_like(deflections, preset)), farthest)
 
-    @cached_property
-    def grid(self) -> tuple[Array, Array]:
-        """Presets and deflections (presets, points) within all limits."""
-        presets = np.linspace(*self.presets, PRESETS if self.adjustable else 1)
-        reach = np.array([self.reach(float(preset)) for preset in presets])
-        return np.repeat(presets[:, None], POINTS, axis=1), np.linspace(0.0, reach, POINTS).T
+    def deflections(self, presets: Array) -> Array:
+        """Deflections (presets, points) from 0 to the limits."""
+        return np.linspace(0.0, [self.reach(float(preset)) for preset in presets], POINTS).T
+
+    def _highest(self, law: Callable[[Array, Array], Array], presets: Array) -> Array:
+        """Largest value (presets,) of a law over the deflections at each preset."""
+        deflections = self.deflections(presets)
+        values = law(deflections.ravel(), np.repeat(presets, POINTS))
+        return np.asarray(values.reshape(deflections.shape).max(axis=1))
 
     def _largest(self, law: Callable[[Array, Array], Array]) -> float:
-        presets, deflections = self.grid
-        return float(np.max(law(deflections.ravel(), presets.ravel())))
+        """Largest value of a law over presets and deflections. A limit that begins to act makes the law's largest value peak
+        sharply over the presets, so the presets beside the best one are searched again."""
+        low, high = self.presets
+        closest = ROUNDING * high
+        while True:
+            presets = np.linspace(low, high, PRESETS if high > low else 1)
+            values = self._highest(law, presets)
+            best = int(np.argmax(values))
+            near = values[max(best - 1, 0) : best + 2]
+            if high - low <= closest or near.max() - near.min() <= NEAR * near.max():
+                return float(values[best])
+            low, high = float(presets[max(best - 1, 0)]), float(presets[min(best + 1, len(presets) - 1)])
 
     @cached_property
     def peak_torque(self) -> float:
@@ -108,10 +147,15 @@ class Statics:
         return self._largest(self.torque)
 
     @cached_property
-    def nominal_torque(self) -> float | None:
-        """Largest torque on the link that the motors hold for ever without derating, N m; None if motors have no temperature.
+    def held_torque(self) -> float:
+        """Largest torque on the link that every preset holds within all limits, N m."""
+        return float(self._highest(self.torque, np.linspace(*self.presets, PRESETS if self.adjustable else 1)).min())
 
-        A motor at rest heats its winding with h tau^2 and stays below the derating temperature while R h tau^2 <= T_d - T_a.
+    @cached_property
+    def lasting(self) -> Statics | None:
+        """The same drive with the torques that the motors hold for ever without derating; None if motors have no temperature.
+
+        A motor heats its winding with h tau^2 and stays below the derating temperature while R h tau^2 <= T_d - T_a.
         """
         drive, limits = self.drive, dict(self.drive.values)
         for motor in range(1, drive.actuator.motors + 1):
@@ -120,7 +164,7 @@ class Statics:
                 return None
             lasting = math.sqrt(max(own.derating - own.ambient, 0.0) / (own.resistance * own.heat))
             limits[f"motor_{motor}_max_torque"] = min(limits[f"motor_{motor}_max_torque"], lasting)
-        return replace(self, drive=replace(drive, values=limits), given=self.presets).peak_torque
+        return replace(self, drive=replace(drive, values=limits), given=self.presets)
 
     @cached_property
     def peak_energy(self) -> float:
@@ -151,15 +195,20 @@ class Statics:
         low, high = self.presets
         return high if self.softest == low else low
 
-    def driving_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m of all motors on the link at a steady speed (n,) in rad/s, within their limits of torque and
-        voltage, less their damping and friction; the joint's effort limit and its springs limit it too."""
+    def motor_torque(self, speed: Array) -> Array:
+        """Torque (n,) in N m of all motors at a steady speed (n,) in rad/s, within their limits of torque and voltage, less
+        their damping and friction."""
         drive, total = self.drive, np.zeros_like(speed)
         for i, one in enumerate(drive.electric):
             most = np.minimum(one.limit, one.stall - one.damping * speed)
             inner = drive.values[f"motor_{i + 1}_damping"]
             total += most - inner * speed - drive.motor_friction[i]
-        return np.minimum(total, min(self.peak_torque, self.effort))
+        return total
+
+    def driving_torque(self, speed: Array) -> Array:
+        """Torque (n,) in N m on the link at a steady speed (n,) in rad/s: of the motors, within what the springs and the joint
+        transmit."""
+        return np.minimum(self.motor_torque(speed), self.peak_torque)
 
     @cached_property
     def top_speed(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +17,7 @@ from asrsim.datasheet.linear import Load
 from asrsim.datasheet.sources import SHEET_MODE, Source
 from asrsim.datasheet.statics import Statics
 from asrsim.errors import InputError
+from asrsim.metrics import measure
 from asrsim.samples import Array
 
 FREQUENCY, RATIO = 3.0, 0.2
@@ -30,8 +31,17 @@ AT, LASTS = 0.1, 2.0
 """Time of the steps, and duration of a trial, s."""
 BAND = 0.1
 """Share of its change by which the stiffness may still differ when it counts as changed."""
+MEASURE = "settling"
+OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
+"""Measure of the stiffness that is the time of its change, and its options."""
+TOLERANCE = 0.01
+"""Relative tolerance of the claims of the scenario."""
+CHANGES = ("stiffness_free", "stiffness_loaded")
+"""Variants in which the stiffness changes."""
+STILL = 1e-9
+"""Relative change of the stiffness that is none."""
 LOADED = 0.2
-"""Load while the stiffness changes, as a share of the largest torque of the softest setting."""
+"""Load while the stiffness changes where no nominal torque is stated, as a share of the torque that every setting holds."""
 JOINT = "joint_1"
 
 
@@ -42,9 +52,13 @@ class Trials:
     files: Mapping[str, str]
     results: Mapping[str, Result]
     faults: Mapping[str, str]
+    change_times: Mapping[str, float]
+    """Time in s after which the stiffness stays within `BAND` of its change, of the variants in which it settles."""
+    unchanged: Collection[str]
+    """Variants in which the preset does not change the stiffness."""
     load: Load
-    torque: float
-    """Load in the variant `stiffness_loaded`, N m."""
+    under: str
+    """Load in the variant `stiffness_loaded`, in words."""
 
     def series(self, variant: str, quantity: str) -> tuple[Array, Array]:
         """Times (n,) and values (n,) of a trial; empty without a result."""
@@ -52,20 +66,6 @@ class Trials:
             return np.empty(0), np.empty(0)
         samples = self.results[variant].samples
         return samples.time, samples.values[quantity][:, 0]
-
-    def change_time(self, variant: str) -> float | None:
-        """Time in s after which the stiffness stays within `BAND` of its change; None without a result or a change."""
-        time, stiffness = self.series(variant, "stiffness")
-        if not len(time):
-            return None
-        before, after = stiffness[time < AT][-1], float(np.mean(stiffness[time > 0.9 * LASTS]))
-        off = np.flatnonzero(np.abs(stiffness - after) > BAND * abs(after - before))
-        if abs(after - before) < 1e-9 * abs(after) or not len(off) or time[off[-1]] > 0.9 * LASTS:
-            return None
-        i = int(off[-1])
-        wanted = after - math.copysign(BAND * abs(after - before), after - stiffness[i])
-        part = (wanted - stiffness[i]) / (stiffness[i + 1] - stiffness[i])
-        return float(time[i] + part * (time[i + 1] - time[i]) - AT)
 
 
 def usual_load(statics: Statics) -> Load:
@@ -78,11 +78,10 @@ def usual_load(statics: Statics) -> Load:
 
 def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
     """Results of all trials of an actuator. load: what its joint moves."""
-    soft, most = statics.softest, statics.reach(statics.softest)
-    step = float(f"{max(LEAST, STEP * most):.3g}")
-    torque = float(f"{LOADED * float(statics.torque(np.array([most]), np.array([soft]))[0]):.3g}")
-    variants = _variants(source, statics, step, torque)
-    files = {f"{source.name}.urdf": _robot(source, load), f"{source.name}.yaml": _scenario(source, variants)}
+    step = float(f"{max(LEAST, STEP * statics.reach(statics.softest)):.3g}")
+    torque, under = _torque(statics)
+    variants, robot = _variants(source, statics, step, torque), f"{source.name}.urdf"
+    files = {robot: _robot(source, load), f"{source.name}.yaml": _scenario(source, variants, ())}
     results, faults = {}, {}
     with TemporaryDirectory(prefix="asrsim-") as folder:
         for name, text in files.items():
@@ -94,22 +93,62 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
                 )
             except InputError as error:
                 faults[variant] = error.problems[0].message
-    return Trials(files=files, results=results, faults=faults, load=load, torque=torque)
+    times, unchanged = {}, []
+    for variant in {*CHANGES} & {*results}:
+        samples = results[variant].samples
+        stiffness = samples.values["stiffness"][:, 0]
+        if np.ptp(stiffness) <= STILL * np.abs(stiffness).max():
+            unchanged.append(variant)
+        elif not math.isnan(time := measure(MEASURE, samples.time, stiffness, **OPTIONS)):
+            times[variant] = time
+    claims = [_claim(variant, times[variant]) for variant in CHANGES if variant in times]
+    files[f"{source.name}.yaml"] = _scenario(source, variants, claims)
+    return Trials(
+        files=files, results=results, faults=faults, change_times=times, unchanged=unchanged, load=load, under=under
+    )  # fmt: skip
+
+
+def _torque(statics: Statics) -> tuple[float, str]:
+    """Load while the stiffness changes, N m, and in words: the nominal torque where every setting holds it."""
+    nominal = None if statics.lasting is None else statics.lasting.peak_torque
+    if nominal is not None and nominal <= statics.held_torque:
+        torque, words = nominal, "the nominal torque"
+    else:
+        torque, words = LOADED * statics.held_torque, f"{100 * LOADED:g} % of what every setting holds"
+        words += (
+            ": no nominal torque is stated"
+            if nominal is None
+            else f", {statics.held_torque:.3g} N m: less than the nominal torque"
+        )
+    torque = float(f"{torque:.3g}")
+    return torque, f"{torque:g} N m ({words})"
+
+
+def _claim(variant: str, time: float) -> dict[str, Any]:
+    """The claim that repeats the time of a change."""
+    value = float(f"{time:.5g}")
+    return {
+        "variant": variant, "joint": JOINT, "quantity": "stiffness", "measure": MEASURE, "value": value,
+        "tolerance": float(f"{TOLERANCE * value:.2g}"), "options": OPTIONS,
+    }  # fmt: skip
 
 
 def _robot(source: Source, load: Load) -> str:
     inertia = " ".join(f'{name}="{load.inertia:g}"' for name in ("ixx", "iyy", "izz"))
     effort = f"{source.effort:g}" if math.isfinite(source.effort) else "1e9"
+    kind, mass, stops = (
+        ("prismatic", f"{load.inertia:g}", ' lower="-1e3" upper="1e3"') if source.prismatic else ("continuous", "1", "")
+    )
     return f"""<?xml version="1.0"?>
 <!-- Test load of the data sheet of {source.name}: an inertia without weight. -->
 <robot name="test_load">
   <link name="base"/>
-  <joint name="{JOINT}" type="continuous">
+  <joint name="{JOINT}" type="{kind}">
     <parent link="base"/><child link="load"/><axis xyz="0 1 0"/>
-    <limit effort="{effort}" velocity="1e9"/>
+    <limit effort="{effort}" velocity="1e9"{stops}/>
     <dynamics damping="{load.damping:g}" friction="0"/>
   </joint>
-  <link name="load"><inertial><mass value="1"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="load"><inertial><mass value="{mass}"/><inertia {inertia} ixy="0" ixz="0" iyz="0"/></inertial></link>
 </robot>
 """
 
@@ -132,7 +171,7 @@ def _variants(source: Source, statics: Statics, step: float, torque: float) -> d
     return variants
 
 
-def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]]) -> str:
+def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims: Sequence[Mapping[str, Any]]) -> str:
     import yaml
 
     data: dict[str, Any] = {
@@ -140,10 +179,13 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]]) -> str:
         "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},
         **({"parameters": {JOINT: dict(source.stated)}} if source.stated else {}),
         **({"variants": variants} if len(variants) > 1 else variants["soft"]),
+        **({"expect": claims} if claims else {}),
     }  # fmt: skip
     head = (
         f"# Trials of the data sheet of {source.name}: steps of the equilibrium at the softest and at the stiffest setting,\n"
     )
-    head += "# and steps from the softest to the stiffest setting without and with a load.\n"
+    head += (
+        "# and steps from the softest to the stiffest setting without and with a load. The claims are the sheet's numbers.\n"
+    )
     # A copy without shared parts: they would become aliases, which are harder to read.
     return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.designs.limits import DesignLimits, interval
 from asrsim.designs.motion import Piece, joined
 from asrsim.errors import InputError, Problem, did_you_mean
-from asrsim.identification.door import Door, Drive, Start, comparable
+from asrsim.identification.door import Door, Start, SteppedJoint, comparable
 from asrsim.identification.parameters import Layout, numbers_of, parameters_of
 from asrsim.quantities import each_motor
 from asrsim.robot.model import Robot
@@ -143,7 +143,7 @@ class DesignPlant:
                     self._fault(f"limits.{joint}.{name}", message, meant=name, choices=choices)
                 yield from (LimitBound(joint, quantity, *interval(given)) for quantity in quantities)
 
-    def _references(self, drive: Drive, bounds: Sequence[LimitBound]) -> Iterator[Reference]:
+    def _references(self, drive: SteppedJoint, bounds: Sequence[LimitBound]) -> Iterator[Reference]:
         mode, own = drive.mode, {bound.quantity: bound for bound in bounds if bound.joint == drive.name}
         if mode is None or not own:
             return

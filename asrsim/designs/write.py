@@ -48,7 +48,7 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
     return {**data, "duration": found.seconds, "references": references, **({"parameters": parameters} if parameters else {})}
 
 
-def columns(found: Design) -> list[TableColumn]:
+def interval_columns(found: Design) -> list[TableColumn]:
     """Table of intervals, with a row for each parameter."""
     cells = [TableColumn("parameter", list(found.keys))]
     for name, halves in found.intervals.items():

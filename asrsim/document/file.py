@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar
@@ -13,6 +13,7 @@ from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading
 from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
+from asrsim.renamed import with_new_keys
 
 T = TypeVar("T")
 
@@ -97,12 +98,12 @@ def read_document(
     return root, text
 
 
-def read_file(block: Block[T], path: Path) -> T:
-    """Object built from the keys of a file. Raises InputError with every problem."""
+def read_file(block: Block[T], path: Path, *, renamed: Mapping[str, str] | None = None) -> T:
+    """Object built from the keys of a file. Raises InputError with every problem. renamed: new name of each old key."""
     faults: list[Problem] = []
     root, _ = read_document(path, block.noun, faults=faults)
     reading = DocumentReading(base=path.parent)
-    found = attempt(block, root, (), reading)
+    found = attempt(block, with_new_keys(root, renamed or {}), (), reading)
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     return found[0]

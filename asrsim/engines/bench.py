@@ -98,7 +98,7 @@ class BenchEngine(Engine):
     @property
     def native(self) -> Native | None:
         """The step compiled by Numba; None if Numba is not installed."""
-        if not compiling.available():
+        if not compiling.numba_available():
             return None
         calculation = self._calculation
         return Native(calculation.compile().address, 1, lambda: NativeRecord(calculation.packed.ctypes.data, calculation))

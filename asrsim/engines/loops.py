@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from asrsim.robot.loops import Linkage
 
-Numbers = NDArray[Any]
+AnyArray = NDArray[Any]
 ROUNDS = 12
 """Largest number of rounds of Newton's method in a step; two to three suffice."""
 CLOSED = 1e-15
@@ -31,54 +31,54 @@ class Loops(NamedTuple):
     """Number of linkages."""
     width: int
     """Largest number of followers of a linkage."""
-    loop: Numbers
+    loop: AnyArray
     """Index of the first loop of each linkage, and the number of all loops, (chains + 1,)."""
-    first: Numbers
+    first: AnyArray
     """Index of the first entry of each loop, and the number of all entries, (loops + 1,)."""
-    second: Numbers
+    second: AnyArray
     """Index of the first entry on the second side of each loop, (loops,)."""
-    column: Numbers
+    column: AnyArray
     """Number of each entry's joint among the followers of its linkage, (k,); -1 for the master."""
-    place: Numbers
+    place: AnyArray
     """Index of each entry's joint in a configuration, (k,)."""
-    speed: Numbers
+    speed: AnyArray
     """Index of each entry's joint in the library's velocities, (k,)."""
-    slides: Numbers
+    slides: AnyArray
     """1 for the entry of a prismatic joint, (k,)."""
-    origin: Numbers
+    origin: AnyArray
     """Position (k, 3) of each joint's frame behind the previous joint, m."""
-    turn: Numbers
+    turn: AnyArray
     """Rotation (k, 9) of each joint's frame behind the previous joint."""
-    axis: Numbers
+    axis: AnyArray
     """Axis (k, 3) of each joint in its frame."""
-    ends: Numbers
+    ends: AnyArray
     """Points that coincide, behind the last joints of both sides, (loops, 6), m."""
-    follower: Numbers
+    follower: AnyArray
     """Index of the first follower of each linkage in the next three arrays, and their number, (chains + 1,)."""
-    follower_joint: Numbers
-    follower_place: Numbers
+    follower_joint: AnyArray
+    follower_place: AnyArray
     """Index of each follower in a configuration."""
-    follower_speed: Numbers
+    follower_speed: AnyArray
     """Index of each follower in the library's velocities."""
-    tie: Numbers
+    tie: AnyArray
     """Index of the first coupling of each linkage in the next arrays, and their number, (chains + 1,)."""
-    tie_columns: Numbers
+    tie_columns: AnyArray
     """Follower and leader of each coupling, numbered as in `column`, (t, 2)."""
-    tie_places: Numbers
+    tie_places: AnyArray
     """Follower and leader of each coupling in a configuration, (t, 2)."""
-    tie_values: Numbers
+    tie_values: AnyArray
     """Ratio, offset in rad (m) and weight in m^2 of each coupling, (t, 3)."""
-    gamma: Numbers
+    gamma: AnyArray
     """Acceleration of each of the library's velocities at constant velocity of the masters, (w,)."""
-    arms: Numbers
+    arms: AnyArray
     """Work space: axis, origin, and column of J for each entry, (k, 9)."""
-    work: Numbers
+    work: AnyArray
     """Work space: rotation, three vectors, gap, drift of the gap, right-hand side, (30,)."""
-    normal: Numbers
+    normal: AnyArray
     """Work space: normal equations with right-hand side and solution, (f, f + 2)."""
 
 
-def make_loops(linkages: tuple[Linkage, ...], joint_q: Numbers, joint_v: Numbers, speeds: int) -> Loops:
+def make_loops(linkages: tuple[Linkage, ...], joint_q: AnyArray, joint_v: AnyArray, speeds: int) -> Loops:
     """Linkages with the joints' places in a configuration and in the library's velocities."""
     owners = [(linkage, path) for linkage in linkages for path in linkage.paths]
     paths = [path for _, path in owners]
@@ -110,7 +110,7 @@ def make_loops(linkages: tuple[Linkage, ...], joint_q: Numbers, joint_v: Numbers
     )  # fmt: skip
 
 
-def _starts(sizes: list[int]) -> Numbers:
+def _starts(sizes: list[int]) -> AnyArray:
     """Index of the first member of each group, and the number of all members."""
     return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 

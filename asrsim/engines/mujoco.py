@@ -167,7 +167,7 @@ class MujocoEngine(RigidEngine):
     @property
     def native(self) -> Native | None:
         """The step compiled by Numba; None if Numba is not installed."""
-        if not compiling.available():
+        if not compiling.numba_available():
             return None
         return Native(self._calculation.compile().address, len(self._state), self._make_native_record)
 

@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asrsim.engines.rigid import Numbers, Room, aim, finish, kick, reduce, reduce_force
+from asrsim.engines.loops import AnyArray
+from asrsim.engines.rigid import Room, aim, finish, kick, reduce, reduce_force
 from asrsim.samples import Array
 from asrsim.scenario.data import Wrench
 
@@ -32,13 +33,13 @@ ROUTINES = {
 class Hand(NamedTuple):
     """Wrenches that are held on bodies."""
 
-    number: Numbers
+    number: AnyArray
     """Number (1,) of wrenches; the first rows of the other arrays are theirs."""
-    body: Numbers
+    body: AnyArray
     """MuJoCo body of each wrench, (b,)."""
-    point: Numbers
+    point: AnyArray
     """Point (m) at which each wrench acts, in the frame of its body, (b, 3)."""
-    load: Numbers
+    load: AnyArray
     """Force (N) and torque (N m) of each wrench, world frame, (b, 6)."""
 
 
@@ -58,26 +59,26 @@ class MujocoRecord(NamedTuple):
     at_bias: int
     at_force: int
     at_vectors: int
-    vectors: Numbers
+    vectors: AnyArray
     """Work space (3, 3); the rows are a force, a torque and a point."""
-    xpos: Numbers
-    xmat: Numbers
+    xpos: AnyArray
+    xmat: AnyArray
     wrenches: int
     """Number of wrenches."""
-    wrench_body: Numbers
-    wrench_point: Numbers
+    wrench_body: AnyArray
+    wrench_point: AnyArray
     """Point (m) at which each wrench acts, in the frame of the wrench's body; shape (w, 3)."""
-    wrench_turn: Numbers
+    wrench_turn: AnyArray
     """Rotation of the frame of each wrench's link, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
-    wrench_local: Numbers
+    wrench_local: AnyArray
     """Flags (w,): 1 for wrenches that are given in the frame of their link."""
     floats: int
     """Number f of bodies with masses on which gravity does not act."""
-    float_body: Numbers
+    float_body: AnyArray
     """MuJoCo body of each of these masses, (f,)."""
-    float_centre: Numbers
+    float_centre: AnyArray
     """Centre (m) of each of these masses, in the frame of its body, (f, 3)."""
-    float_force: Numbers
+    float_force: AnyArray
     """Weight (N) that gravity would exert on each of these masses, world frame, (f, 3)."""
     hand: Hand
 

@@ -28,15 +28,13 @@ from asrsim.compiled.compiling import Callback
 from asrsim.compiled.packed import pack
 from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
-from asrsim.engines.loops import Loops, close_loops, find_gamma, find_ratios, make_loops
+from asrsim.engines.loops import AnyArray, Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.dynamics import robot_model
 from asrsim.robot.model import ZERO, Robot, Vector
 from asrsim.robot.poses import frame, rotation_of
 from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
-
-Numbers = NDArray[Any]
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
 """Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
@@ -66,73 +64,73 @@ class Room(NamedTuple):
     """Number w of velocities of the library, which knows no couplings of joints."""
     coordinates: int
     """Number q of values in a configuration."""
-    scheme: Numbers
+    scheme: AnyArray
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
     """1 if the base floats."""
     reduced: int
     """1 if joints are coupled or have rotors: the equations of the library must then be reduced by `reduce`."""
-    qpos: Numbers
+    qpos: AnyArray
     """Configuration (q,) at which the library evaluates mass matrix and bias."""
-    qvel: Numbers
+    qvel: AnyArray
     """Velocity (w,) at which the library evaluates mass matrix and bias."""
-    full_matrix: Numbers
+    full_matrix: AnyArray
     """Mass matrix (w, w) that the library computes, kg m^2. Without reduction this array and the next two are `matrix`, `bias`
     and `force` themselves."""
-    full_bias: Numbers
+    full_bias: AnyArray
     """Torques (w,) in N m that the library computes; they balance gravity, Coriolis and centrifugal forces."""
-    full_force: Numbers
+    full_force: AnyArray
     """Generalised forces (w,) of the wrenches in a piece of the kick, N m."""
-    owner: Numbers
+    owner: AnyArray
     """Degree of freedom of each of the library's velocities, (w,)."""
-    factor: Numbers
+    factor: AnyArray
     """Each of the library's velocities per velocity of its degree of freedom, (w,)."""
-    matrix: Numbers
+    matrix: AnyArray
     """Mass matrix (v, v), kg m^2."""
-    bias: Numbers
+    bias: AnyArray
     """Torques (v,) in N m that balance gravity, Coriolis and centrifugal forces."""
-    force: Numbers
+    force: AnyArray
     """Generalised forces (v,) of the wrenches in a piece of the kick, N m."""
-    diagonal: Numbers
+    diagonal: AnyArray
     """Diagonal (v,) of the mass matrix with implicit damping, kg m^2."""
-    parent: Numbers
+    parent: AnyArray
     """Parent (v,) of each degree of freedom: the index of the previous degree of freedom on the path from the base; -1: none.
     The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
-    rebound: Numbers
+    rebound: AnyArray
     """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
-    velocity: Numbers
+    velocity: AnyArray
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the eight
     fields after `middle`."""
-    middle: Numbers
+    middle: AnyArray
     """Velocity (v,) in the middle of the kick, at the time of the position before the drift. The impact of a joint that strikes
     its stop in the drift is later."""
-    impulse: Numbers
-    bound: Numbers
-    slowest: Numbers
-    fastest: Numbers
-    change: Numbers
-    push: Numbers
-    regime: Numbers
-    square: Numbers
-    joint_q: Numbers
+    impulse: AnyArray
+    bound: AnyArray
+    slowest: AnyArray
+    fastest: AnyArray
+    change: AnyArray
+    push: AnyArray
+    regime: AnyArray
+    square: AnyArray
+    joint_q: AnyArray
     """Index of each joint in a configuration, (n,)."""
-    joint_v: Numbers
+    joint_v: AnyArray
     """Index of each joint in the library's velocities, (n,)."""
-    joint_z: Numbers
+    joint_z: AnyArray
     """Degree of freedom of each joint, (n,)."""
-    master: Numbers
+    master: AnyArray
     """Joint that each joint follows, (n,); its own index for a joint that follows none."""
-    ratio: Numbers
+    ratio: AnyArray
     """Velocity of each joint per velocity of its degree of freedom, (n,)."""
-    offset: Numbers
+    offset: AnyArray
     """Position of each joint where its master is at 0, (n,), rad or m."""
-    armature: Numbers
+    armature: AnyArray
     """Inertia of the rotors of each joint, as felt at the joint, (n,), kg m^2 (kg)."""
     loops: Loops
     """Closed chains."""
-    lower: Numbers
+    lower: AnyArray
     """Lower stops of the joints (n,), rad or m."""
-    upper: Numbers
+    upper: AnyArray
     """Upper stops of the joints (n,), rad or m."""
 
 
@@ -141,10 +139,10 @@ def make_room(
     *,
     qpos: Array,
     qvel: Array,
-    joint_q: Sequence[int] | Numbers,
-    joint_v: Sequence[int] | Numbers,
+    joint_q: Sequence[int] | AnyArray,
+    joint_v: Sequence[int] | AnyArray,
     free: bool,
-    parent: Numbers | None = None,
+    parent: AnyArray | None = None,
     reduce: bool = True,
 ) -> Room:
     """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`, for the library's velocities; parents
@@ -180,7 +178,7 @@ def make_room(
     return Room(**fields)
 
 
-def _reduced_tree(parent: Numbers, owner: Numbers, size: int) -> Numbers:
+def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
     """Elimination tree (size,) of the reduced mass matrix: parents of degrees of freedom, as `Room.parent`. parent: parents of
     the library's velocities; owner: degree of freedom of each of these velocities."""
     coupled = np.zeros((size, size), dtype=bool)

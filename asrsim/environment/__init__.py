@@ -40,8 +40,8 @@ def make_env(
             axis), and return arrays (N,). This is much faster for many environments.
         randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references,
-            and the delays `effects.sensors.JOINT.delay` and `effects.commands.JOINT.delay`, whose laws have an upper bound
-            (actions are late by the option `delay`).
+            and the delays `imperfections.sensors.JOINT.delay` and `imperfections.commands.JOINT.delay`, whose laws have an
+            upper bound (actions are late by the option `delay`).
         fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
         push: Laws of external torques on joints, in N m, drawn at every reset; a torque acts during the whole episode.
         delay: Time in s, or a law of it, by which actions are late, rounded to control periods and drawn at every reset.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.errors import InputError, Problem
-from asrsim.scenario.data import Effects
+from asrsim.scenario.data import Imperfections
 from asrsim.scenario.overrides import split_path
 from asrsim.simulation.drives import COMMAND_DELAY, SENSOR_DELAY
 from asrsim.sweeps.keys import KeyPlan, plan_keys
@@ -85,31 +85,31 @@ def with_longest_delays(scenario: Scenario, draws: Draws) -> Scenario:
                 "must be at least 0 s and have an upper bound", key=key, value=(shortest, longest), code="randomise"
             )
         joint = split_path(key)[2]
-        own = scenario.command_effects if name == COMMAND_DELAY else scenario.sensor_effects
-        table = {**own, joint: replace(own.get(joint, Effects()), delay=longest)}
+        own = scenario.command_imperfections if name == COMMAND_DELAY else scenario.sensor_imperfections
+        table = {**own, joint: replace(own.get(joint, Imperfections()), delay=longest)}
         if name == COMMAND_DELAY:
-            scenario = replace(scenario, command_effects=table)
+            scenario = replace(scenario, command_imperfections=table)
         else:
-            scenario = replace(scenario, sensor_effects=table)
+            scenario = replace(scenario, sensor_imperfections=table)
     return scenario
 
 
 def _delay(key: str) -> str:
-    """Name of the delay that a key of the scenario sets, such as `effects.sensors.joint_1.delay`; empty for other keys."""
+    """Name of the delay that a key of the scenario sets (`imperfections.sensors.joint_1.delay`); empty for other keys."""
     parts = split_path(key)
     known = {"commands": COMMAND_DELAY, "sensors": SENSOR_DELAY}
-    return known.get(parts[1], "") if len(parts) == 4 and parts[::3] == ("effects", "delay") else ""
+    return known.get(parts[1], "") if len(parts) == 4 and parts[::3] == ("imperfections", "delay") else ""
 
 
 def _late_joints(key: str, name: str, prepared: Prepared) -> tuple[tuple[str, str], ...]:
     """Joints whose delay a key sets, with the name of the delay."""
     commands, joint = name == COMMAND_DELAY, split_path(key)[2]
-    own = prepared.scenario.command_effects if commands else prepared.scenario.sensor_effects
+    own = prepared.scenario.command_imperfections if commands else prepared.scenario.sensor_imperfections
     return tuple(
         (drive.name, name)
         for drive in prepared.drives
         if (drive.name == joint or (joint == "*" and drive.name not in own))
-        and (drive.command_effects if commands else drive.sensor) is not None
+        and (drive.command_imperfections if commands else drive.sensor) is not None
     )
 
 

@@ -14,7 +14,7 @@ from asrsim.engines.mujoco_library import exact_xml
 from asrsim.exports.mjcf import model_of
 from asrsim.exports.programs import PROGRAMS, Program
 from asrsim.exports.ranges import own_numbers, write_ranges
-from asrsim.exports.replay import Replay, draw, replay, run_of
+from asrsim.exports.replay import Replay, draw_replay, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
 from asrsim.renamed import renamed
 from asrsim.render.meshes import simplified
@@ -138,7 +138,7 @@ def export(
             remarks.append("the model of the fit is not shown to fit its recordings: its intervals may be too narrow")
     files += target.write(path, ready, model.spec.option.timestep, ranges)
     result = replay(ready, run, path, target)
-    files += draw(result, path) if plot else []
+    files += draw_replay(result, path) if plot else []
     if result.diverged_at is not None:
         remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --step")
     if result.apart > APART:

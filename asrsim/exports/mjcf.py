@@ -159,7 +159,7 @@ def model_of(
         for text in _lacks(prepared, stepped, splines.get(stepped.name, ()), positions, speeds):
             lacks.setdefault(text, []).append(stepped.name)
     remarks += [f"{listed(dict.fromkeys(joints), MOST_NAMES)}: {text}" for text, joints in lacks.items()]
-    effects = (*scenario.command_effects.values(), *scenario.sensor_effects.values())
+    imperfections = (*scenario.command_imperfections.values(), *scenario.sensor_imperfections.values())
     shifted = [link.name for link in robot.links if link.gravity and link.weightless_mass not in (0.0, link.mass)]
     if shifted:
         remarks.append(
@@ -167,9 +167,9 @@ def model_of(
         )
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
-    if any(replace(effect, delay=0.0).active for effect in effects):
+    if any(replace(one, delay=0.0).active for one in imperfections):
         remarks.append("noise, sampling and steps of commands and sensors are not in the model")
-    if any(effect.delay for effect in scenario.sensor_effects.values()):
+    if any(one.delay for one in scenario.sensor_imperfections.values()):
         remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
         # MuJoCo accepts any triangles for a shell; its inertia is not used, since bodies have explicit inertia.

@@ -244,7 +244,7 @@ def add_adjustable_spring(spec: Any, drive: Drive) -> None:
 
 def delay_of(stepped: SteppedJoint) -> float:
     """Delay of the commands of a joint, s."""
-    return stepped.command_effects.delay if stepped.command_effects is not None else 0.0
+    return stepped.command_imperfections.delay if stepped.command_imperfections is not None else 0.0
 
 
 def set_delay(spec: Any, actuator: Any, delay: float) -> None:

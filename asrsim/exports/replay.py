@@ -154,6 +154,6 @@ def charts(found: Replay) -> list[list[Chart]]:
     return rows
 
 
-def draw(found: Replay, path: Path) -> list[Path]:
+def draw_replay(found: Replay, path: Path) -> list[Path]:
     """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
     return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in {found.program}")

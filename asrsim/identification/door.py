@@ -17,14 +17,22 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.examine import examine
-from asrsim.simulation.prepare import Start, prepare
+from asrsim.simulation.prepare import Numbers, Start, prepare
 from asrsim.simulation.quantities import columns_of, simulated_quantities
 from asrsim.simulation.shape import shape_of
 from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
 __all__ = [
-    "EXTERNAL", "Door", "Drive", "Numbers", "Observer", "Start", "Substeps", "comparable", "examine",
+    "EXTERNAL",
+    "Door",
+    "Numbers",
+    "Observer",
+    "Start",
+    "SteppedJoint",
+    "Substeps",
+    "comparable",
+    "examine",
 ]  # fmt: skip
 
 SOURCES = ("link_position", *each_motor("motor_{}_position"))
@@ -38,9 +46,6 @@ ENGINES_KEPT = 3
 AT_ONCE = cores()
 """Number of worlds of a rollout that run in parallel threads."""
 
-Drive = SteppedJoint
-Numbers = Mapping[str, Mapping[str, float]]
-"""Values of parameters, by joint or link and by name."""
 Substeps = tuple[int, int]
 """Number of substeps in a step, and number of motor substeps in a substep."""
 

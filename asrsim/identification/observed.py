@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from asrsim.identification.data import Channel, RecordedSignal
-from asrsim.identification.door import Drive
+from asrsim.identification.door import SteppedJoint
 from asrsim.samples import Array
 
 BETWEEN = 0.2
@@ -30,7 +30,7 @@ GAP = 3.0
 class Measured:
     """Positions of links and motors that the channels of a recording show."""
 
-    def __init__(self, channels: Sequence[Channel], drives: Sequence[Drive], step: float) -> None:
+    def __init__(self, channels: Sequence[Channel], drives: Sequence[SteppedJoint], step: float) -> None:
         """step: step of the simulation, s."""
         self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
         self.places = list(_places(self._channels, drives))
@@ -71,7 +71,7 @@ class Measured:
         return found
 
 
-def link_channel(drive: Drive, shown: Mapping[str, RecordedSignal]) -> tuple[Channel, tuple[str, ...]] | None:
+def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tuple[Channel, tuple[str, ...]] | None:
     """Recorded position of a link, and the keys of the series that give it: measured, or the motor's position minus the
     deflection if there is one motor. None if no series give it. shown: channels and commands by key.
     """
@@ -94,7 +94,7 @@ def link_channel(drive: Drive, shown: Mapping[str, RecordedSignal]) -> tuple[Cha
     return place, (motor.key, deflection.key)
 
 
-def is_reversed(drive: Drive, shown: Mapping[str, RecordedSignal], band: float) -> bool:
+def is_reversed(drive: SteppedJoint, shown: Mapping[str, RecordedSignal], band: float) -> bool:
     """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, where
     the link's position follows from motor and deflection. band: of the motion, rad/s.
     """
@@ -146,7 +146,9 @@ class _Curve:
         return np.where(known, self._spline(time), np.nan)
 
 
-def _places(channels: Mapping[str, Channel], drives: Sequence[Drive]) -> Iterator[tuple[int, int, list[tuple[Channel, float]]]]:
+def _places(
+    channels: Mapping[str, Channel], drives: Sequence[SteppedJoint]
+) -> Iterator[tuple[int, int, list[tuple[Channel, float]]]]:
     for j, drive in enumerate(drives):
         link, deflection = (channels.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
         motors = [channels.get(f"{drive.name}.motor_{i}_position") for i in range(1, 1 + drive.dynamic_motors)]

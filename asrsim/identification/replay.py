@@ -14,7 +14,7 @@ from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.track import Playing, Track
 from asrsim.metrics.values import root_mean_square
-from asrsim.plain import Shape
+from asrsim.plain import Structure
 from asrsim.recordings.data import Column
 from asrsim.recordings.reading import ColumnMap, parse_meaning
 from asrsim.recordings.units import find_unit
@@ -73,11 +73,11 @@ class FitReplay:
     """Start of each joint that does not start as in the scenario, as under `initial:` of a scenario."""
 
 
-_SERIES: Shape = {
+_SERIES: Structure = {
     "key": str, "column": str, "meaning": str, "gain": float, "offset": float, "late": float, "reference": str,
     "interpolation": str, "early": {"*": float}, "error": float,
 }  # fmt: skip
-SHAPE: Shape = {
+SHAPE: Structure = {
     "recording": str,
     "lag": float,
     "rate": (float, None),
@@ -85,7 +85,7 @@ SHAPE: Shape = {
     "commands": [_SERIES],
     "initial": {"*": object},
 }
-"""Shape of `as_plain`."""
+"""Structure of `as_plain`."""
 
 
 def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> FitReplay:
@@ -148,13 +148,16 @@ def played_table(command: PlayedCommand, reading: SeriesReading, late: float) ->
 
 
 def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Start of each joint that does not start as in the scenario."""
+    """Start of each joint that does not start as in the scenario, with the starts of its motors that either one states."""
     door = track.door
-    for joint, position, velocity in zip(door.joints, door.positions, door.velocities, strict=True):
+    for drive, position, velocity in zip(door.drives, door.positions, door.velocities, strict=True):
+        joint = drive.name
         place, speed = track.start(joint, values)
         if (place, speed) != (position, velocity) or joint in track.motors:
-            motors = {"motor_positions": track.motors[joint]} if joint in track.motors else {}
-            yield joint, {"position": place, "velocity": speed, **motors}
+            motors = {
+                "motor_positions": track.motors.get(joint, drive.motor_positions), "motor_velocities": drive.motor_velocities
+            }  # fmt: skip
+            yield joint, {"position": place, "velocity": speed, **{key: [*own] for key, own in motors.items() if own}}
 
 
 def as_plain(replay: FitReplay) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from asrsim.identification.result import (
     doubted,
     estimates,
 )
-from asrsim.identification.search import Best, OutOfTime, Stopped, follows, refined, search, settle
+from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.transfer import failed_predictions
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -203,30 +203,37 @@ def _judged(
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
     # The written robot is simulated without an observer.
-    free, followed = problem.observed(0.0), best.free or (problem, trained)
+    free, observed, slow = problem.observed(0.0), problem.playing.bandwidth > 0.0, best.slow or ((problem, trained),)
     fits = channel_fits(free, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
     others, suspected = list[Mapping[str, float]](), list[Suspicion]()
-    if complete and best.free:
+    if complete and observed:
         misfit.append(
             "errors of the model accumulate in a simulation of the recording: estimates are from predictions over "
             f"{1.0 / problem.playing.bandwidth:.2g} s, which start again and again at the recorded positions"
         )
-        others += [followed[0].layout.named(followed[1])] if follows(*followed) else []
+        others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
         watch.stage("what may be missing")
-        causes += foreign(channel_fits(problem, before, trained) if best.free else fits)
-        causes += wrong_controllers(*followed)
+        causes += foreign(channel_fits(problem, before, trained) if observed else fits)
+        causes += wrong_controllers(*slow[0])
         with watch.in_time(), suppress(OutOfTime):
-            for one in _causes(*followed):
-                suspected.append(one)
-                causes.append(one.text)
-                others += one.trials
-            causes += failed_predictions(*followed)
+            for level in slow:
+                for one in _causes(*level):
+                    # Other levels say the same without a trial.
+                    if one.trials or level is slow[0]:
+                        suspected.append(one)
+                        causes.append(one.text)
+                        others += one.trials
+                if any(one.trials for one in suspected):
+                    break
+            if observed and not any(one.trials for one in suspected):
+                causes += [text for text in foreign(fits) if text not in causes]
+            causes += failed_predictions(*slow[0])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
-    misfit += contradicted_ties(*(followed if best.free else (final, x))) if complete else ()
+    misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
     found = found.of_a_block if misfit else found
     known, combined = estimates(final, x, found)

@@ -72,7 +72,7 @@ def _written_commands(
     """Write the commands that a run plays in the place of the recorded ones; return the files, and by key of the command the
     delay of its samples, s, and the name of its file.
 
-    Zeros, scales, instants of jumps and delays that `effects` of the scenario cannot state are in the samples.
+    Zeros, scales, instants of jumps and delays that `imperfections` of the scenario cannot state are in the samples.
     """
     files, shifts = list[Path](), dict[str, tuple[float, str]]()
     recorded = {command.key: command for command in result.played}
@@ -129,8 +129,8 @@ def _scenario_text(
     if rotors := rotors_of_scenario(result, changes):
         data["armature"] = {**result.scenario.armature, **rotors}
     if delays:
-        effects = data["effects"] = data.get("effects") or {}
-        commands = effects["commands"] = effects.get("commands") or {}
+        imperfections = data["imperfections"] = data.get("imperfections") or {}
+        commands = imperfections["commands"] = imperfections.get("commands") or {}
         for joint, delay in delays.items():
             before = for_joint(commands, joint, {})
             commands[joint] = {**before, "delay": _rounded(before.get("delay", 0.0) + delay)}

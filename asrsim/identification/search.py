@@ -3,10 +3,11 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, if it predicts held-out parts as well as others, or if the levels agree down
-to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is kept, and above the first
-level the bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of
-its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
+simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
+agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is
+kept, and above the first level the bandwidth rises as long as predictions become better and exceed the noise: an optimal
+observer minimises the error of its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the
+observer follows the noise.
 """
 
 from __future__ import annotations
@@ -68,8 +69,10 @@ class Best:
     problem: FitProblem
     x: Array
     cost: float = np.inf
-    free: tuple[FitProblem, Array] | None = None
-    """Problem and estimate of the free simulation, if another level is kept."""
+    slow: tuple[tuple[FitProblem, Array], ...] = ()
+    """If another level than the free simulation is kept: problem and estimate of the free simulation, or, if it follows no
+    channel, those of the levels that follow the channels, the slowest first. Errors of the model are largest in them.
+    """
 
     def take(self, problem: FitProblem, x: Array) -> None:
         """Replace the fit."""
@@ -101,9 +104,11 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         best.take(problem, x)
     free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
-    if fits(free.problem, free.x) or all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x):
+    followed = follows(free.problem, free.x)
+    agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
+    if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    best.free = free.problem, free.x
+    best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
     kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
     while kept is found[0] and problem.can_rise(level := level * RISE) and not _is_limited(*kept):
         begin(_name(level))
@@ -143,14 +148,12 @@ def _likelihood(fit: tuple[FitProblem, Array]) -> float:
 
 
 def _transfers(problem: FitProblem, x: Array) -> bool:
-    """Whether a fit follows each channel, and predicts held-out parts as well as the parts that were fitted."""
+    """Whether a fit predicts held-out parts as well as the parts that were fitted."""
     parts = [
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
         for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
     ]  # fmt: skip
-    return follows(problem, x) and all(
-        len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts
-    )
+    return all(len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts)
 
 
 def _is_limited(problem: FitProblem, x: Array) -> bool:

@@ -15,7 +15,7 @@ NOTHING = 1e-6
 """Fraction of an interval's width below which a number is shown as 0."""
 
 
-def columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
+def estimate_columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
     """Table of parameters."""
     rows = result.estimates
     return (

@@ -27,7 +27,7 @@ MARK = b"<!-- written by asrsim identify -->\n"
 """Last line of a robot file that was written by `asrsim identify` and may be replaced."""
 
 
-def as_dict(result: FitResult) -> dict[str, Any]:
+def fit_data(result: FitResult) -> dict[str, Any]:
     """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
     sweep --fit`.
     """
@@ -123,7 +123,7 @@ def write_robot(result: FitResult | Resumed, folder: Path, *, everything: bool =
     return [path, *files], [*said, *more]
 
 
-def draw(result: FitResult, folder: Path) -> list[Path]:
+def draw_recordings(result: FitResult, folder: Path) -> list[Path]:
     """Write a picture of each recording. Raises OutputError."""
     paths: list[Path] = []
     for number, end in enumerate(result.ends):

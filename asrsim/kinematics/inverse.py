@@ -112,8 +112,8 @@ class SoftArm:
 
     def delay(self, joint: str) -> float:
         """Delay of the joint's commands in s."""
-        effects = for_joint(self.scenario.command_effects, joint)
-        return 0.0 if effects is None else effects.delay
+        imperfections = for_joint(self.scenario.command_imperfections, joint)
+        return 0.0 if imperfections is None else imperfections.delay
 
     def motion(self, time: Array, joints: Sequence[str], positions: Array) -> DesiredMotion:
         """Motion of all joints of the model while `joints` move along `positions` (n, joints) at `time` (n,).

@@ -17,7 +17,7 @@ from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import InputError
 from asrsim.outfile import make_folder, written
 from asrsim.plain import misfit
-from asrsim.robot.findings import LARGEST
+from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.samples import Array
 from asrsim.scenario.digest import input_hashes
 
@@ -132,6 +132,6 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
         raise _fault(path, "its trials are not whole")
     # Only the outputs of a trial that diverged are NaN.
-    if not (np.abs(inputs).max(initial=0.0) <= LARGEST and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST):
+    if not (np.abs(inputs).max(initial=0.0) <= LARGEST_NUMBER and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST_NUMBER):
         raise _fault(path, "its numbers are those of no robot")
     return head, inputs, outputs

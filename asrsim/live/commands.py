@@ -12,7 +12,7 @@ from itertools import pairwise
 from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_names
 from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
 from asrsim.log.topics import topic_paths
-from asrsim.robot.findings import LARGEST
+from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.samples import JointInfo
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.simulation.simulation import Simulation
@@ -114,7 +114,7 @@ class CommandInput:
             fault = f"a message that is not a {topic.message}"
         elif not fault and counts != {len(targets)}:
             fault = f"{max(counts)} values where {len(targets)} are expected"
-        elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] <= LARGEST):
+        elif not fault and not (times[0] >= 0.0 and all(a < b for a, b in pairwise(times)) and times[-1] <= LARGEST_NUMBER):
             fault = "points that are not in the order of time"
         if fault:
             self._refuse(topic, fault)
@@ -131,8 +131,8 @@ class CommandInput:
                 continue
             elif not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(topic, "a value that is not finite")
-            elif received.points and max(map(abs, (*values, *velocities))) > LARGEST:
-                self._refuse(topic, f"a value larger than {LARGEST:g}, which no robot has")
+            elif received.points and max(map(abs, (*values, *velocities))) > LARGEST_NUMBER:
+                self._refuse(topic, f"a value larger than {LARGEST_NUMBER:g}, which no robot has")
             else:
                 self.taken += 1
                 moving = velocities if len(velocities) == len(times) else ()

@@ -16,7 +16,7 @@ from asrsim.errors import InputError
 from asrsim.live.mailbox import Mailbox
 from asrsim.live.origin import OriginProxy
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
-from asrsim.log.topics import schema_name, schema_text
+from asrsim.log.topics import message_definition, schema_name
 
 MOST = 1000
 """Largest number of channels that clients may advertise, and of latched topics that wait to be sent again."""
@@ -38,7 +38,9 @@ class FoxgloveTransport:
         self._advertised: dict[tuple[int, int], int] = {}
 
         def channel(topic: LiveTopic) -> Any:
-            schema = Schema(name=schema_name(topic.message), encoding="ros2msg", data=schema_text(topic.message).encode())
+            schema = Schema(
+                name=schema_name(topic.message), encoding="ros2msg", data=message_definition(topic.message).encode()
+            )
             return Channel(topic.name, schema=schema, message_encoding="cdr", context=context)
 
         self._channels = [channel(outlet) for outlet in interface.outlets if not outlet.latched]

@@ -12,6 +12,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+ENCAPSULATION = b"\x00\x01\x00\x00"
+"""First bytes of a message: little-endian CDR."""
+
 
 class MessageColumn(NamedTuple):
     """Source of a number in a message: a scalar signal of `asrsim.samples.Samples`."""
@@ -40,7 +43,7 @@ class CdrBuilder:
     """Lays out a message field by field, in the order of its definition."""
 
     def __init__(self) -> None:
-        self._data = bytearray(b"\x00\x01\x00\x00")
+        self._data = bytearray(ENCAPSULATION)
         self._floats: list[tuple[int, MessageColumn]] = []
         self._stamps: list[int] = []
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import LogError
-from asrsim.plain import Shape, misfit
+from asrsim.plain import Structure, misfit
 from asrsim.samples import JointInfo, RunInfo
 
 FORMAT = "1"
@@ -21,14 +21,14 @@ _RUN, _URDF, _SCENARIO, _RESOLVED = "run.json", "robot.urdf", "scenario.yaml", "
 _FOLDER = "attachments/"
 _COPIED = ("robot", "variant", "step", "log_every", "urdf_path", "scenario_path")
 """Fields of `RunInfo` that `run.json` contains unchanged."""
-_JOINT_SHAPE: Shape = {
+_JOINT_SHAPE: Structure = {
     "name": str, "actuator": str, "mode": (int, None), "namespace": str, "motors": int, "prismatic": bool, "quantities": [str],
 }  # fmt: skip
-_RUN_SHAPE: Shape = {
+_RUN_SHAPE: Structure = {
     "robot": str, "variant": str, "step": float, "log_every": int, "urdf_path": str, "scenario_path": str,
     "joints": [_JOINT_SHAPE], "metadata": {"*": str},
 }  # fmt: skip
-_RESOLVED_SHAPE: Shape = {
+_RESOLVED_SHAPE: Structure = {
     "scenario?": {"robot": (str, {"file": str}), "*": object},
     "parameters?": {"*": {"*": float}},
     "*": object,
@@ -105,7 +105,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     )
 
 
-def _json(name: str, data: bytes, shape: Shape) -> Any:
+def _json(name: str, data: bytes, shape: Structure) -> Any:
     """JSON content of an attachment, which may have been edited. Raises LogError unless it has the expected structure."""
     try:
         found = json.loads(data)
@@ -115,7 +115,7 @@ def _json(name: str, data: bytes, shape: Shape) -> Any:
     return found
 
 
-def _fit(name: str, found: Any, shape: Shape) -> None:
+def _fit(name: str, found: Any, shape: Structure) -> None:
     """Raise LogError unless the content of an attachment has the expected structure."""
     if fault := misfit(found, shape):
         raise _damaged(f"{name}: {fault}")

@@ -3,22 +3,33 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from asrsim.log.cdr import MessageColumn
+from asrsim.log.cdr import ENCAPSULATION, MessageColumn
 from asrsim.log.topics import Topic
 from asrsim.samples import Array, Samples
 
 MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Header before a message's data in a chunk: opcode, length, channel, sequence, log time, publish time."""
 
+_HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr", f"V{len(ENCAPSULATION)}"), ("stamp", "<u8")])
+"""What changes at the head of a message, up to the time stamp with which most messages begin; one copy of all is faster than a
+copy of each."""
+_HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
+_HEAD_PLACE = 11
+"""Offset of these fields in a message's header, bytes."""
+_STAMP_PLACE = len(ENCAPSULATION)
+"""Offset of a time stamp at the beginning of a message's data, bytes."""
 _CHUNK_BYTES = 4 << 20
 """Size of the rows in memory, bytes."""
+_ROOM = 1 << 20
+"""Room for other messages before the rows of a chunk, bytes: memory that is not used costs nothing."""
 _ROWS = (256, 2048)
 """Fewest and most rows in a chunk. With fewer rows, calls cost more time than copying; with more, a kill loses more samples."""
 
@@ -38,23 +49,26 @@ class RowBuffer:
         self.row_size = len(row)
         self.capacity = int(np.clip(_CHUNK_BYTES // self.row_size, *_ROWS))
         self.count = 0
-        self._bytes = np.tile(np.frombuffer(bytes(row), np.uint8), (self.capacity, 1))
+        self._memory = np.empty(_ROOM + self.capacity * self.row_size, np.uint8)
+        self._memory[_ROOM:].reshape(self.capacity, self.row_size)[:] = np.frombuffer(row, np.uint8)
         self._times = np.zeros(self.capacity, "<u8")
         # The constant bytes are kept for all chunks; only these views are written to.
-        self._sequences = [self._view(start + 11, "<u4") for start in self._starts]
-        self._log_times = [self._view(start + place, "<u8") for start in self._starts for place in (15, 23)]
-        stamps = [
-            start + MESSAGE_HEADER.size + offset
-            for start, (_, topic) in zip(self._starts, topics, strict=True)
-            for offset in topic.template.stamps
-        ]
-        self._stamps = [(self._view(stamp, "<i4"), self._view(stamp + 4, "<u4")) for stamp in stamps]
-        self._floats = [
-            (self._view(start + MESSAGE_HEADER.size + offset, "<f8"), column)
-            for start, (_, topic) in zip(self._starts, topics, strict=True)
-            for offset, column in topic.template.floats
-        ]
-        self._columns = tuple(dict.fromkeys(column for _, column in self._floats))
+        self._heads: list[NDArray[Any]] = []
+        self._short_heads: list[NDArray[Any]] = []
+        """Heads of messages that begin with something other than a time stamp."""
+        self._stamps: list[NDArray[Any]] = []
+        """Time stamps elsewhere in the messages."""
+        self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
+        for start, (_, topic) in zip(self._starts, topics, strict=True):
+            template, begin = topic.template, start + MESSAGE_HEADER.size
+            # A number at the place of a stamp is written after the head.
+            if _STAMP_PLACE in template.stamps or _STAMP_PLACE in dict(template.floats):
+                self._heads.append(self._view(start + _HEAD_PLACE, _HEAD_BYTES))
+            else:
+                self._short_heads.append(self._view(start + _HEAD_PLACE, _SHORT_HEAD_BYTES))
+            self._stamps += [self._view(begin + place, "<u8") for place in template.stamps if place != _STAMP_PLACE]
+            self._floats += [(self._view(begin + place, "<f8"), column) for place, column in template.floats]
+        self._sources = tuple(dict.fromkeys((column.kind, column.name) for _, column in self._floats))
 
     def append(self, samples: Samples, start: int, sequence: int) -> int:
         """Copy samples from row `start` on into the buffer until it is full. Returns the number of copied samples.
@@ -65,25 +79,35 @@ class RowBuffer:
         here = slice(self.count, self.count + taken)
         there = slice(start, start + taken)
         times = np.rint(samples.time[there] * 1e9).astype("<u8")
-        seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
-        sequences = np.arange(sequence, sequence + taken, dtype="<u8").astype("<u4")
         self._times[here] = times
-        for view in self._sequences:
-            view[here] = sequences
-        for view in self._log_times:
-            view[here] = times
-        for whole, rest in self._stamps:
-            whole[here] = seconds
-            rest[here] = nanoseconds
-        sources = {column: _source(samples, column, there) for column in self._columns}
-        for view, column in self._floats:
-            view[here] = sources[column]
+        heads = np.empty(taken, _HEAD)
+        heads["sequence"] = np.arange(sequence, sequence + taken, dtype="<u8")
+        heads["log"] = heads["publish"] = times
+        heads["cdr"] = np.void(ENCAPSULATION)
+        # A stamp is an int32 of seconds, then a uint32 of nanoseconds.
+        seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
+        heads["stamp"] = stamps = seconds | (nanoseconds << np.uint64(32))
+        whole, short = (np.ndarray(taken, kind, heads.data, 0, heads.strides) for kind in (_HEAD_BYTES, _SHORT_HEAD_BYTES))
+        for view in self._heads:
+            view[here] = whole
+        for view in self._short_heads:
+            view[here] = short
+        for view in self._stamps:
+            view[here] = stamps
+        parts = {(kind, name): _parts(samples, kind, name, there) for kind, name in self._sources}
+        for view, (kind, name, part) in self._floats:
+            view[here] = parts[kind, name][part]
         self.count += taken
         return taken
 
-    def messages(self) -> memoryview:
-        """Bytes of all messages in the buffer."""
-        return self._bytes[: self.count].data.cast("B") if self.count else memoryview(b"")
+    def messages(self, before: bytes = b"") -> memoryview:
+        """Bytes of other records, and then of all messages in the buffer."""
+        rows = self._memory[: _ROOM + self.count * self.row_size]
+        if len(before) > _ROOM:
+            return memoryview(b"".join((before, rows[_ROOM:].data)))
+        place = _ROOM - len(before)
+        rows[place:_ROOM] = np.frombuffer(before, np.uint8)
+        return rows[place:].data
 
     def span(self) -> tuple[int, int]:
         """Earliest and latest log time in ns; (0, 0) without rows."""
@@ -109,14 +133,18 @@ class RowBuffer:
         self.count = 0
 
     def _view(self, offset: int, kind: str) -> NDArray[Any]:
-        return np.ndarray((self.capacity,), kind, self._bytes.data, offset, (self.row_size,))
+        return np.ndarray((self.capacity,), kind, self._memory.data, _ROOM + offset, (self.row_size,))
 
 
-def _source(samples: Samples, column: MessageColumn, rows: slice) -> Array | float:
-    if column.kind == "time":
-        return samples.time[rows]
-    if column.kind == "value":
-        values = samples.values.get(column.name)
-        return np.nan if values is None else values[rows, samples.joints.index(str(column.part))]
-    table = samples.bodies if column.kind == "body" else samples.contacts
-    return table[column.name][rows, int(column.part)]
+def _parts(samples: Samples, kind: str, name: str, rows: slice) -> Mapping[str | int, Array | float]:
+    """Numbers (n,) of each part of a quantity, a body or a contact; NaN if the samples lack it.
+
+    The numbers of a part lie in one piece, since copies between places that are both spread take twice as long.
+    """
+    if kind == "time":
+        return {"": samples.time[rows]}
+    values = {"value": samples.values, "body": samples.bodies, "contact": samples.contacts}[kind].get(name)
+    if values is None:
+        return defaultdict(lambda: np.nan)
+    names = samples.joints if kind == "value" else range(values.shape[1])
+    return dict(zip(names, np.ascontiguousarray(values[rows].T), strict=True))

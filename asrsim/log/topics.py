@@ -79,7 +79,7 @@ def schema_name(message: str) -> str:
     return f"{package}/msg/{name}"
 
 
-def schema_text(message: str) -> str:
+def message_definition(message: str) -> str:
     """Definition of a message, followed by the definitions of the messages in it, as rosbag2 stores them."""
     parts = [_FIELDS[message]]
     parts += [f"{_SEPARATOR}\nMSG: {name}\n{_FIELDS[name]}" for name in _dependencies(message)]

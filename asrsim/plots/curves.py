@@ -193,7 +193,7 @@ def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
     return ["/".join(path[ends[0] : len(path) - ends[1]]) for path in paths]
 
 
-def available(reader: LogReader) -> tuple[str, ...]:
+def drawable_quantities(reader: LogReader) -> tuple[str, ...]:
     """Every quantity that can be drawn from a log, derived quantities last."""
     stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
     derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
@@ -218,7 +218,7 @@ def _members(reader: LogReader, names: Sequence[str] | None) -> tuple[JointInfo,
 
 
 def _names(reader: LogReader, members: Sequence[JointInfo], names: Sequence[str] | None) -> tuple[str, ...]:
-    choices = available(reader)
+    choices = drawable_quantities(reader)
     if names is None:
         mine = {name for joint in members for name in joint.quantities} | set(DERIVED)
         return (*(name for name in choices if name in mine), *([REFERENCE] if "link_position" in choices else []))

@@ -15,7 +15,7 @@ from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
-from asrsim.plots.curves import REFERENCE, RunCurves, available, distinct_labels, read_curves
+from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
@@ -180,7 +180,7 @@ def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
 
 def _beside(path: Path) -> tuple[str, ...]:
     """Quantities drawn in addition to the compared quantities: the run's reference, if the run has a reference."""
-    known = available(open_log(path))
+    known = drawable_quantities(open_log(path))
     return (REFERENCE,) if {"link_position", "reference_1"} <= set(known) else known[:1]
 
 

@@ -15,7 +15,7 @@ from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.log import LogReader, open_log
 from asrsim.metrics import MetricRow
 from asrsim.outfile import write_text
-from asrsim.plots.curves import available
+from asrsim.plots.curves import drawable_quantities
 from asrsim.plots.decimate import BINS, Curve, decimate
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Comparison, Recording, band, compare
@@ -143,7 +143,7 @@ def _in_both(
     wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
     paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
-    common = [name for name in available(reader) if is_comparable(name, quantities) and name in recorded]
+    common = [name for name in drawable_quantities(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
         # Call the comparison only for its error, which is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)

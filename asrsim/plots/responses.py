@@ -16,7 +16,7 @@ from asrsim.log import open_log
 from asrsim.metrics import MetricRow
 from asrsim.metrics.frequency import FrequencyResponse, frequency_response
 from asrsim.plots import style
-from asrsim.plots.curves import EXTRA, REFERENCE, available, require_names, stored, table
+from asrsim.plots.curves import EXTRA, REFERENCE, drawable_quantities, require_names, stored, table
 from asrsim.recordings import Column, Recording, resample
 from asrsim.samples import JointInfo
 
@@ -108,7 +108,7 @@ def responses(
     reader = open_log(path)
     (first_joint, first), (last_joint, last) = _signal(given or REFERENCE), _signal(output or OUTPUT)
     named = [name for name, text in ((first, given), (last, output)) if text is not None]
-    require_names(reader, "quantity", named, (*available(reader), *EXTRA))
+    require_names(reader, "quantity", named, (*drawable_quantities(reader), *EXTRA))
     members = reader.info.joints
     infos = {joint.name: joint for joint in members}
     require_names(reader, "joint", [name for name in (first_joint, last_joint) if name], tuple(infos))

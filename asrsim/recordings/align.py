@@ -20,12 +20,17 @@ ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_pos
 """Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
 first, as both records contain the same reference. The lag of a response is part of the difference to be measured."""
 
-Reader = Callable[[Sequence[str], Sequence[str]], Samples]
+SampleReader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function (quantities, joints) that returns the samples of these quantities and joints."""
 
 
 def align_recording(
-    recording: Recording, pairing: Mapping[str, str], read: Reader, *, lag: LagChoice = "auto", infos: Sequence[JointInfo] = ()
+    recording: Recording,
+    pairing: Mapping[str, str],
+    read: SampleReader,
+    *,
+    lag: LagChoice = "auto",
+    infos: Sequence[JointInfo] = (),
 ) -> Alignment:
     """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
 
@@ -39,7 +44,7 @@ def align_recording(
     Raises:
         RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
     """
-    columns, _ = comparable(recording, pairing, infos, (*QUANTITIES, *DERIVED))
+    columns, _ = matched_columns(recording, pairing, infos, (*QUANTITIES, *DERIVED))
     known = {info.name: info for info in infos if info.quantities}
     best: tuple[str, Array, Array, Column] | None = None
     for joint, quantity in sorted(columns, key=lambda key: (*ALIGN_ON, key[1]).index(key[1])):
@@ -69,7 +74,7 @@ def align_recording(
         raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
 
 
-def comparable(
+def matched_columns(
     recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo], quantities: Sequence[str] | None = None
 ) -> tuple[dict[tuple[str, str], Column], list[Problem]]:
     """Columns by (joint, quantity) of the run, and problems. Columns whose unit does not fit their joint are left out."""

@@ -17,7 +17,7 @@ from asrsim.recordings.align import (
     Alignment,
     LagChoice,
     align_recording,
-    comparable,
+    matched_columns,
     require_overlap,
     resample,
     simulated,
@@ -114,7 +114,7 @@ def compare(
     """
     further = [(one.name, one.needs == "series") for one in chosen_measures(measures)]
     pairing = match_joints(samples.joints, recording)
-    columns, findings = comparable(recording, pairing, infos, quantities)
+    columns, findings = matched_columns(recording, pairing, infos, quantities)
     found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
     if findings and not found:
         raise RecordingError(condense(findings))

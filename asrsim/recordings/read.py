@@ -27,7 +27,7 @@ from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
-from asrsim.recordings.units import Unit, fits, split_header
+from asrsim.recordings.units import Unit, fits, split_header, unsure_units
 from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
 
@@ -147,6 +147,9 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
         if index is None:
             message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
             problem = replace(problem, message=message, choices=names[:20], hint=hint, code="no-such-column")
+        elif one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
+            hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
+            problem = replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
             message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({unit_of(one.quantity)})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
@@ -205,6 +208,8 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
     name: name of the column without the number that distinguishes equal names, such as `#2`.
     """
     unit = stated_unit(name)
+    if choices := unsure_units(name):
+        raise DoubtError(f"its unit may be {' or '.join(choices)}")
     if raw.quantity is not None:
         place = re.search(r"\[(\d+)\]$", name)
         return raw.joint or joint_of(int(place[1]) if place else None, joints, indexed=True), raw.quantity

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from asrsim.errors import Problem, listed
+from asrsim.errors import Problem, counted, listed
 from asrsim.recordings.data import Column
 from asrsim.samples import Array
 
@@ -16,6 +17,10 @@ _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
 """Typical wrong units, as pairs (value in this unit divided by the SI value, name of the unit)."""
 _FEWEST = 20
 """Smallest number of samples for a comparison of two columns."""
+_NEAR, _FAR = 1.5, 10.0
+"""Distance from all other numbers, relative to their range, above which a number is suspected to mark missing values."""
+_LIMITS = (2.0**15, 2.0**15 - 1, 2.0**16 - 1, 2.0**31, 2.0**31 - 1, 2.0**32 - 1)
+"""Limits of integers, which stand for no value in some files."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 
@@ -85,6 +90,8 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         )
         hint = "Comparisons skip these samples; they are not interpolated"
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
+    if not str(column.quantity).startswith(("reference", "external")):
+        yield from _markers(column, time, numbers)
     if count := _turns(values[:1000]):
         message = f"is close to its value {count} samples before, but far from its neighbours: do {count} joints take turns?"
         hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
@@ -107,6 +114,45 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         hint = "" if str(column.quantity).startswith("reference") else "Was the sensor connected?"
         message = f"is constant at {values[0]:g} {column.unit}".rstrip()
         yield Problem(message, key=column.source, hint=hint or None, code="constant-column")
+
+
+def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
+    """Problems of numbers that stand for no measurement: one far from all others, and zeros between values far from zero.
+
+    time, numbers: (n,) the samples that have a number, in the file's unit.
+    """
+    if len(numbers) < _FEWEST:
+        return
+    for mark in (numbers.min(), numbers.max()):
+        there = numbers == mark
+        low, high = (others.min(), others.max()) if len(others := numbers[~there]) > 0.5 * len(numbers) else (mark, mark)
+        gap = max(low - mark, mark - high)
+        # 999 and 32767 are numbers that programs write for none; others are suspected further away.
+        usual = re.fullmatch(r"-?9{2,}(\.9+|\.0)?", str(mark)) or abs(mark) in _LIMITS
+        if high > low and gap > (_NEAR if usual else _FAR) * (high - low):
+            message = f"is {mark:g} in {counted(int(there.sum()), 'sample')}, the first at t = {time[there][0]:.6g} s, and "
+            message += f"from {low:g} to {high:g} in all others: does this number mark missing values?"
+            hint = f"If so, state it in the document beside the file: `missing: {mark:.12g}`"
+            yield Problem(message, key=column.source, hint=hint, code="suspected-marker")
+            return
+    zero = numbers == 0.0
+    starts, ends = np.flatnonzero(~zero[:-1] & zero[1:]), np.flatnonzero(zero[:-1] & ~zero[1:]) + 1
+    if not len(starts) or not len(ends) or len(changes := np.abs(np.diff(numbers[~zero]))) < _FEWEST:
+        return
+    ends = ends[np.searchsorted(ends, starts[starts < ends[-1]], side="right")]
+    starts = starts[: len(ends)]
+    before, after = numbers[starts], numbers[ends]
+    usual_change = max(float(np.percentile(changes, 95)), float(np.diff(np.unique(numbers)).min()))
+    lost = (ends - starts <= 4) & (
+        np.minimum(np.abs(before), np.abs(after)) > 10.0 * np.maximum(np.abs(after - before), usual_change)
+    )
+    if lost.any():
+        message = (
+            f"falls to exactly 0 and back {counted(int(lost.sum()), 'time')}, first at t = {time[starts[lost][0] + 1]:.6g} s, "
+        )
+        message += "between values far from 0: were these samples lost?"
+        hint = "If so, delete these numbers in the file, or state `missing: 0` in the document beside it"
+        yield Problem(message, key=column.source, hint=hint, code="suspected-lost")
 
 
 def _turns(values: Array) -> int:

@@ -19,7 +19,9 @@ import numpy as np
 from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.recordings.data import Content, RawColumn, RawTable, places_text, unique
 from asrsim.recordings.joint_names import list_widths, message_names, name_columns, spread, with_joints
+from asrsim.recordings.marks import EITHER, GROUPS, POINT, number_in, use_of_other, with_point
 from asrsim.recordings.reading import SEPARATORS, Reading
+from asrsim.recordings.units import find_unit, split_header
 from asrsim.samples import Array
 
 COMMENTS = ("#", "%", "//")
@@ -30,9 +32,12 @@ _SAMPLE = 200
 """Number of lines at the start of a file that decide its layout."""
 _BLOCK = 1000
 """Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
+_BRACKETS = " []()<>{}"
+_ONLY_BRACKETS = re.compile(r"\s*(?:[\[(][^\])\s]*[\])]\s*)+")
+"""Pattern of a row of units in brackets, which belong to no words before them."""
 _LONGEST = 200
 """Largest length of a joint's name."""
-Row = tuple[int, list[str]]
+NumberedLine = tuple[int, list[str]]
 """Line number and cells of a row."""
 
 
@@ -53,9 +58,7 @@ def parse(cell: str, decimal: str) -> tuple[str, float]:
     if cell.lower() in MISSING:
         return "missing", math.nan
     with suppress(ValueError):
-        # Python reads 1_000 as a number, but no instrument writes numbers like this.
-        if "_" not in cell:
-            return "number", float(cell.replace(",", ".") if decimal == "," else cell)
+        return "number", number_in(cell, decimal)
     # Excel writes 62 s as 01:02, which would be read as a minute past one: a time of day needs two colons.
     for text in (cell, f"1970-01-01T{cell}") if cell.count(":") != 1 else ():
         with suppress(ValueError):
@@ -88,19 +91,49 @@ class CellColumn:
     """Lines of the cells that are not numbers."""
     example: str = ""
     """First cell that is not a number."""
+    doubtful: list[tuple[int, int, str]] = field(default_factory=list)
+    """Index, line and text of each number whose mark may be a decimal mark or group digits, such as `1.234`."""
+    uses: set[str] = field(default_factory=set)
+    """How the other numbers of the column use the mark that is not the decimal mark: `marks.GROUPS`, `marks.POINT`."""
 
     def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
         """Convert cells; text becomes NaN and is reported with its line."""
-        plain = self.kind == "number" and "_" not in "".join(cells)
+        text = "".join(cells) if self.kind == "number" else "_"
+        plain = "_" not in text and (decimal == "." or "." not in text)
         try:
             values = [*map(float, [cell.replace(",", ".") for cell in cells] if decimal == "," else cells)] if plain else []
         except ValueError:
             values = []
-        values = values or [self._value(cell, line, decimal) for cell, line in zip(cells, lines, strict=True)]
+        if not values:
+            rows = enumerate(zip(cells, lines, strict=True), start=sum(map(len, self.blocks)))
+            values = [self._value(cell, line, decimal, row) for row, (cell, line) in rows]
         self.blocks.append(np.array(values, dtype=float))
 
-    def _value(self, cell: str, line: int, decimal: str) -> float:
+    def values(self, decimal: str, *, stated: bool) -> Array:
+        """Values (n,). Raises RecordingError where a mark may be a decimal mark or group digits, and no other cell tells.
+
+        stated: Whether the user states the decimal mark.
+        """
+        values: Array = np.concatenate(self.blocks)
+        if not self.doubtful or GROUPS in self.uses or (stated and POINT not in self.uses):
+            return values
+        if POINT not in self.uses:
+            _, line, cell = self.doubtful[0]
+            choices = f"{number_in(cell, decimal):g}", f"{with_point(cell):g}"
+            message = "may have a decimal mark or a group of three digits: the file has points and commas in its numbers"
+            hint = "State the decimal mark in the document beside the file: `decimal: ','` or `decimal: '.'`"
+            raise RecordingError(message, line=line, key=self.name, value=cell, choices=choices, hint=hint, code="two-marks")
+        for row, _, cell in self.doubtful:
+            values[row] = with_point(cell)
+        return values
+
+    def _value(self, cell: str, line: int, decimal: str, row: int) -> float:
         kind, value = parse(cell, decimal)
+        if kind == "number" and (use := use_of_other(cell, decimal)):
+            if use == EITHER:
+                self.doubtful.append((row, line, cell))
+            else:
+                self.uses.add(use)
         if kind != self.kind and (kind, self.kind) != ("missing", "number"):
             self.example = self.example or printable(cell[:30])
             self.faults.append(line)
@@ -116,6 +149,8 @@ class TableLayout:
     """Layout of a table of cells."""
 
     decimal: str
+    stated: bool
+    """Whether the user states the decimal mark."""
     header: int
     """Line of the names; 0: the file has no names."""
     first: int
@@ -123,10 +158,10 @@ class TableLayout:
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
-    skipped: tuple[Row, ...]
+    skipped: tuple[NumberedLine, ...]
     """Rows with values above the first row, which have another number of cells."""
 
-    def content(self, rows: Iterable[Row]) -> Content:
+    def content(self, rows: Iterable[NumberedLine]) -> Content:
         """Content with the table made of the rows, and one problem for each kind of fault.
 
         Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError where
@@ -171,7 +206,7 @@ class TableLayout:
             message = "has no header; columns are called column_1, column_2, ..."
             findings.append(Problem(message, hint="Name them with --map 2=joint_1.link_position", code="no-header"))
         raw = tuple(
-            RawColumn(name=column.name, values=np.concatenate(column.blocks), zero=column.zero, place=place)
+            RawColumn(name=column.name, values=column.values(self.decimal, stated=self.stated), zero=column.zero, place=place)
             for place, column in kept
         )
         table = with_joints(RawTable(columns=raw, lines=np.array(lines, dtype=np.int64)), findings)
@@ -214,7 +249,7 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
     return layout.content([row for row in filled if row[0] >= layout.first])
 
 
-def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayout:
+def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> TableLayout:
     """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
     # The names of joints in rows below their header do not count as text: there may be more names than numbers.
@@ -240,16 +275,15 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayou
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header; for topics a bag, "
             "or what `ros2 topic echo --csv` prints",
         )  # fmt: skip
-    above = [(line, _uncommented(cells)) for line, cells in rows[:place] if reading.header in (None, line)]
+    above = [(line, _uncommented(cells)) for line, cells in rows[:place]]
     # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
     above = [(line, names[:columns] if names[columns:] == ["Comment"] else names) for line, names in above]
     # Some programs end each row, but not the header, with a separator.
     blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
     widths = (columns, columns - blank)
-    fitting = [
-        row for row in above if len(row[1]) in widths and (reading.header or share_of_values(kinds_of(row[1], decimal)) < 0.5)
-    ]
-    header, names = fitting[-1] if fitting else (0, [""] * columns)
+    above = [row for row in above if len(row[1]) in widths]
+    fitting = [row for row in above if _may_name(row, reading.header, decimal)]
+    header, names = _with_units(above, fitting) if fitting else (0, [""] * columns)
     if place and not fitting and reading.header is None and len(rows[place - 1][1]) not in (1, 2, columns):
         line, names = rows[place - 1]
         raise RecordingError(
@@ -263,7 +297,7 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayou
     labels = _unique([*names, ""][:columns])
     naming = name_columns(labels)
     return TableLayout(
-        decimal=decimal, header=header, first=rows[place][0], names=labels,
+        decimal=decimal, stated=reading.decimal is not None, header=header, first=rows[place][0], names=labels,
         kinds=tuple(
             "joint" if name == reading.joint or i in naming else kind
             for i, (name, kind) in enumerate(zip(labels, common, strict=True))
@@ -272,6 +306,34 @@ def layout_of(rows: Sequence[Row], reading: Reading, decimal: str) -> TableLayou
             row for row, kind in zip(rows[:place], kinds, strict=False) if row[0] > header > 0 and share_of_values(kind) >= 0.5
         ),
     )  # fmt: skip
+
+
+def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:
+    """Whether a row may be the header: it is the stated one, or, where none is stated, most of its cells are text."""
+    return row[0] == stated if stated is not None else share_of_values(kinds_of(row[1], decimal)) < 0.5
+
+
+def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) -> NumberedLine:
+    """Header, the last of the fitting rows, with the units of a row that only holds units, below or above it.
+
+    above: rows above the numbers with as many cells.
+    """
+    place = above.index(fitting[-1])
+    if _are_units(above[place][1]) and len(fitting) > 1 and above.index(fitting[-2]) == place - 1:
+        place -= not _are_units(above[place - 1][1])
+    (line, names), beside = above[place], [*above[place + 1 : place + 2], *above[max(place - 1, 0) : place]]
+    units = next((cells for _, cells in beside if _are_units(cells)), [""] * len(names))
+    return line, [
+        f"{split_header(name)[0]} [{unit.strip(_BRACKETS)}]" if unit.strip(_BRACKETS + "-1") else name
+        for name, unit in zip(names, (*units, ""), strict=False)
+    ]
+
+
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether a row holds units: all of its cells, or at least two and half of them."""
+    filled = [cell for cell in cells if cell.strip(_BRACKETS + "-")]
+    known = sum(find_unit(cell) is not None for cell in filled)
+    return 0 < known >= (len(filled) if known < 2 else 0.5 * len(filled))
 
 
 def _begins(share: float | None, below: float | None) -> bool:
@@ -307,16 +369,19 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
         whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
         widths = list_widths(whole)
         good = sum(share_of_values(kinds_of(spread(row, widths), decimal)) for row in whole) / len(rows)
-        return round(good - (0.4 if columns == 1 else 0.0), 3)
+        # Of two marks with which all cells are numbers, the one that leaves fewer other marks is the decimal mark.
+        other = sum(bool(use_of_other(cell, decimal)) for row in whole for cell in row) / (columns * len(rows))
+        return round(good - (0.4 if columns == 1 else 0.0) - 0.1 * other, 3)
 
     words = [reading.separator] if reading.separator else [*SEPARATORS]
     marks = [reading.decimal] if reading.decimal else [".", ","]
-    return max(((word, mark) for word in words for mark in marks if word != mark or reading.decimal), key=score)
+    quoted = bool(reading.decimal) or any('"' in line for line in lines)
+    return max(((word, mark) for word in words for mark in marks if word != mark or quoted), key=score)
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
     """Cells of a line above the numbers. If blanks separate cells, a unit in brackets stays with the word before it."""
-    if separator is None:
+    if separator is None and not _ONLY_BRACKETS.fullmatch(line):
         line = re.sub(r"^\s*(#|%|//)\s*", r"\1", line)
         line = re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
     return split(line, separator)

@@ -21,12 +21,15 @@ from asrsim.recordings.words import tokens_of
 from asrsim.samples import Array
 
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
-              "sec", "secs", "nanosec", "nsec", "nsecs", "millis", "micros", "nanos", "epoch", "unix", "header", "field",
-              "zeit", "s", "ms", "us", "ns"}  # fmt: skip
+              "epoch", "unix", "header", "field", "zeit"}  # fmt: skip
+TIME_WORDS |= {name.lower() for name, unit in UNITS.items() if unit.si == "s" and unit.factor <= 1.0}
 """Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
 _SYMBOLS = ("s", "ms", "us", "ns")
-_WHOLE, _PARTS = ("sec", "secs"), ("nanosec", "nsec", "nsecs")
-"""Names of the fields of a stamp in ROS 1 and 2: seconds, and nanoseconds of the second."""
+_LAST = re.compile(r"[\[(]?[^\W\d_]+[\])]?$")
+"""Last word of a name, or its unit."""
+_DAY = 86400.0
+_COUNTERS = (2.0**16, 2.0**32)
+"""Numbers of ticks after which a counter restarts."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
 """Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
@@ -34,6 +37,8 @@ _DIGITS = 9
 """Decimals of a second to which stamps are compared; slopes over shorter steps would overflow."""
 _MOST_JOINTS = 1000
 """Largest number of joints that a column may name row by row."""
+_COARSE = 0.1
+"""Fraction of samples that may repeat the stamp of the one before; with more, the clock is coarser than the samples."""
 _GAP = 1.7
 """Ratio to the usual time step above which a step contains missing samples."""
 
@@ -115,7 +120,7 @@ def is_named_time(column: RawColumn) -> bool:
 def unit_of_time(column: RawColumn) -> Unit | None:
     """Unit that the header of a time column states, or its name (`nanosec`), or the digits of its Unix times; else None."""
     plain, unit = split_header(column.name)
-    unit = unit or (find_unit(re.split(r"[./]", plain)[-1]) if len(plain) > 1 else None)
+    unit = unit or find_unit(re.split(r"[./]", plain)[-1])
     if unit is not None and unit.si == "s":
         return unit
     size = _median(column.values)
@@ -158,13 +163,23 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """The first column with the name of a time, and the next one if both are seconds and nanoseconds of one stamp."""
-    if len(named) > 1:
-        (first, whole), (second, part) = (re.split(r"(?=[^./_]*$)", columns[i].name, maxsplit=1) for i in named[:2])
-        values = columns[named[1]].values
-        if first == second and whole in _WHOLE and part in _PARTS and not np.any((values < 0) | (values >= 1e9)):
-            return [*named[:2]]
-    return [*named[:1]]
+    """The first column with the name of a time, and the next one if both are seconds and parts of a second of one stamp.
+
+    A flag, which has two values at most, is no time beside a column that has more.
+    """
+    if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
+        return [*named[:2]]
+    return ([i for i in named if columns[i].zero is not None or len(np.unique(columns[i].values)) > 2] or [*named])[:1]
+
+
+def _are_one_stamp(whole: RawColumn, part: RawColumn) -> bool:
+    """Whether two columns are whole seconds, and the nanoseconds (or microseconds, milliseconds) of each second."""
+    first, second = _LAST.sub("", whole.name), _LAST.sub("", part.name)
+    unit, smaller = unit_of_time(whole), unit_of_time(part)
+    if first != second or unit is None or smaller is None or unit.factor != 1.0 or smaller.factor >= 1.0:
+        return False
+    seconds, parts = (one.values[np.isfinite(one.values)] for one in (whole, part))
+    return bool(np.all(seconds == np.round(seconds)) and np.all((parts >= 0.0) & (parts * smaller.factor < 1.0)))
 
 
 def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:
@@ -189,7 +204,7 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     """
     name, values = column.name, np.where(np.abs(column.values) < LARGEST, column.values, np.nan)
     if column.zero is not None:
-        return values, column.zero, ""
+        return _continued(values, (_DAY,), name, findings) if alone else values, column.zero, ""
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
     unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
@@ -197,9 +212,11 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
         raise RecordingError(
             "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
         )
-    if reading.time.stated is None:
+    if reading.time.stated is None and alone:
         _check_steps(values, unit, name=name, findings=findings)
     unit = unit or UNITS["s"]
+    if alone:
+        values = _continued(values, (_DAY / unit.factor, *_COUNTERS), name, findings)
     size = _median(values)
     if size * unit.factor <= EPOCH:
         return values * unit.factor, 0, unit.symbol
@@ -207,6 +224,27 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     # A float of 1.7e9 s resolves 2.4e-7 s. Rounding restores the written digits: 0.2 s instead of 0.20000005 s.
     digits = int(np.floor(-np.log10(np.spacing(size) * unit.factor)))
     return np.round((values - zero) * unit.factor, digits), round(zero * unit.factor * 1e9), unit.symbol
+
+
+def _continued(values: Array, periods: Sequence[float], name: str, findings: list[Problem]) -> Array:
+    """Times that rise where a clock passes midnight or a counter restarts, which is reported; other times are unchanged.
+
+    periods: readings after which the clock restarts, in the column's unit.
+    """
+    known = np.flatnonzero(np.isfinite(values))
+    steps = np.diff(values[known])
+    falls, usual = steps[steps < 0.0], steps[steps > 0.0]
+    if not len(falls) or len(falls) > 0.1 * len(steps):
+        return values
+    near = 10.0 * float(np.median(usual)) if len(usual) else 0.0
+    period = next((one for one in periods if np.all((falls + one > 0.0) & (falls + one <= near)) and near < 0.1 * one), None)
+    if period is None:
+        return values
+    message = f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight or a full counter"
+    findings.append(Problem(f"{message}; its times go on", key=name, code="restarted-clock"))
+    found = values.copy()
+    found[known[1:]] += period * np.cumsum(steps < 0.0)
+    return found
 
 
 def _median(values: Array) -> float:
@@ -218,6 +256,8 @@ def _median(values: Array) -> float:
 def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[Problem]) -> None:
     """Report time steps that are implausible in the stated unit. Raises RecordingError if no unit is stated for them."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
+    if len(steps) and np.median(steps) == 0.0:
+        return  # the stamps repeat, which is reported of all samples
     step = float(np.median(steps[steps > 0])) * (unit.factor if unit else 1.0) if steps.any() else SLOWEST
     if FASTEST <= step <= SLOWEST:
         return
@@ -227,6 +267,17 @@ def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[
     if unit is None:
         raise RecordingError(problem)
     findings.append(problem)
+
+
+def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, float] | None:
+    """Step of a clock, s, and mean rate of the samples, Hz, if many samples repeat the stamp before, but not its values."""
+    stamps = np.unique(np.round(table.time[np.isfinite(table.time)], _DIGITS))
+    if len(repeated) <= max(2, _COARSE * len(table.time)) or len(stamps) < 2:
+        return None
+    series = [column.values for column in table.columns if column.values.dtype.kind == "f"]
+    changed = np.any([values[repeated] != values[repeated - 1] for values in series], axis=0)
+    step = float(np.min(np.diff(stamps)))
+    return (step, len(table.time) / (stamps[-1] - stamps[0] + step)) if np.mean(changed) > _COARSE else None
 
 
 def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
@@ -260,6 +311,11 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
         "too few digits, a row for each joint (state the column with its name: `joint: name`), "
         "or a time in two columns (state both: `time: [sec, nanosec]`)"
     )
+    if (coarse := _coarse_clock(table, repeated)) is not None:
+        step, rate = coarse
+        message = f"counts in steps of {step:g} s, and {len(repeated)} of {len(valid)} samples have the stamp of the one before"
+        hint = f"For even samples state their rate, --rate {rate:.3g}; if the rows of several joints take turns, `joint: name`"
+        raise RecordingError(message, key=name, line=table.line(repeated[0]), hint=hint, code="coarse-clock")
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]

@@ -23,11 +23,13 @@ _TABLE = """
 rad        1.0                   rad rads radian radians
 rad        0.001                 mrad
 rad        0.017453292519943295  deg degs degree degrees ° Grad
+rad        0.015707963267948967  gon gons gradian gradians
 rad        1.7453292519943296e-05  mdeg
 rad        6.283185307179586     rev revs turn turns
 rad/s      1.0                   rad/s
 rad/s      0.001                 mrad/s
 rad/s      0.017453292519943295  deg/s dps °/s Grad/s
+rad/s      0.015707963267948967  gon/s
 rad/s      0.10471975511965977   rpm rev/min 1/min
 rad/s      6.283185307179586     rev/s rps turns/s
 rad/s^2    1.0                   rad/s^2 rad/s2
@@ -63,7 +65,8 @@ A          0.001                 mA
 V          1.0                   V volt volts
 V          0.001                 mV
 W          1.0                   W
-Hz         1.0                   Hz
+Hz         1.0                   Hz 1/s s^-1
+Hz         1000.0                kHz
 degC       1.0                   °C degC
 1          1.0                   1 -
 1          0.01                  % percent
@@ -80,6 +83,8 @@ UNITS = {
 """Units by spelling, for all known spellings."""
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
+_UNSURE = {"grad": ("deg", "gon"), "grads": ("deg", "gon"), "grad/s": ("deg/s", "gon/s")}
+"""Units that a spelling may mean. German writes Grad for degrees; elsewhere, grad is 1/400 of a turn."""
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
@@ -116,16 +121,32 @@ def find_unit(text: str) -> Unit | None:
     # force times length with any sign between both units: newton-metre, N·m, lbf-ft; the m of tau_m_Nm means motor
     joined = re.sub("(?<=[A-Za-z])(?<!^m)[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
-        unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _LOWER.get(written.lower()))
+        unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _in_lower_case(written))
         if unit is not None and (written == plain or unit.si.startswith("N m")):
             return unit
     return None
+
+
+def _in_lower_case(text: str) -> Unit | None:
+    """Unit with this spelling in lower case; None for M (mega) where only m (milli) is known, and where it may be two units."""
+    unit = _LOWER.get(text.lower())
+    mega = unit is not None and text[0] == "M" and unit.symbol[0] == "m" and unit.symbol[1:] in UNITS and unit.si != "s"
+    return None if mega or text.lower() in _UNSURE else unit
+
+
+def unsure_units(text: str) -> tuple[str, ...]:
+    """Units that a unit, or one in a header, may mean, if it may mean several, such as `grad`; else none."""
+    known = find_unit(text) is not None or split_header(text)[1] is not None
+    words = () if known else re.findall(r"[^\W\d_]+(?:/s)?", text.lower())
+    return next((_UNSURE[word] for word in words if word in _UNSURE), ())
 
 
 def parse_unit(text: str) -> Unit:
     """Unit with this spelling. Raises RecordingError, which lists the known units."""
     unit = find_unit(text)
     if unit is None:
+        if choices := unsure_units(text):
+            raise RecordingError("may mean several units", value=text, choices=choices, code="unknown-unit")
         hint = did_you_mean(text, tuple(UNITS)) or f"Known: {', '.join(UNITS)}"
         raise RecordingError("is not a known unit", value=text, hint=hint, code="unknown-unit")
     return unit

@@ -9,16 +9,16 @@ from numpy.typing import NDArray
 
 from asrsim.samples import Array
 
-Numbers = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
     """Covered pixels with the triangle and depth at each."""
 
-    pixels: Numbers
+    pixels: Indices
     """Indices (p,) of the covered pixels, row by row from the top left."""
-    triangles: Numbers
+    triangles: Indices
     """Index (p,) of the front triangle at each covered pixel."""
     depth: Array
     """Inverse distance along the view (height * width,); 0 where no triangle covers the pixel."""
@@ -75,14 +75,14 @@ def plane(corners: Array, values: Array) -> Array:
     return np.stack([a, b, c], axis=1)
 
 
-def _expanded(first: Numbers, counts: Numbers) -> tuple[Numbers, Numbers]:
+def _expanded(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
     """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: k, and the integer."""
     member = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
     return member, np.arange(len(member)) - starts[member] + first[member]
 
 
-def _along(start: Array, end: Array, member: Numbers, y: NDArray[np.floating]) -> Array:
+def _along(start: Array, end: Array, member: Indices, y: NDArray[np.floating]) -> Array:
     """x at which the edge from start to end (3, m) crosses the height y."""
     rise = end[1] - start[1]
     slope = np.where(rise > 0.0, (end[0] - start[0]) / np.where(rise > 0.0, rise, 1.0), 0.0)

@@ -18,7 +18,7 @@ from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.report.charts import page_data
 from asrsim.report.html import badge, bullets, number, section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded, plots
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html, plots
 from asrsim.samples import Array
 
 MOST = 40
@@ -57,7 +57,7 @@ def fit_page(folder: Path) -> str:
         f"<p>{_badge(words, grade)} {escape(fit.status)}: {escape(Path(fit.scenario).name)} fitted to {escape(recordings)}, "
         f"{fit.evaluations} simulations in {fit.seconds:.0f} s</p>"
     )
-    return build(f"Fit {fit.name}", sections, head=head, data=page_data(groups))
+    return page_html(f"Fit {fit.name}", sections, head=head, data=page_data(groups))
 
 
 def profile_chart(one: Profile, estimates: Sequence[Estimate]) -> Chart:

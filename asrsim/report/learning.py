@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError
-from asrsim.plain import Shape, misfit
+from asrsim.plain import Structure, misfit
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.recordings import read_recording
 from asrsim.report.charts import page_data
 from asrsim.report.html import badge, number, section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 
 NUMBERS, INPUTS, DESIRED, PLAYBACK = "ilc.json", "learned.csv", "desired.csv", "learned.yaml"
 _NUMBER = (float, None)
-_SHAPE: Shape = {
+_SHAPE: Structure = {
     "scenario": str, "variant": str, "outcome": str, "converged": bool, "reason": str, "iterations": int, "best": int,
     "law": str, "reach?": str,
     "trials": [{"iteration": int, "largest_error": {"*": _NUMBER}, "rms_error": {"*": _NUMBER}, "*": object}],
@@ -56,7 +56,7 @@ def learning_page(folder: Path) -> str:
     ]  # fmt: skip
     name = Path(data["scenario"]).stem + (f" · {data['variant']}" if data["variant"] not in ("", "default") else "")
     head = f"<p>{badge(data['outcome'], good=data['converged'])} {escape(data['reason'])}; law {escape(data['law'])}</p>"
-    return build(f"Learning {name}", sections, head=head, data=page_data(groups))
+    return page_html(f"Learning {name}", sections, head=head, data=page_data(groups))
 
 
 def _errors(data: Mapping[str, Any], joint: str) -> Chart:

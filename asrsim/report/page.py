@@ -22,7 +22,7 @@ def asset(name: str) -> str:
     return (files("asrsim.report") / "assets" / name).read_text(encoding="utf-8")
 
 
-def build(
+def page_html(
     title: str,
     sections: Sequence[str],
     *,

@@ -11,7 +11,7 @@ from typing import Any
 from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, column_table, number, section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 from asrsim.summary.table import difference_columns, limit_columns, measure_columns, rest_note
 from asrsim.tables import TableColumn
 
@@ -42,7 +42,7 @@ def runs_page(
         _repeat(runs),
     ]
     title = " · ".join(filter(None, (first.robot, scenario)))
-    return build(title, sections, head=_head(runs, labels), data=data, motion=films.motion)
+    return page_html(title, sections, head=_head(runs, labels), data=data, motion=films.motion)
 
 
 def _head(runs: Sequence[RunContent], labels: Sequence[str]) -> str:

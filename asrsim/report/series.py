@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.log import open_log
-from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, available
+from asrsim.plots.curves import REFERENCE, CurveSource, RunCurves, drawable_quantities
 from asrsim.plots.decimate import Curve, Envelope
 from asrsim.samples import Array
 
@@ -56,9 +56,10 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Time
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
     duration = max(reader.duration for reader in readers)
+    drawable = [{*drawable_quantities(reader), REFERENCE} for reader in readers]
     sources = [
-        CurveSource(path, quantities=[name for name in quantities if name in (*available(reader), REFERENCE)], bodies=True)
-        for path, reader in zip(paths, readers, strict=True)
+        CurveSource(path, quantities=[name for name in quantities if name in known], bodies=True)
+        for path, known in zip(paths, drawable, strict=True)
     ]
     columns = sum(len(source.columns) for source in sources)
     step = min(steps)

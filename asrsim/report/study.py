@@ -10,10 +10,10 @@ from pathlib import Path
 from asrsim.plots import style
 from asrsim.report.charts import page_data
 from asrsim.report.html import bullets, section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, plots
+from asrsim.report.page import HINT, NO_SCRIPT, page_html, plots
 from asrsim.sweeps.pictures import over_key
 from asrsim.sweeps.sensitivity import Influence, influences, numeric_keys
-from asrsim.sweeps.show import HEADS, headline, remarks, result_rows, varying
+from asrsim.sweeps.show import HEADS, remarks, result_rows, study_headline, varying
 from asrsim.sweeps.table import Table
 
 MOST = 24
@@ -35,8 +35,8 @@ def study_page(folder: Path) -> str:
         _results(study),
         _keys(study),
     ]
-    head = f"<p>{escape(headline(study))}</p>"
-    return build(f"Study {study.study.name}", sections, head=head, data=page_data([("results", drawn)]))
+    head = f"<p>{escape(study_headline(study))}</p>"
+    return page_html(f"Study {study.study.name}", sections, head=head, data=page_data([("results", drawn)]))
 
 
 def _claims(study: Table) -> str:

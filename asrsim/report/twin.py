@@ -14,7 +14,7 @@ from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.report.charts import page_data
 from asrsim.report.html import section, table
-from asrsim.report.page import HINT, NO_SCRIPT, build, folded
+from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 from asrsim.samples import Array
 
 TWIN = "twin.csv"
@@ -42,7 +42,7 @@ def twin_page(folder: Path) -> str:
     places = "".join(folded(n, joint, opened=n < 4) for n, joint in enumerate(joints))
     sections = [section("Joints", table(heads, rows)), section("External torques", HINT + places + NO_SCRIPT)]
     head = f"<p>Recording from {time[0]:g} to {time[-1]:g} s, {len(time)} steps</p>"
-    return build(f"Twin · {folder.resolve().name}", sections, head=head, data=page_data(groups))
+    return page_html(f"Twin · {folder.resolve().name}", sections, head=head, data=page_data(groups))
 
 
 def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Chart]:

@@ -18,12 +18,12 @@ from asrsim.errors import AsrsimError, InputError
 from asrsim.outfile import make_folder, write_json, write_text, written
 from asrsim.reproduce.data import (
     Claim,
+    Evidence,
     FigureBound,
     FigureOutcome,
     FigurePart,
     FigurePicture,
     FigureTable,
-    Origin,
     PaperFigure,
     Reproduction,
     above,
@@ -39,12 +39,12 @@ from asrsim.workers.local import Processes
 
 __all__ = [
     "Claim",
+    "Evidence",
     "FigureBound",
     "FigureOutcome",
     "FigurePart",
     "FigurePicture",
     "FigureTable",
-    "Origin",
     "PaperFigure",
     "Reproduction",
     "above",

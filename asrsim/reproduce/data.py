@@ -15,7 +15,7 @@ from asrsim.metrics.expect import compares
 from asrsim.plain import finite_or_none
 from asrsim.runs.examples import examples_folder
 
-Origin = Literal["paper", "theory", "simulation", "beyond"]
+Evidence = Literal["paper", "theory", "simulation", "beyond"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Claim:
     measured: float
     """Measured number; NaN if it cannot be measured: the claim then does not hold."""
     bound: FigureBound
-    origin: Origin = "paper"
+    origin: Evidence = "paper"
 
     @property
     def holds(self) -> bool:

@@ -7,7 +7,7 @@ from html import escape
 
 from asrsim import __version__
 from asrsim.report.html import badge, data_address, table
-from asrsim.report.page import build
+from asrsim.report.page import page_html
 from asrsim.reproduce.data import Claim, FigurePart, FigurePicture, FigureTable, Reproduction
 
 ORIGINS = {
@@ -35,7 +35,7 @@ def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
 <p class="note">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
 data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>"""
     foot = f"Made by asrsim {__version__} with <code>asrsim reproduce</code> in {seconds:.0f} s."
-    return build("The paper's experiments, run again", [_section(one) for one in reproductions], head=head, foot=foot)
+    return page_html("The paper's experiments, run again", [_section(one) for one in reproductions], head=head, foot=foot)
 
 
 def _link(one: Reproduction) -> str:

@@ -93,6 +93,16 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
     return ACTUATORS.get(name), set()
 
 
+def is_block(plugin: Any) -> bool:
+    """Whether a plugin is read as the block of an actuator, or reported as one with an unknown actuator."""
+    match = _FILENAME.fullmatch(name_of(plugin, "filename"))
+    given = {tag.tag for tag in elements(plugin)}
+    name = match.group("name") if match else ""
+    if {"joint", "operation_mode"} <= given or name in SPRING_TAGS:
+        return True
+    return bool(given.intersection(BLOCK_TAGS)) and name in ACTUATORS
+
+
 class _Tags:
     """Tags of one plugin block."""
 

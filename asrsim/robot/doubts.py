@@ -171,19 +171,25 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     elif joint.effort == 0.0:
         message = "the joint's effort limit is 0: every torque is clipped to nothing"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
-    own = sum(value for name, value in block.values().items() if name.startswith("motor_") and name.endswith("_inertia"))
-    if MODES[block.mode].motor and abs(own - joint.rotor_inertia) > ROTORS * joint.rotor_inertia > 0.0:
-        message = (
-            f"a spring separates the link from the motors, which have {own:.3g} kg m^2: "
-            f"the file's rotor of {joint.rotor_inertia:.3g} kg m^2 at the joint is left out"
-        )
-        yield Problem(
-            message, code="two-rotors", hint="Set motor_1_inertia to the file's value, or set `armature` in the scenario"
-        )
+    yield from _left_rotor(block, joint)
     if MODES[block.mode].spring and not has_spring(block):
         names = [one.name for one in ACTUATORS.get(block.actuator).parameters if block.parameters[one.name].value == 0.0]
         message = "the spring has no stiffness: nothing couples the motor to the link"
         yield Problem(message, key=", ".join(names) or None, code="no-spring")
+
+
+def _left_rotor(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
+    """Warning about the file's rotor behind a spring, unless the motors have its inertia or the scenario gives `armature`."""
+    mode, rotor = MODES[block.mode], joint.rotor_inertia
+    own = sum(value for name, value in block.values().items() if name.startswith("motor_") and name.endswith("_inertia"))
+    if not mode.spring or joint.armature or rotor <= 0.0 or (mode.motor and abs(own - rotor) <= ROTORS * rotor):
+        return
+    motors = f", which have {own:.3g} kg m^2" if mode.motor else f", whose positions are commands in mode {mode.number}"
+    message = (
+        f"a spring separates the link from the motors{motors}: the file's rotor of {rotor:.3g} kg m^2 at the joint is left out"
+    )
+    cure = "Set motor_1_inertia to the file's value, or set" if mode.motor else "If it moves with the link, set"
+    yield Problem(message, code="two-rotors", hint=f"{cure} `armature` in the scenario")
 
 
 def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:

@@ -19,6 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from asrsim.robot.chain_masses import Chain, work_space
 from asrsim.robot.inertia import inertia_tensor
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ZERO, Joint, Link, Robot, Vector
@@ -152,6 +153,16 @@ class RobotModel:
         if self._free:
             own = own - np.swapaxes(cross, -1, -2) @ np.linalg.solve(base, cross)
         return self.couplings.fold_matrix(own, self.couplings.expand(positions))
+
+    def chain(self) -> Chain | None:
+        """The robot for `asrsim.robot.chain_masses.find_masses`; None if its base floats or if joints follow others."""
+        if self._free or self.couplings:
+            return None
+        return Chain(
+            parents=np.array(self._parents, dtype=np.int64), places=self._at, slides=self._slides, origins=self._origins,
+            twists=self._twists, squares=self._twists @ self._twists, inertias=self._inertias[1:].copy(),
+            armature=self._armature, **work_space(len(self._parents), self._base),
+        )  # fmt: skip
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""

@@ -13,10 +13,18 @@ from asrsim.robot.model import ZERO, Vector
 from asrsim.robot.numbers import plain_number
 from asrsim.robot.xmlfile import BLANKS, elements
 
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Largest plausible mass, inertia or length, SI units; products of larger values would overflow."""
 SMALLEST = 1e-30
 """Smallest plausible mass, inertia or parameter other than 0, SI units; inverses of smaller values would overflow."""
+
+
+_HINTS = (
+    (re.compile(r"[\d.]+\s*[:/]\s*[\d.]+"), "Write a ratio as one number: a reduction of 50:1 is 50"),
+    (re.compile(r"[-+]?\d+,\d+"), "Write a decimal point"),
+    (re.compile(r"[-+]?[\d.]+\s*[^\W\d].*"), "Write the number without its unit, in SI units"),
+)
+"""Patterns of texts that are no numbers, and what to write instead."""
 
 
 def words(text: str) -> list[str]:
@@ -107,8 +115,9 @@ class Findings:
         else:
             if math.isnan(number) or (finite and math.isinf(number)):
                 fault, code = "must be finite", "not-finite"
-            elif finite and abs(number) > LARGEST:
-                fault, code = f"is larger than {LARGEST:g}, which no robot has", "out-of-range"
+            elif finite and abs(number) > LARGEST_NUMBER:
+                fault, code = f"is larger than {LARGEST_NUMBER:g}, which no robot has", "out-of-range"
         if fault:
-            self.error(fault, at, place, code=code, value=shown)
+            hint = next((hint for pattern, hint in _HINTS if pattern.fullmatch(text.strip())), None)
+            self.error(fault, at, place, code=code, value=shown, hint=hint)
         return 0.0 if fault else number

@@ -7,16 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from asrsim.errors import counted, nearest
+from asrsim.robot.blocks import is_block
 from asrsim.robot.findings import Findings
-from asrsim.robot.vocabulary import PLUGINS, WORDS, Effect, Word
+from asrsim.robot.vocabulary import PLUGINS, SILENT_PLUGINS, UNKNOWN_PLUGIN, WORDS, Effect, Word
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 SEVERAL = {
     "link", "joint", "material", "visual", "collision", "inertial", "gazebo", "transmission", "sensor", "ros2_control",
-    "actuator", "plugin", "loop_joint",
+    "actuator", "plugin", "loop_joint", "param", "command_interface", "state_interface",
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
-OPEN = ("gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")
+OPEN = ("ros2_control joint", "command_interface", "gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")
 """Elements with the words of other programs, which may repeat words."""
 
 
@@ -84,7 +85,8 @@ def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[t
         if word.inside == "plugin":
             plugin = _plugin(child)
             if plugin is not None:
-                yield kind, name_of(child, "filename"), plugin, child, name_of(child) or "plugin"
+                shared = "plugin" if plugin is UNKNOWN_PLUGIN else name_of(child, "filename")
+                yield kind, shared, plugin, child, name_of(child) or "plugin"
         else:
             yield kind, name, word, child, inner
             if word.inside is not None:
@@ -103,9 +105,12 @@ def _place(element: Any, name: str, kind: str, place: str) -> str:
 
 
 def _plugin(element: Any) -> Word | None:
-    """Word of a plugin that moves or couples bodies in Gazebo; None for other plugins."""
+    """Word of a plugin that moves or couples bodies in Gazebo, or that is unknown; None for plugins without physics, and for
+    blocks of actuators."""
     filename = name_of(element, "filename").lower().replace("-", "_")
-    return next((word for parts, word in PLUGINS if any(part in filename for part in parts)), None)
+    acts = next((word for parts, word in PLUGINS if any(part in filename for part in parts)), None)
+    silent = acts or SILENT_PLUGINS.search(filename) or is_block(element)
+    return acts if silent else UNKNOWN_PLUGIN
 
 
 def _unknown(findings: Findings, element: Any, what: str, name: str, kind: str, place: str) -> None:

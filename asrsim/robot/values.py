@@ -9,7 +9,7 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem
-from asrsim.robot.findings import LARGEST, SMALLEST
+from asrsim.robot.findings import LARGEST_NUMBER, SMALLEST
 from asrsim.robot.model import ActuatorBlock
 
 DEFLECTION = 1e-3
@@ -20,8 +20,8 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     """Reason why a parameter cannot have the value; None if it can. Too large and too small values would overflow."""
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
-        if abs(value) > LARGEST:
-            return f"is larger than {LARGEST:g}, which no actuator has"
+        if abs(value) > LARGEST_NUMBER:
+            return f"is larger than {LARGEST_NUMBER:g}, which no actuator has"
         if abs(value) < SMALLEST:
             return f"is closer to 0 than {SMALLEST:g}, which no actuator is"
     return fault

@@ -8,13 +8,14 @@ false) gets no warning. To add a word, add it to its parent in `WORDS`; the docu
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 from asrsim.robot.model import INERTIAS
 from asrsim.robot.numbers import plain_number
-from asrsim.robot.xmlfile import elements, text_of
+from asrsim.robot.xmlfile import elements, name_of, text_of
 
 Use = Literal["read", "no physics", "contacts", "left out"]
 
@@ -141,6 +142,49 @@ def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
     return Effect("the plugin couples joints; here they move freely")
 
 
+def _joint_of(tag: Any) -> Any:
+    """The robot's joint that a joint of ros2_control, or an element in it, is about; None if there is none."""
+    control = tag if tag.tag == "joint" else tag.getparent()
+    joints = elements(control.getroottree().getroot(), "joint")
+    return next((joint for joint in joints if name_of(joint) == name_of(control)), None)
+
+
+def _coupling(tag: Any, text: str) -> Effect | None:
+    """Contradictions of ros2_control and the joint about whether it follows another one."""
+    joint, said = _joint_of(tag), text.lower()
+    if joint is None or (tag.tag == "param" and name_of(tag) != "mimic"):
+        return None
+    coupled = bool(elements(joint, "mimic"))
+    if said in ("false", "0") and coupled:
+        return Effect("ros2_control does not couple this joint; here it follows another one by its <mimic>")
+    if said in ("true", "1") and not coupled:
+        return Effect("ros2_control couples this joint, but its <joint> has no <mimic>; here it moves freely")
+    return None
+
+
+def _command_range(interface: Any, _text: str) -> Effect | None:
+    """Range of a command in ros2_control that is narrower than the joint's limits."""
+    joint, kind = _joint_of(interface), name_of(interface)
+    given = {name_of(tag): number_of(text_of(tag)) for tag in elements(interface, "param")}
+    low, high = given.get("min"), given.get("max")
+    limits = elements(joint, "limit")[:1] if joint is not None and kind in ("position", "velocity", "effort") else []
+    for limit in limits if joint.get("type") != "continuous" or kind != "position" else [None]:
+        names = ("lower", "upper") if kind == "position" else (kind, kind)
+        stops = [math.inf if limit is None else number_of(limit.get(name, "0")) or 0.0 for name in names]
+        least, most = (stops[0] if kind == "position" and limit is not None else -stops[0]), stops[1]
+        beyond = max(0.0 if low is None else low - least, 0.0 if high is None else most - high)
+        if beyond > 1e-6:
+            shown = " to ".join("..." if one is None else f"{one:g}" for one in (low, high))
+            return Effect(f"commands of the {kind} are not limited to {shown}: the joint's <limit> alone acts here", beyond)
+    return None
+
+
+def _limits_off(tag: Any, _text: str) -> Effect | None:
+    if tag.get("enable", "true").lower() in ("true", "1"):
+        return None
+    return Effect("ros2_control does not enforce the joint's limits; here the joint stops at its <limit>")
+
+
 # -- the table ---------------------------------------------------------------------------------------------------------
 
 _SPRING = special(
@@ -247,7 +291,23 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_DRIVE,
         **_words(SILENT, "@name @type @role hardwareInterface role type offset motorTorqueConstant drake:* xacro:*"),
     },
-    "ros2_control": {**_words(SILENT, "@name @type @rw_rate @is_async hardware sensor gpio joint"), **_within("transmission")},
+    "ros2_control": {
+        **_words(SILENT, "@name @type @rw_rate @is_async @thread_priority hardware sensor gpio"), **_within("transmission"),
+        "joint": Word(use="read", inside="ros2_control joint"),
+    },
+    "ros2_control joint": {
+        **_words(READ, "@name state_interface"), **_words(SILENT, "@type xacro:* properties"),
+        "@mimic": special(_coupling, "a coupling that contradicts the joint's <mimic>: the joint's counts"),
+        "param": special(_coupling, "a coupling that contradicts the joint's <mimic>: the joint's counts"),
+        "command_interface": replace(
+            special(_command_range, "`min` and `max` inside of the joint's limits have no effect"), inside="command_interface"
+        ),
+        "limits": special(_limits_off, "limits that are switched off act here"),
+    },
+    "command_interface": {
+        **_words(SILENT, "@name @data_type @size param"),
+        "limits": special(_limits_off, "limits that are switched off act here"),
+    },
     "mujoco": {
         **_words(SILENT, "size visual asset statistic"), **_within("compiler"),
         **{word: left("MuJoCo's options have no effect: the scenario states step, gravity and engine", neutral=None)
@@ -288,10 +348,25 @@ PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
     (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),
     (
         ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
-         "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "force",
+         "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "ros_force.", "joint_force",
+         "link_force", "external_force", "apply_force",
          "joint_damp", "spring", "gearbox", "disable", "detachable", "velocity_control", "mecanum", "ackermann", "tracked",
          "wrench", "harness", "conveyor", "joint_torque"),
         left("the plugin acts on the robot in Gazebo; here it has no effect", neutral=None),
     ),
 )  # fmt: skip
-"""Plugins of Gazebo that move or couple bodies, by a part of their file's name. Other plugins publish, measure or control."""
+"""Plugins of Gazebo that move or couple bodies, by a part of their file's name."""
+SILENT_PLUGINS = re.compile(
+    "control|imu|camera|laser|lidar|ray|depth|kinect|openni|realsense|astra|zed|gps|navsat|sonar|range|bumper|contact|ft_sensor"
+    "|force_?torque|f3d|p3d|pose|odom|truth|state|publisher|video|template|api|factory|properties|sensor|magnet|baro|altimeter"
+    "|thermal|battery|mavlink|bag|prosilica|projector|label|display|audio|sound|physics|user_commands|scene|touch|tactile|skin"
+    "|rfid|radar|uwb|ultrasonic|encoder|clock|yarp|rosbridge|tf_"
+)
+"""Pattern of a part of the names of plugins that publish, measure or control, which has no physics of its own."""
+UNKNOWN_PLUGIN = special(
+    lambda plugin, _text: Effect(
+        f"the plugin '{plugin.get('filename', '')}' is unknown: what it does in Gazebo has no effect here"
+    ),
+    "a plugin that is none of asrsim's, and no known one of Gazebo: it has no effect",
+)
+"""Any other plugin in `<gazebo>`."""

@@ -17,7 +17,7 @@ from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
-from asrsim.robot.findings import LARGEST
+from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
@@ -34,7 +34,7 @@ MOST_TICKS = 100
 """Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
 PLAIN_FIELDS = (
     "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
-    "engine", "stepping", "substeps", "motor_substeps", "substep_cap", "compiled", "velocity_cutoff",
+    "engine", "stepping", "substeps", "motor_substeps", "max_substeps", "compiled", "velocity_cutoff",
 )  # fmt: skip
 """Fields of the scenario with the values of the file's keys, unchanged: numbers, vectors and choices."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
@@ -228,8 +228,8 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
     numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
     for path, _, node in walk(SCENARIO, node_from_data(numbers)):
-        if isinstance(node.value, float | int) and abs(node.value) > LARGEST:
-            message = f"is larger than {LARGEST:g}, which no robot has"
+        if isinstance(node.value, float | int) and abs(node.value) > LARGEST_NUMBER:
+            message = f"is larger than {LARGEST_NUMBER:g}, which no robot has"
             yield Problem(message, key=".".join(path), value=node.value, code="out-of-range")
 
 
@@ -284,15 +284,17 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors: delays and rates of sensors and commands that would need too much memory."""
-    for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
-        for name, effects in table.items():
-            if effects.delay > MOST_DELAY * scenario.step:
+    for section, table in (("commands", scenario.command_imperfections), ("sensors", scenario.sensor_imperfections)):
+        for name, imperfections in table.items():
+            if imperfections.delay > MOST_DELAY * scenario.step:
                 message = f"is longer than {MOST_DELAY} steps of {scenario.step:g} s, the limit"
-                yield Problem(message, key=f"effects.{section}.{name}.delay", value=effects.delay, code="long-delay")
-            if (effects.rate or 0.0) * scenario.step > MOST_TICKS:
+                yield Problem(
+                    message, key=f"imperfections.{section}.{name}.delay", value=imperfections.delay, code="long-delay"
+                )
+            if (imperfections.rate or 0.0) * scenario.step > MOST_TICKS:
                 message = f"has more than {MOST_TICKS} ticks in a step of {scenario.step:g} s, the limit"
-                key, hint = f"effects.{section}.{name}.rate", "Leave the rate out: values are then continuous"
-                yield Problem(message, key=key, value=effects.rate, hint=hint, code="fast-rate")
+                key, hint = f"imperfections.{section}.{name}.rate", "Leave the rate out: values are then continuous"
+                yield Problem(message, key=key, value=imperfections.rate, hint=hint, code="fast-rate")
 
 
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

@@ -29,11 +29,21 @@ from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.registry.engines import ENGINES, default_engine
 from asrsim.registry.steppings import STEPPINGS
+from asrsim.robot.model import Vector
 from asrsim.samples import Array, grid
 from asrsim.scenario.expectation import Expectation
 from asrsim.scenario.goals import CartesianPose, CartesianTask, Learning
-from asrsim.scenario.joints import EFFECTS_BY_JOINT, INITIAL, MODE, PARAMETERS, Effects, GivenActuator, LinkDamping, Range
-from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys, Vector
+from asrsim.scenario.joints import (
+    IMPERFECTIONS_BY_JOINT,
+    INITIAL,
+    MODE,
+    PARAMETERS,
+    GivenActuator,
+    Imperfections,
+    LinkDamping,
+    Range,
+)
+from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys
 from asrsim.scenario.manager import ManagerFile
 from asrsim.scenario.surroundings import WORLD, LoopClosure, World, WorldObject, Wrench
 from asrsim.signals.base import Signal
@@ -42,9 +52,9 @@ from asrsim.signals.parse import SIGNAL
 __all__ = [
     "CartesianPose",
     "CartesianTask",
-    "Effects",
     "Expectation",
     "GivenActuator",
+    "Imperfections",
     "Learning",
     "LinkDamping",
     "Scenario",
@@ -176,7 +186,7 @@ class Scenario:
     )
     substeps: int | None = declare(_COUNT, default=None, doc="world steps in each step", shown="auto")
     motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps in each world step", shown="auto")
-    substep_cap: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
+    max_substeps: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
     compiled: bool | None = declare(Either((Null("auto"), Boolean())), default=None, doc="the compiled loop", shown="auto")
     velocity_cutoff: bool | None = declare(
         Either((Null("auto"), Boolean())),
@@ -230,11 +240,14 @@ class Scenario:
     wrenches: tuple[Wrench, ...] = declare(
         ListOf(of=block_of(Wrench, "load on a link")), default=(), doc="forces and torques on links"
     )
-    command_effects: Mapping[str, Effects] = declare(
-        EFFECTS_BY_JOINT, key="effects.commands", default={}, doc="imperfections of the references"
+    command_imperfections: Mapping[str, Imperfections] = declare(
+        IMPERFECTIONS_BY_JOINT, key="imperfections.commands", default={}, doc="imperfections of the references"
     )
-    sensor_effects: Mapping[str, Effects] = declare(
-        EFFECTS_BY_JOINT, key="effects.sensors", default={}, doc="imperfections of the sensors that the PID controllers read"
+    sensor_imperfections: Mapping[str, Imperfections] = declare(
+        IMPERFECTIONS_BY_JOINT,
+        key="imperfections.sensors",
+        default={},
+        doc="imperfections of the sensors that the PID controllers read",
     )
     link_damping: Mapping[str, LinkDamping] = declare(
         MapOf(of=block_of(LinkDamping, "damping law")), default={}, doc="link damping that changes with the stiffness"
@@ -323,7 +336,7 @@ KEYS: tuple[Key, ...] = declared_keys(
     groups=(
         _group("robot", "URDF or xacro file, or a mapping with `file`, `arguments` and `packages`", main="file"),
         _group("base", "pose of the robot's root", default={}),
-        _group("effects", "delay, hold, quantisation and noise of commands and sensors", default={}),
+        _group("imperfections", "delay, hold, quantisation and noise of commands and sensors", default={}),
     ),
 )
 """All keys of a variant, in the order of the documentation."""

@@ -67,11 +67,13 @@ def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     """Warnings: delays that are probably in ms."""
-    for section, table in (("commands", scenario.command_effects), ("sensors", scenario.sensor_effects)):
-        for joint, effects in table.items():
-            if effects.delay >= min(LATEST, scenario.duration):
+    for section, table in (("commands", scenario.command_imperfections), ("sensors", scenario.sensor_imperfections)):
+        for joint, imperfections in table.items():
+            if imperfections.delay >= min(LATEST, scenario.duration):
                 message = f"is {LATEST:g} s or more, or as long as the run (delays are in s)"
-                yield Problem(message, key=f"effects.{section}.{joint}.delay", value=effects.delay, code="long-delay")
+                yield Problem(
+                    message, key=f"imperfections.{section}.{joint}.delay", value=imperfections.delay, code="long-delay"
+                )
 
 
 def _shown(numbers: tuple[float, ...]) -> str:
@@ -213,11 +215,11 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
             yield Problem(message, key=f"link_damping.{name}", value=damping.ratio, code="ratio-without-inertia")
-    for name, effects in scenario.sensor_effects.items():
+    for name, imperfections in scenario.sensor_imperfections.items():
         modes = {block.mode for block in robot.actuators if name in ("*", block.joint)}
-        if effects.active and modes and not any(MODES[mode].controller for mode in modes):
+        if imperfections.active and modes and not any(MODES[mode].controller for mode in modes):
             message = f"has no effect: no controller reads this sensor in mode {', '.join(map(str, sorted(modes)))}"
-            yield Problem(message, key=f"effects.sensors.{name}", code="unused-effect")
+            yield Problem(message, key=f"imperfections.sensors.{name}", code="unused-effect")
 
 
 def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

@@ -21,7 +21,8 @@ from asrsim.document.kinds import (
     Null,
 )
 from asrsim.errors import ScenarioError
-from asrsim.scenario.kinds import JOINT, LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, Vector
+from asrsim.robot.model import Vector
+from asrsim.scenario.kinds import JOINT, LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT
 from asrsim.signals.base import Signal
 
 

@@ -43,7 +43,7 @@ PARAMETERS = MapOf(of=ParameterNumber(), noun="parameter", star=False)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Effects:
+class Imperfections:
     """Imperfections between a controller and the joint; all off by default."""
 
     delay: float = declare(NOT_NEGATIVE, default=0.0, unit="s", doc="dead time")
@@ -87,7 +87,7 @@ class GivenActuator:
     parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by name or the toolbox's tag; others by default")
 
 
-EFFECTS_BY_JOINT = MapOf(of=block_of(Effects, "effects"))
+IMPERFECTIONS_BY_JOINT = MapOf(of=block_of(Imperfections, "imperfections"))
 
 
 class Range(ListOf[float]):

@@ -18,7 +18,6 @@ from asrsim.registry.engines import ENGINES
 from asrsim.registry.steppings import stepping_called
 from asrsim.signals.parse import SIGNAL
 
-Vector = tuple[float, float, float]
 Keys = dict[str, Any]
 """Value of a block from which no object is built: a plain mapping of its keys."""
 

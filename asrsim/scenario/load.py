@@ -15,6 +15,7 @@ from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
+from asrsim.renamed import new_key, with_new_keys
 from asrsim.samples import TIP
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import names_a_folder, prescribes_motion
@@ -87,7 +88,7 @@ def _variants(
     if not isinstance(root.value, dict):
         message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
-    variants, wrong = _split(root)
+    variants, wrong = _split(with_new_keys(root))
     faults += wrong
     if variant is not None and variant not in variants:
         message = f"there is no variant '{variant}'"
@@ -123,7 +124,9 @@ def scenario_from_data(
     Files are found in `files` (name in the data -> path, as in `Scenario.attachments`), or else in `base_dir` (default: the
     working folder). `robot` replaces the robot of the data. Raises ScenarioError with every problem.
     """
-    root = _with_robot(apply_overrides(node_from_data(dict(data)), overrides), robot)
+    # The data may be those of an old log.
+    known = with_new_keys(node_from_data(dict(data)), told=False)
+    root = _with_robot(apply_overrides(known, overrides), robot)
     reading = DocumentReading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
@@ -136,7 +139,8 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
 
     Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
-    return scenario_from_data({"robot": str(robot), **keys}, base_dir=base_dir)
+    given = {new_key(key): value for key, value in keys.items()}
+    return scenario_from_data({"robot": str(robot), **given}, base_dir=base_dir)
 
 
 def _split(root: Node) -> tuple[dict[str, Node], list[Problem]]:

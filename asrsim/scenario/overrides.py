@@ -11,6 +11,7 @@ from asrsim.document.kinds import key_at
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError, did_you_mean
+from asrsim.renamed import new_key
 from asrsim.scenario.data import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
@@ -39,7 +40,7 @@ def apply_overrides(root: Node, overrides: Overrides) -> Node:
         values = [(str(key).strip(), node_from_data(value)) for key, value in overrides.items()]
     else:
         values = [_parsed(text) for text in override_texts(overrides)]
-    for key, value in values:
+    for key, value in ((new_key(key), value) for key, value in values):
         _check_key(key)
         root = _set(root, split_path(key), value, key)
     return root

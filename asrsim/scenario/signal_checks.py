@@ -9,7 +9,7 @@ import numpy as np
 
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock
-from asrsim.robot.findings import LARGEST
+from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.signals.base import Signal
@@ -100,7 +100,7 @@ def signal_faults(scenario: Scenario) -> Iterator[Problem]:
     steps = scenario.duration / scenario.step
     wanted = wanted_positions(scenario)
     for key, signal in signals_of(scenario):
-        bound, where = LARGEST, "which no robot has"
+        bound, where = LARGEST_NUMBER, "which no robot has"
         if key.rpartition(".")[0] in wanted:
             bound, where = FARTHEST, "which no joint reaches"
         try:

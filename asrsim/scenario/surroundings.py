@@ -23,9 +23,9 @@ from asrsim.document.kinds import (
 )
 from asrsim.errors import ScenarioError
 from asrsim.robot.meshes import mesh_fault
-from asrsim.robot.model import Shape
+from asrsim.robot.model import Shape, Vector
 from asrsim.samples import TIP, TIP_GOAL
-from asrsim.scenario.kinds import JOINT, LINK, ORIGIN, POSITION, RPY, Keys, Vector
+from asrsim.scenario.kinds import JOINT, LINK, ORIGIN, POSITION, RPY, Keys
 from asrsim.signals.base import Signal
 from asrsim.signals.parse import SIGNAL
 

@@ -11,7 +11,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.compiled.compiling import available
+from asrsim.compiled.compiling import numba_available
 from asrsim.engines.base import Engine
 from asrsim.errors import SimulationError
 from asrsim.samples import Array
@@ -307,7 +307,7 @@ def make_core(
         wanted is None and is_worth_compiling(len(engine.joints), worlds * substeps * prepared.resolution.motor_substeps)
     ):
         try:
-            if not available():
+            if not numba_available():
                 raise SimulationError("Numba is not installed")
             return Core(prepared, engine, worlds=worlds, compiled=True, watch=watch), ""
         except SimulationError as error:

@@ -17,9 +17,9 @@ from asrsim.registry.steppings import Stepping
 from asrsim.robot import drive_of
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.samples import Array
-from asrsim.scenario.data import Effects, LinkDamping, Scenario, for_joint
+from asrsim.scenario.data import Imperfections, LinkDamping, Scenario, for_joint
 from asrsim.scenario.starts import start_positions, start_velocities
-from asrsim.simulation.effects import Noise, Sensor
+from asrsim.simulation.imperfections import Noise, Sensor
 
 EXTERNAL_TORQUE = "external_torque"
 """Name under which callers set the external torque on a link, like a reference."""
@@ -53,7 +53,7 @@ class SteppedJoint:
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
-    command_effects: Effects | None = None
+    command_imperfections: Imperfections | None = None
     """Imperfections of the joint's commands; None: the commands act as they are sent."""
     sensor: Sensor | None = None
     """Encoders of the joint's controllers; None: the controllers use the true values."""
@@ -169,7 +169,7 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
     drives = []
     for joint in robot.moving_joints:
         block = blocks.get(joint.name)
-        effects = for_joint(scenario.command_effects, joint.name)
+        imperfections = for_joint(scenario.command_imperfections, joint.name)
         drives.append(
             SteppedJoint(
                 joint=joint,
@@ -181,7 +181,7 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
                 motor_positions=for_joint(scenario.initial_motor_positions, joint.name, ()),
                 motor_velocities=for_joint(scenario.initial_motor_velocities, joint.name, ()),
                 link_damping=for_joint(scenario.link_damping, joint.name) if block else None,
-                command_effects=effects if effects is not None and effects.active else None,
+                command_imperfections=imperfections if imperfections is not None and imperfections.active else None,
                 block=block,
             )
         )
@@ -192,14 +192,14 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
     """The joints with the sensors of their controllers, if the sensors are imperfect. substep: length of a substep in s."""
     found = []
     for j, drive in enumerate(drives):
-        effects, sensor = for_joint(scenario.sensor_effects, drive.name), None
-        if effects is not None and effects.active and drive.mode is not None and drive.mode.controller:
+        imperfections, sensor = for_joint(scenario.sensor_imperfections, drive.name), None
+        if imperfections is not None and imperfections.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
             # The numbers below MOST_MOTORS are those of the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
-                effects=effects, step=scenario.step, substep=substep, on_link=not drive.mode.motor,
-                noises=tuple(Noise(seed, effects.noise) if effects.noise else None for seed in seeds),
+                imperfections=imperfections, step=scenario.step, substep=substep, on_link=not drive.mode.motor,
+                noises=tuple(Noise(seed, imperfections.noise) if imperfections.noise else None for seed in seeds),
             )  # fmt: skip
         found.append(replace(drive, sensor=sensor))
     return tuple(found)
@@ -207,7 +207,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
 
 def command_delays(drives: Sequence[SteppedJoint]) -> list[float]:
     """Delay of each joint's commands, s."""
-    return [drive.command_effects.delay if drive.command_effects else 0.0 for drive in drives]
+    return [drive.command_imperfections.delay if drive.command_imperfections else 0.0 for drive in drives]
 
 
 def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoint:
@@ -217,17 +217,17 @@ def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoin
     """
     for name, value in delays.items():
         commands = name == COMMAND_DELAY
-        effects = drive.command_effects if commands else drive.sensor.effects if drive.sensor else None
-        longest = effects.delay if effects else 0.0
-        if effects is None or not 0.0 <= value <= longest:
+        imperfections = drive.command_imperfections if commands else drive.sensor.imperfections if drive.sensor else None
+        longest = imperfections.delay if imperfections else 0.0
+        if imperfections is None or not 0.0 <= value <= longest:
             message, hint = f"must be 0 to {longest:g} s, the delay of the scenario", "State the longest one in the scenario's "
-            hint += f"effects.{'commands' if commands else 'sensors'}"
+            hint += f"imperfections.{'commands' if commands else 'sensors'}"
             raise InputError(message, key=f"{drive.name}.{name}", value=value, hint=hint, code="parameter-range")
-        other = replace(effects, delay=float(value))
+        other = replace(imperfections, delay=float(value))
         if commands:
-            drive = replace(drive, command_effects=other)
+            drive = replace(drive, command_imperfections=other)
         elif drive.sensor:
-            drive = replace(drive, sensor=replace(drive.sensor, effects=other))
+            drive = replace(drive, sensor=replace(drive.sensor, imperfections=other))
     return drive
 
 

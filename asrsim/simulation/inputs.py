@@ -6,7 +6,8 @@ A run is divided into chunks. After each chunk, samples go to the sinks, energy 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
+from contextlib import suppress
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,13 +15,14 @@ from numpy.typing import NDArray
 
 from asrsim.actuators import Actuator
 from asrsim.actuators.vectorised import over_arrays
+from asrsim.compiled.compiling import compile_function
 from asrsim.errors import InputError
 from asrsim.samples import Array, grid, picking
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.signals import Constant
 from asrsim.signals.base import Signal
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.effects import Imperfect, Sensor
+from asrsim.simulation.imperfections import Imperfect, Sensor
 from asrsim.simulation.layout import GOALS
 
 REST = Constant(value=0.0)
@@ -47,8 +49,8 @@ class Given(NamedTuple):
     beginning of the piece, and the noise); shape (sets, rows, joints, columns). The row of a substep whose kick is split
     belongs to the time of the substep."""
     references: Array
-    """External torques and references before the reference map, and, if commands have effects, the references as they were
-    sent, without effects; shape (sets, rows, joints, columns)."""
+    """External torques and references before the reference map, and, if commands have imperfections, the references as they
+    were sent, without imperfections; shape (sets, rows, joints, columns)."""
     wrenches: Array
     """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
@@ -75,6 +77,11 @@ class Inputs:
             if drive.actuator and drive.mode and drive.mode.mapped:
                 mapped.setdefault(drive.actuator, []).append(index)
         self._maps = [(picking(rows), over_arrays(actuator.motor_references)) for actuator, rows in mapped.items()]
+        self._laws = [actuator.motor_references for actuator in mapped]
+        self._mapped = np.zeros(len(drives), dtype=bool)
+        """Whether the references of each joint are mapped to its motors, (joints,)."""
+        for rows in mapped.values():
+            self._mapped[rows] = True
         self._signals = signals_of(scenario, drives)
         listed = [signal for row in (*self._signals, *self._wrenches) for signal in row if type(signal) is not Constant]
         self._jumping: dict[int, Signal | Sensor] = {
@@ -149,7 +156,7 @@ class Inputs:
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given
-        # A reference that is set from outside has no effects: it acts as it was sent.
+        # A reference that is set from outside has no imperfections: it acts as it was sent.
         sent = given.references.shape[-1] > self._goals
         wanted = np.concatenate([held, held[..., GOALS:]], axis=-1)[:, None] if sent else held[:, None]
         references = np.where(np.isnan(wanted), given.references, wanted)
@@ -166,9 +173,14 @@ class Inputs:
         cuts = first + self._chunk(first, last - first).cuts[0, :, 0]
         return int(min(cuts[cuts >= substep], default=last))
 
-    def renew(self, given: Given, held: Array) -> None:
-        """Overwrite the rows of `given`, which are equal, with the values `held` that are not NaN."""
-        goals = self._goals
+    def renew(self, given: Given, held: Array, worlds: NDArray[np.int64]) -> None:
+        """Overwrite the rows of `given`, which are equal, with the values `held` that are not NaN. worlds: row of `held` for
+        each set of `given`."""
+        fast = renewal_of(self._laws[0]) if len(self._laws) == 1 else None
+        if fast is not None:
+            fast(given.inputs, given.references, held, worlds, self._mapped, self._goals)
+            return
+        goals, held = self._goals, held[worlds]
         inputs, references = given.inputs[:, :1], given.references[:, :1]
         known = held == held
         np.copyto(references[:, 0, :, :goals], held, where=known)
@@ -207,6 +219,48 @@ class Inputs:
         return begins, ends, np.column_stack([kicks - first, *rows, middle]).astype(np.int64)
 
 
+def renew_rows(inputs: Any, references: Any, held: Any, worlds: Any, mapped: Any, goals: int) -> None:
+    """Overwrite equal rows of inputs and references (sets, rows, joints, columns) with values (worlds, joints, goals) that are
+    not NaN; see `Inputs.renew`."""
+    sets, rows, joints, columns = inputs.shape
+    sent = references.shape[3] > goals
+    for w in range(sets):
+        for j in range(joints):
+            own, values, given = references[w, 0, j], inputs[w, 0, j], held[worlds[w], j]
+            for c in range(goals):
+                if given[c] == given[c]:
+                    own[c] = given[c]
+                    if sent and c >= GOALS:
+                        own[goals + c - GOALS] = given[c]
+                values[c] = own[c]
+            if mapped[j]:
+                motors = motor_references(own[GOALS], own[GOALS + 1])
+                for i in range(len(motors)):
+                    values[GOALS + i] = motors[i]
+            for row in range(1, rows):
+                for c in range(columns):
+                    inputs[w, row, j, c] = values[c]
+                for c in range(references.shape[3]):
+                    references[w, row, j, c] = own[c]
+
+
+def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
+    """The reference map of the actuator for which `renew_rows` is compiled."""
+    raise NotImplementedError
+
+
+@cache
+def renewal_of(law: Any) -> Any:
+    """`renew_rows`, compiled for joints with this reference map. None if the law calls functions, whose values for numbers and
+    for arrays may differ in the last bit, and if it cannot be compiled."""
+    if law.__code__.co_names or law.__code__.co_freevars:
+        return None
+    floats, one = np.zeros((1, 1, 1, 1)), np.zeros(1, dtype=np.int64)
+    example = floats, floats, np.zeros((1, 1, 1)), one, np.zeros(1, dtype=bool), 1
+    with suppress(Exception):
+        return compile_function(renew_rows, example, names={"motor_references": law})
+
+
 def signals_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> list[list[Signal]]:
     """External torque and references of each joint."""
     slots = range(max(drive.positions for drive in drives))
@@ -226,9 +280,9 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=drive.stated_position) if moved else REST
     signal = scenario.references_of(drive.name).get(names[slot], rest)
-    if drive.command_effects is None:
+    if drive.command_imperfections is None:
         return signal
-    return Imperfect(of=signal, effects=drive.command_effects, step=scenario.step, seed=(scenario.seed, j, slot))
+    return Imperfect(of=signal, imperfections=drive.command_imperfections, step=scenario.step, seed=(scenario.seed, j, slot))
 
 
 def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Array) -> Array:

@@ -188,7 +188,9 @@ class Prepared:
         """External torques, then references before the reference map, (columns, joints, n), at the times `time` (n,) in s.
         Commands have the imperfections that the scenario states, except for delays."""
         drives = [
-            replace(drive, command_effects=drive.command_effects and replace(drive.command_effects, delay=0.0))
+            replace(
+                drive, command_imperfections=drive.command_imperfections and replace(drive.command_imperfections, delay=0.0)
+            )
             for drive in self.drives
         ]
         return sampled_signals(self.scenario, drives, time)
@@ -242,7 +244,7 @@ class Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
         parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`; `command_delay` and
-        `sensor_delay` in s, at most those of the scenario's `effects`), or by link and name (`mass`; `x`, `y`, `z` of the
+        `sensor_delay` in s, at most those of the scenario's `imperfections`), or by link and name (`mass`; `x`, `y`, `z` of the
         centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start at equilibrium is computed
         again. Raises RobotError that names unknown or unphysical parameters, InputError for delays, ScenarioError for an arm
         without equilibrium.
@@ -279,12 +281,12 @@ class Prepared:
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
 
-Source = str | Path | Scenario | Plan | Prepared
+ScenarioLike = str | Path | Scenario | Plan | Prepared
 """What a simulation is made of. Only a file or a scenario is examined, and only a prepared scenario is not built."""
 
 
 def prepare(
-    scenario: Source, robot: Robot | str | Path | None = None, *, variant: str | None = None, overrides: Overrides = (),
+    scenario: ScenarioLike, robot: Robot | str | Path | None = None, *, variant: str | None = None, overrides: Overrides = (),
     plugins: Sequence[str | Path] = (), settable: bool = False,
 ) -> Prepared:  # fmt: skip
     """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. A prepared scenario is
@@ -295,7 +297,7 @@ def prepare(
 
 
 def prepare_worlds(
-    scenario: Source, *, engine: str | None = None, variant: str | None = None, overrides: Overrides = (),
+    scenario: ScenarioLike, *, engine: str | None = None, variant: str | None = None, overrides: Overrides = (),
     plugins: Sequence[str | Path] = (), settable: bool = False,
 ) -> Prepared:  # fmt: skip
     """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about

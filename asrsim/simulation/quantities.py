@@ -37,11 +37,11 @@ def simulated_quantities(motors: int) -> tuple[str, ...]:
     return (*names, *(stage.lost for stage in STAGES.loaded() if stage.lost))
 
 
-Reader = Callable[[JointState], float]
+StateReader = Callable[[JointState], float]
 """Function that returns a number of a joint's state."""
 
 
-def columns_of(shape: RowShape) -> dict[str, tuple[int, Reader]]:
+def columns_of(shape: RowShape) -> dict[str, tuple[int, StateReader]]:
     """Column of S for each quantity, and its reader."""
     columns = {name: JOINT[path] for path, name in LOGGED.items()}
     for i in range(shape.motors):
@@ -82,7 +82,7 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
         return tuple(names)
     sprung = drive.drive.mode.spring
     references = [f"reference_{i}" for i in range(1, len(drive.acting_references) + 1)]
-    names += [*references, *(f"sent_{name}" for name in references if drive.command_effects)]
+    names += [*references, *(f"sent_{name}" for name in references if drive.command_imperfections)]
     if sprung:
         names += [f"elastic_torque_{i}" for i in range(1, drive.motors + 1)] + ["stiffness"]
         names += [f"motor_{i}_position" for i in range(1, drive.placed + 1)]

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.compiled.compiling import available
+from asrsim.compiled.compiling import numba_available
 from asrsim.errors import DivergenceError, Problem
 from asrsim.plugins import blame_laws
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.observation import Counts
-from asrsim.simulation.prepare import Prepared, Source, prepare
+from asrsim.simulation.prepare import Prepared, ScenarioLike, prepare
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution
@@ -48,7 +48,7 @@ class Run:
 
 @blame_laws()
 def simulate(
-    scenario: Source,
+    scenario: ScenarioLike,
     robot: Robot | None = None,
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
@@ -153,7 +153,7 @@ def _slow(reason: str) -> Iterator[Problem]:
     """A warning if the loop ran in Python although a compiled loop would have been faster."""
     if reason:
         message = f"the loop ran in plain Python, several times slower than compiled: {reason}"
-        yield Problem(message, hint="" if available() else "pip install numba", code="slow-loop")
+        yield Problem(message, hint="" if numba_available() else "pip install numba", code="slow-loop")
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> Iterator[Problem]:

@@ -30,7 +30,7 @@ def remember_positions(joint: JointState, link: JointConstants, kind: JointKind,
 
 
 def _ring_size(link: JointConstants) -> int:
-    """Number of entries of a sensor's ring buffer; see `asrsim.simulation.effects.Sensor.memory`."""
+    """Number of entries of a sensor's ring buffer; see `asrsim.simulation.imperfections.Sensor.memory`."""
     return int(link.delay + 0.5) + 3
 
 

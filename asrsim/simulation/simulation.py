@@ -18,7 +18,7 @@ from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Numbers, Prepared, Source, Start, prepare
+from asrsim.simulation.prepare import Numbers, Prepared, ScenarioLike, Start, prepare
 from asrsim.simulation.recording import RunRecording, Sink
 from asrsim.simulation.worlds import Worlds, count_of, whole_steps
 
@@ -41,7 +41,7 @@ class Simulation:
 
     def __init__(
         self,
-        scenario: Source,
+        scenario: ScenarioLike,
         *,
         variant: str | None = None,
         overrides: Overrides = (),

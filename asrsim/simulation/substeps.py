@@ -232,12 +232,13 @@ def _resolve(
     needed = _count(frequency * step / TARGET)
     substeps = 1 if stepping.released else scenario.substeps
     if substeps is None:
-        if needed > scenario.substep_cap:
+        if needed > scenario.max_substeps:
             raise UnresolvedSpringError(
                 f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its "
                 f"{frequency / math.tau:.4g} Hz cannot be resolved, since a step of {step:g} s would need {needed:.12g} "
-                f"substeps and the cap is {scenario.substep_cap}. Lower the step, raise substep_cap, soften the spring, limit "
-                "its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from outside"
+                f"substeps and `max_substeps` is {scenario.max_substeps}. Lower the step, raise this limit, soften the spring, "
+                "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
+                "outside"
             )
         # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
@@ -245,7 +246,7 @@ def _resolve(
         joints = [drive.joint for drive in drives]
         growths = (j.stribeck_friction / j.stribeck_velocity * m for j, m in zip(joints, mobilities, strict=True))
         fading = max(STEEPEST * max(growths), rate)
-        substeps = int(max(needed, min(scenario.substep_cap, _count(fading * step / FADING))))
+        substeps = int(max(needed, min(scenario.max_substeps, _count(fading * step / FADING))))
     h = step / substeps
     if rate * h >= DAMPED:
         raise UnresolvedSpringError(

@@ -29,7 +29,7 @@ from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import WARP, Prepared, Source, Start, prepare_worlds
+from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
 
 NOTHING = np.empty(0)
@@ -93,7 +93,7 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: Source,
+        scenario: ScenarioLike,
         count: int,
         *,
         variant: str | None = None,
@@ -260,7 +260,7 @@ class Worlds:
         the values that they set differ: then the rows are used again."""
         if block.steady is not None and length <= block.end and int(self.core.done[block.numbers[0]]) + length <= block.until:
             if not self._renewed:
-                block.steady.renew(block.given, self.core.held[block.numbers])
+                block.steady.renew(block.given, self.core.held, block.numbers)
                 self._renewed = True
             block.row = 0
         return self._renewed and block.row + length <= block.end
@@ -356,10 +356,14 @@ class Worlds:
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
-        self.check_open()
         self.columns.check(names)
-        if self.core.done.all():
-            return self.columns.values(np.where(self._absent, np.nan, self.core.rows), names)
+        return self.columns.values(self.latest(), names)
+
+    def latest(self) -> Array:
+        """Recorded values of the last step, (N, n, columns), with the columns of `columns.place`; see `read`."""
+        self.check_open()
+        if np.count_nonzero(self.core.done) == self.count:
+            return np.where(self._absent, np.nan, self.core.rows)
         # Worlds at their start have no step yet: they show the values of the first one.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
@@ -368,7 +372,7 @@ class Worlds:
         rows = np.where(self._absent, np.nan, self.core.rows)
         for world, state in zip(fresh.tolist(), states, strict=True):
             self.core.put(world, self._worlds[world].prepared, state)
-        return self.columns.values(rows, names)
+        return rows
 
     @property
     def model(self) -> RobotModel | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +13,9 @@ from asrsim.errors import InputError, Problem, ScenarioError, listed
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.expect import body_columns, holds, subject_of
+from asrsim.recordings.align import SampleReader
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
-
-Reader = Callable[[Sequence[str], Sequence[str]], Samples]
-"""Function that takes quantities and joints, and returns all samples of these series, with bodies and contacts."""
 
 
 def claim_problems(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> list[Problem]:
@@ -50,7 +48,7 @@ def _unrecorded(claim: Expectation, joints: Sequence[JointInfo]) -> Iterator[Pro
 
 
 def claim_results(
-    claims: Sequence[Expectation], joints: Sequence[JointInfo], read: Reader, *, file: Path | None = None
+    claims: Sequence[Expectation], joints: Sequence[JointInfo], read: SampleReader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
     """Every claim with its verdict; a claim about `"*"` has one verdict for each joint. Raises ScenarioError, which names
     `file`.
@@ -73,7 +71,7 @@ class Claims:
             if joint is not None or claim.body is not None
         ]
 
-    def results(self, read: Reader) -> tuple[ExpectationResult, ...]:
+    def results(self, read: SampleReader) -> tuple[ExpectationResult, ...]:
         """Verdicts on the run whose samples the function `read` returns. Raises ScenarioError."""
         if not self._single:
             return ()

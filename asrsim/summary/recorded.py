@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.recordings.align import Reader, align_recording, simulated_sources
+from asrsim.recordings.align import SampleReader, align_recording, simulated_sources
 from asrsim.recordings.compare import Series, compare
 from asrsim.recordings.data import Recording
 from asrsim.recordings.matching import match_joints
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class RecordedSeries:
     """Recordings that the claims about a run refer to; each is aligned once for the same options."""
 
-    def __init__(self, infos: Sequence[JointInfo], read: Reader) -> None:
+    def __init__(self, infos: Sequence[JointInfo], read: SampleReader) -> None:
         self._infos = infos
         self._read = read
         self._lags: dict[tuple[str, ...], float] = {}

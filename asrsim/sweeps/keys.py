@@ -16,9 +16,9 @@ from asrsim.scenario.data import SCENARIO, Scenario, for_joint
 from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
 
-OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "substep_cap", "stepping", "engine")
+OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "max_substeps", "stepping", "engine")
 """Scenario keys that make every run choose its own substeps."""
-_OF_ACTUATORS = ("references", "reference_ranges", "parameters", "modes", "effects")
+_OF_ACTUATORS = ("references", "reference_ranges", "parameters", "modes", "imperfections")
 """Scenario keys whose entries belong to joints with an actuator."""
 Places = tuple[tuple[str, str], ...]
 """Pairs of (joint or link, name of its number or reference)."""
@@ -210,11 +210,11 @@ def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) ->
 
 
 def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """References that a key sets; None if delays or other effects change the references before they reach the joint."""
+    """References that a key sets; None if delays or other imperfections change the references before they reach the joint."""
     places = tuple(
         (block.joint, name)
         for block in robot.actuators
         if name in MODES[block.mode].references
         and (joint == block.joint or (joint == "*" and name not in scenario.references.get(block.joint, {})))
     )
-    return None if any(for_joint(scenario.command_effects, owner) is not None for owner, _ in places) else places
+    return None if any(for_joint(scenario.command_imperfections, owner) is not None for owner, _ in places) else places

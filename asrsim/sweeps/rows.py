@@ -26,7 +26,7 @@ from asrsim.summary.claims import needs_of
 from asrsim.sweeps.cases import MEASURES, TIP, Case, Payload
 from asrsim.sweeps.study import Study
 
-Row = tuple[Any, ...]
+StudyRow = tuple[Any, ...]
 KINDS = 8
 """Number of prepared scenarios that a worker keeps."""
 CACHED = 61_440
@@ -53,18 +53,18 @@ class Runner:
     def __reduce__(self) -> tuple[Any, ...]:
         return Runner, (self.payload,)
 
-    def __call__(self, run: int) -> Row:
+    def __call__(self, run: int) -> StudyRow:
         """Row of a run, with the columns that `Payload.columns` lists."""
         return self.several([run])[0]
 
-    def several(self, runs: Sequence[int]) -> list[Row]:
+    def several(self, runs: Sequence[int]) -> list[StudyRow]:
         """Rows of some runs; short runs of one prepared scenario are simulated together."""
         groups: dict[tuple[str, str], list[_Point]] = {}
         for run in runs:
             variant, values = self.payload.study.point(run)
             case = self.payload.cases[variant]
             groups.setdefault((variant, repr(case.plan.read_again(values))), []).append(_Point(run, case, values))
-        rows: dict[int, Row] = {}
+        rows: dict[int, StudyRow] = {}
         for key, points in groups.items():
             while points:
                 kind = self._kind(key, points[0])
@@ -91,7 +91,7 @@ class Runner:
                 self._kinds[key] = _make_kind(self.payload.study, point)
         return self._kinds[key]
 
-    def _rows(self, kind: _Kind | None, points: Sequence[_Point]) -> dict[int, Row]:
+    def _rows(self, kind: _Kind | None, points: Sequence[_Point]) -> dict[int, StudyRow]:
         """Rows of runs of one prepared scenario. A run that the shared worlds cannot simulate is simulated alone."""
         began = clock.perf_counter()
         found: dict[int, dict[str, Any]] = {}
@@ -235,7 +235,7 @@ def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
     return cells
 
 
-def row_of(payload: Payload, run: int, results: Mapping[str, Any]) -> Row:
+def row_of(payload: Payload, run: int, results: Mapping[str, Any]) -> StudyRow:
     """Row of a run: its varied values (numbers, words, and other values as JSON), and its results."""
     kinds, (variant, values) = payload.kinds, payload.study.point(run)
     cells: dict[str, Any] = {"run": run, "variant": variant, **results}

@@ -14,13 +14,14 @@ from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.extras import library
 from asrsim.plugins import check_named
+from asrsim.renamed import renamed
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
 from asrsim.scenario.digest import input_hashes
 from asrsim.simulation.examine import examine
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
-from asrsim.sweeps.rows import Row, Runner, row_of
+from asrsim.sweeps.rows import Runner, StudyRow, row_of
 from asrsim.sweeps.store import open_store
 from asrsim.sweeps.study import Study, is_study, make_study, read_study
 from asrsim.sweeps.table import Table
@@ -41,6 +42,7 @@ class StudyProgress:
     """Number of this session's rows with each status."""
 
 
+@renamed(design="sampler")
 def sweep(
     scenario: str | Path | Study,
     over: Mapping[str, Any] | Sequence[str] = (),
@@ -67,7 +69,7 @@ def sweep(
         out: Folder for the rows; None: a temporary folder, deleted with the table.
         resume: Continue with the rows in `out`; overwrite: start again.
         progress: Called when rows arrive. stop: called often; True ends the study with the rows done so far.
-        options: Options of a study: variants, overrides, design, samples, seed, fit, plugins.
+        options: Options of a study: variants, overrides, sampler, samples, seed, fit, plugins.
 
     Raises:
         InputError: No run of the study can succeed: unknown keys, values out of range; or `out` contains another study.
@@ -122,7 +124,7 @@ def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]
     return study
 
 
-def crashed_row(payload: Payload, run: int, lost: Lost) -> Row:
+def crashed_row(payload: Payload, run: int, lost: Lost) -> StudyRow:
     """Row of a run during which its workers crashed."""
     return row_of(payload, run, {"status": "crashed", "reason": lost.reason, "ok": False})
 

@@ -1,4 +1,4 @@
-"""Samplers: they place the draws of a study in the unit cube (`asrsim sweep --design`).
+"""Samplers: they place the draws of a study in the unit cube (`asrsim sweep --sampler`).
 
 `SAMPLERS` is the registry. Users add an instance of their own class: `SAMPLERS.add("halton", Halton())` in a plugin file, or an
 entry point in the group "asrsim.samplers".

@@ -100,7 +100,7 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
     but only for a power of two of samples: a study in which one run has no value would have no indices.
     """
     study = table.study
-    if not SAMPLERS.get(study.design).blocks or not study.groups:
+    if not SAMPLERS.get(study.sampler).blocks or not study.groups:
         return None
     n, d = study.base_samples, len(study.groups)
     values = np.full(table.manifest["runs"], np.nan)

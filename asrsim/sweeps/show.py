@@ -18,7 +18,7 @@ SHARE = 0.1
 """Results that fewer than this fraction of the runs have are listed last."""
 
 
-def headline(table: Table) -> str:
+def study_headline(table: Table) -> str:
     """Name of the study and its numbers of runs."""
     statuses = table.statuses()
     parts = f"{len(table)} of {table.manifest['runs']} runs", f"{statuses.get('complete', 0)} complete", shares(statuses)
@@ -77,7 +77,7 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
     return list(results) or varying(table)[:most]
 
 
-def as_dict(table: Table) -> dict[str, Any]:
+def study_data(table: Table) -> dict[str, Any]:
     """Study as data for JSON."""
     quantiles = {name: table.quantiles(name) for name in varying(table)}
     return {

@@ -22,7 +22,7 @@ from asrsim.errors import InputError, OutputError, Problem
 from asrsim.extras import library
 from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.plain import misfit
-from asrsim.sweeps.rows import Row
+from asrsim.sweeps.rows import StudyRow
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
 SECONDS, RATIO = 300.0, 16
@@ -129,7 +129,7 @@ class Store:
         """Open the folder. Raises InputError if a file of rows is broken."""
         self.folder, self.total = folder, total
         self._schema = schema_of(columns)
-        self._waiting: list[Row] = []
+        self._waiting: list[StudyRow] = []
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
         """Whether each run has a row, either written or waiting to be written."""
@@ -147,7 +147,7 @@ class Store:
         """Runs without a row, in order."""
         return np.flatnonzero(~self.done).tolist()
 
-    def add(self, rows: Sequence[Row]) -> list[Row]:
+    def add(self, rows: Sequence[StudyRow]) -> list[StudyRow]:
         """Add rows, and return the rows of runs that had none yet. Raises OutputError."""
         new = []
         for row in rows:

@@ -20,6 +20,7 @@ from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.plugins import check_named
+from asrsim.renamed import STUDY_KEYS, new_key, renamed
 from asrsim.samples import Array
 from asrsim.scenario.kinds import AnyData
 from asrsim.scenario.overrides import override_texts
@@ -49,7 +50,7 @@ class Axis:
 
 def axis_of(name: str, value: Any) -> Axis:
     """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
-    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
+    return Axis(tuple(new_key(part.strip()) for part in name.split("&")), law_of(value, name))
 
 
 class _Law(AnyData):
@@ -78,7 +79,7 @@ class Study:
     overrides: Mapping[str, Any] | Sequence[str] = declare(
         MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
     )
-    design: str = declare(Choice(SAMPLERS.names), default="random", doc="sampler that places the draws")
+    sampler: str = declare(Choice(SAMPLERS.names), default="random", doc="sampler that places the draws")
     samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
@@ -120,12 +121,12 @@ class Study:
     @cached_property
     def base_samples(self) -> int:
         """Number of samples of the sampler."""
-        return SAMPLERS.get(self.design).samples(self.samples or SAMPLES)
+        return SAMPLERS.get(self.sampler).samples(self.samples or SAMPLES)
 
     @cached_property
     def draws(self) -> int:
         """Number of draws at every point of the grid."""
-        return SAMPLERS.get(self.design).draws(self.base_samples, len(self.groups)) if self.groups else 1
+        return SAMPLERS.get(self.sampler).draws(self.base_samples, len(self.groups)) if self.groups else 1
 
     @cached_property
     def grid(self) -> tuple[int, ...]:
@@ -172,10 +173,10 @@ class Study:
     def _unit_points(self) -> Array:
         """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
         shape = (self.draws, len(self.groups))
-        points = np.asarray(SAMPLERS.get(self.design).points(self.base_samples, shape[1], self.seed), dtype=np.float64)
+        points = np.asarray(SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed), dtype=np.float64)
         if points.shape != shape or not ((points >= 0.0) & (points <= 1.0)).all():
             message = f"the sampler must return points from 0 to 1 of shape {shape}; its shape is {points.shape}"
-            raise InputError(message, key="design", value=self.design, code="sampler-points")
+            raise InputError(message, key="sampler", value=self.sampler, code="sampler-points")
         return points
 
 
@@ -189,7 +190,7 @@ def is_study(path: Path) -> bool:
 
 def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
     """Study from a file; plugins: files of users' actuators that may run. Raises InputError with every problem."""
-    found = read_file(STUDY, path)
+    found = read_file(STUDY, path, renamed=STUDY_KEYS)
     check_named(found.plugins, plugins, file=path)
     try:
         given = {field.name: getattr(found, field.name) for field in fields(found)}
@@ -198,6 +199,7 @@ def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
         raise InputError([replace(problem, file=problem.file or path) for problem in error.problems]) from None
 
 
+@renamed(design="sampler")
 def make_study(
     scenario: str | Path, over: Mapping[str, Any] | Sequence[str] = (), *, fit: str | Path | Mapping[str, Any] | None = None,
     plugins: Sequence[str | Path] = (), name: str | None = None, **options: Any,
@@ -208,7 +210,7 @@ def make_study(
         scenario: Scenario file.
         over: Dotted key -> list, text as `10:200:20`, or distribution; or a list of texts `key=values`.
         fit: File or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
-        options: variants, overrides, design, samples, seed: as in `Study`.
+        options: variants, overrides, sampler, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
     pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
@@ -251,13 +253,15 @@ def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> 
     if study.samples is not None and not (drawn and 1 <= study.samples <= MOST_RUNS):
         message = f"must be 1 to {MOST_RUNS}" if drawn else "is given, but no key has a distribution"
         problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
-    if study.design not in SAMPLERS:
+    if study.sampler not in SAMPLERS:
         choices = SAMPLERS.names()
         message = "is not one of the choices"
-        problems.append(Problem(message, key="design", value=study.design, choices=choices, meant=study.design, code="choice"))
-    elif SAMPLERS.get(study.design).blocks and (joint or study.listed):
-        message = f"Sobol indices need independent draws: the design {study.design} allows neither a fit nor listed values"
-        problems.append(Problem(message, key="design", code="sweep-correlation"))
+        problems.append(
+            Problem(message, key="sampler", value=study.sampler, choices=choices, meant=study.sampler, code="choice")
+        )
+    elif SAMPLERS.get(study.sampler).blocks and (joint or study.listed):
+        message = f"Sobol indices need independent draws: the sampler {study.sampler} allows neither a fit nor listed values"
+        problems.append(Problem(message, key="sampler", code="sweep-correlation"))
     if problems:
         raise InputError(problems)
     if len(study) > MOST_RUNS:

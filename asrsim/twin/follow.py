@@ -85,7 +85,7 @@ class Followed:
         return found
 
 
-def follow(
+def follow_recording(
     scenario: Path, recording: Path, *, bandwidth: float | None = None, mapping: Any = None, rate: float | None = None,
     clock_offset: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
     progress: Callable[[float], None] = lambda share: None, stop: Callable[[], bool] = lambda: False,

@@ -19,7 +19,7 @@ from asrsim.live.publisher import APPLIED
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
-from asrsim.simulation.prepare import Source, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
 from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
@@ -40,7 +40,7 @@ class LiveTwin:
     """Twin that follows a robot in real time. `tell` receives messages for the user."""
 
     def __init__(
-        self, scenario: Source, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
+        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
         namespace: str = "", duration: float | None = None, tell: Callable[[str], None] = lambda text: None,
     ) -> None:  # fmt: skip
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user

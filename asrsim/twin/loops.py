@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from asrsim.compiled.compiling import compile_function
+from asrsim.twin.mismatch import Mismatch, learn
 from asrsim.twin.observer import Gains, respond
 
 
@@ -64,6 +65,23 @@ class AlarmLimits(NamedTuple):
     sticking: float
 
 
+class Watch(NamedTuple):
+    """Numbers by which measured positions are watched."""
+
+    share: float
+    """Share of a new value in the variance of the noise."""
+    step: float
+    """Time step, s."""
+    gap: float
+    """Time without a measurement after which the twin is set to the next one, s."""
+    jump: float
+    """Error of a position above which the twin is set to the measured position, rad (m)."""
+
+
+JUMPED, LOST, MISSING = 1, 2, 4
+"""What a step finds: a joint is far from the twin; a joint is measured again after a gap; a joint is not measured."""
+
+
 def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     """The arrays at the start. columns: number of columns of the regression's rows."""
     shape = simulations, joints
@@ -75,17 +93,47 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     )  # fmt: skip
 
 
-def measure(t: TwinTables, positions: Any, share: float) -> None:
-    """Update the noise of the measured positions (n,). share: weight of a new value."""
-    for j in range(len(positions)):
+def compare(
+    t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any,
+) -> int:  # fmt: skip
+    """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
+
+    positions: measured positions (n,), which become those that the twin can follow; links: of the simulations (w, n), rad;
+    coupled: whether each joint follows another one (n,); stops: of the joints (2, n), rad. Returns the sum of `JUMPED`, `LOST`
+    and `MISSING`, as far as they apply.
+    """
+    simulations, joints = links.shape
+    jumped = lost = missing = 0
+    for j in range(joints):
         position = positions[j]
+        if not math.isfinite(position):
+            position = math.nan
         bend = position - 2.0 * t.before[1, j] + t.before[0, j]
         # The second difference of white noise has six times the variance of the noise.
         if bend == bend:
-            t.variance[j] += share * (bend * bend / 6.0 - t.variance[j])
+            t.variance[j] += watch.share * (bend * bend / 6.0 - t.variance[j])
         t.before[0, j] = t.before[1, j]
         t.before[1, j] = position
-        t.missing[j] = 0 if position == position else t.missing[j] + 1
+        gap = t.missing[j]
+        t.missing[j] = 0 if position == position else gap + 1
+        if t.missing[j]:
+            missing = MISSING
+        if coupled[j]:
+            # The master of a coupled joint moves it: its own position would count twice.
+            position = math.nan
+        # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
+        if position < stops[0, j]:
+            position = stops[0, j]
+        if position > stops[1, j]:
+            position = stops[1, j]
+        if position == position and gap * watch.step > watch.gap:
+            lost = LOST
+        positions[j] = position
+        for i in range(simulations):
+            error[i, j] = position - links[i, j]
+        if abs(error[0, j]) > watch.jump:
+            jumped = JUMPED
+    return jumped + lost + missing
 
 
 def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
@@ -120,19 +168,24 @@ def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, sha
 
 
 def judge(
-    t: TwinTables, limits: AlarmLimits, springs: Any, learned: Any, friction: Any, fast: Any, ready: bool, alarm: Any,
-    threshold: Any,
-) -> None:  # fmt: skip
-    """Compute the threshold (n,) and the alarms (n,) of each joint.
+    t: TwinTables, limits: AlarmLimits, rows: Any, springs: Any, stiffness: int, learned: Any, friction: Any, external: Any,
+    ready: bool, error: Any, alarm: Any, found: Any,
+) -> bool:  # fmt: skip
+    """Compute the external torques, thresholds and alarms of each joint. Returns whether a joint's threshold, from noise alone,
+    exceeds all that its springs have carried in motion.
 
-    springs: torques (k, n) of the springs, N m; learned: whether the model's errors are estimated (n,); friction: of the model
-    (n,), N m; fast: torque for alarms (n,), N m; ready: whether alarms are raised; alarm: of the last step on entry.
+    rows: recorded values of the simulations (w, n, columns); springs: columns with the torques of the springs, N m; stiffness:
+    column with the joints' stiffness, -1 without springs; learned: whether the model's errors are estimated (n,); friction: of
+    the model (n,), N m; external: torques (2, n) after both filters, N m; ready: whether alarms are raised; error: of the
+    twin's positions (n,); alarm: of the last step on entry; found: receives external torques and thresholds (2, n), N m.
     """
-    joints = len(threshold)
+    deaf = False
+    joints = len(alarm)
     for j in range(joints):
         spring = 0.0
-        for k in range(len(springs)):
-            spring += _known(springs[k, j])
+        for k in springs:
+            spring += _known(rows[0, j, k])
+        t.stiffness[j] = rows[0, j, stiffness] if stiffness >= 0 else math.nan
         t.peak[j] = max(abs(spring), t.peak[j] * (1.0 - limits.forgotten))
         t.carried[j] = max(t.carried[j], t.peak[j])
         total = 0.0
@@ -142,9 +195,13 @@ def judge(
         # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
         tolerated = (limits.tolerance if learned[j] else limits.unlearned) * t.peak[j]
         tolerated += (limits.friction if abs(t.rows[0, 0, j]) > limits.slowest else limits.sticking) * friction[j]
-        threshold[j] = math.hypot(limits.sigmas * t.noise[j], tolerated)
-        least = threshold[j] * limits.release if alarm[j] else threshold[j]
-        alarm[j] = abs(fast[j]) > least and ready
+        threshold = math.hypot(limits.sigmas * t.noise[j], tolerated)
+        least = threshold * limits.release if alarm[j] else threshold
+        alarm[j] = abs(external[1, j]) > least and ready
+        deaf = deaf or (learned[j] and limits.sigmas * t.noise[j] > t.carried[j])
+        found[0, j] = external[0, j] if error[j] == error[j] else math.nan
+        found[1, j] = threshold
+    return deaf
 
 
 def _known(value: float) -> float:
@@ -152,19 +209,21 @@ def _known(value: float) -> float:
 
 
 class TwinLoops(NamedTuple):
-    """The functions `measure`, `pull` and `judge`."""
+    """The functions that a twin calls in a step."""
 
-    measure: Callable[..., None] = measure
+    compare: Callable[..., int] = compare
     pull: Callable[..., None] = pull
-    judge: Callable[..., None] = judge
+    judge: Callable[..., bool] = judge
+    learn: Callable[..., None] = learn
 
 
-def compiled_loops(t: TwinTables, gains: Gains, limits: AlarmLimits) -> TwinLoops:
+def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: Watch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
-    one, two, flags = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool)
+    one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros(1, dtype=np.int64)
     examples = (
-        (t, one, 1.0),
+        (t, watch, one, two, flags, two, two),
         (t, gains, two, one, two, one, two),
-        (t, limits, two, flags, one, one, True, flags, one),
+        (t, limits, np.zeros((1, 1, 1)), columns, 0, flags, one, two, True, one, flags, two),
+        (mismatch, two, one, flags),
     )
     return TwinLoops(*(compile_function(law, given) for law, given in zip(TwinLoops(), examples, strict=True)))

@@ -8,12 +8,12 @@ columns are subtracted from the observed torque.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from asrsim.samples import Array
 from asrsim.simulation.prepare import Prepared
 from asrsim.statics.sizing import linear_parameters
 
@@ -29,6 +29,8 @@ CORRELATED = 6.0
 """Number of successive rows whose errors are correlated; together they count as one independent row."""
 SHARE, SUMMAND = 0.2, 1e-3
 """Fraction by which parameters are larger in the copies; number added to damping (N m s/rad) and friction (N m) as well."""
+KNOWN = 0.04
+"""Largest relative standard error of a stiffness that is reported."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
 """Kinds of parameters that differ in the copies."""
 COLUMNS = len(KINDS) + 3
@@ -49,47 +51,92 @@ def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
     return tables
 
 
-class Mismatch:
-    """Regression of the observed torques of n joints."""
+class Mismatch(NamedTuple):
+    """Regression of the observed torques of n joints; all arrays are updated in place."""
 
-    def __init__(self, rows: Array, *, interval: float) -> None:
-        """rows: velocity, columns of the regression and observed torque, after the slow and the fast filter,
-        (2, `COLUMNS`, n), which the twin updates; interval: time between rows of the regression, s."""
-        self._rows, self._interval = rows, interval
-        joints = rows.shape[-1]
-        self._products = np.zeros((joints, len(KINDS) + 2, len(KINDS) + 2))
-        """Weighted sums of the products of columns and torque."""
-        self.found = np.zeros((len(KINDS), joints))
-        """Errors of the parameters (kinds, n), as fractions."""
-        self.learned = np.zeros(joints, dtype=bool)
-        """Whether the regression contains at least one second of motion."""
-        self.spring, self.deviation = np.zeros(joints), np.full(joints, np.inf)
-        """Excess of the robot's spring torques over the twin's, as a fraction, and its standard error."""
+    products: Any
+    """Weighted sums (n, kinds + 2, kinds + 2) of the products of columns and torque."""
+    found: Any
+    """Errors of the parameters (kinds, n), as fractions."""
+    learned: Any
+    """Whether the regression contains at least one second of motion, (n,)."""
+    stiffening: Any
+    """Ratio of the stiffness in robot and twin (n,); NaN: not known well enough."""
+    factor: Any
+    """Work space (kinds + 1, kinds + 1)."""
+    size: Any
+    """Work space (kinds + 2,)."""
+    solution: Any
+    """Work space (2, kinds + 1)."""
+    interval: float
+    """Time between rows of the regression, s."""
 
-    @property
-    def moves(self) -> NDArray[np.bool_]:
-        """Whether each link moves."""
-        return np.asarray(np.abs(self._rows[0, 0]) > SLOWEST)
 
-    def learn(self, free: NDArray[np.bool_]) -> None:
-        """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may
-        have any value.
-        """
-        rows = self._rows[0, 1:].T
-        gain = (free & self.moves).astype(float)[:, None, None]
-        self._products += gain * (rows[:, :, None] * rows[:, None, :] - self._interval / MEMORY * self._products)
-        size = np.sqrt(np.einsum("jii->ji", self._products)) + 1e-12
-        correlations = self._products / size[:, :, None] / size[:, None, :]
-        inverse = np.linalg.inv(correlations[:, :-1, :-1] + RIDGE * np.eye(len(KINDS) + 1))
-        found = np.einsum("jik,jk->ji", inverse, correlations[:, :-1, -1])
-        residual = (1.0 - (found * correlations[:, :-1, -1]).sum(axis=1)) * size[:, -1] ** 2
+def mismatch_of(joints: int, interval: float) -> Mismatch:
+    """Regression without rows."""
+    columns = len(KINDS) + 1
+    return Mismatch(
+        products=np.zeros((joints, columns + 1, columns + 1)), found=np.zeros((len(KINDS), joints)),
+        learned=np.zeros(joints, dtype=bool), stiffening=np.full(joints, np.nan), factor=np.zeros((columns, columns)),
+        size=np.zeros(columns + 1), solution=np.zeros((2, columns)), interval=interval,
+    )  # fmt: skip
+
+
+def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
+    """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may have
+    any value.
+
+    rows: velocity, columns of the regression and observed torque after the slow filter, (kinds + 3, n); error: of the twin's
+    positions (n,), NaN: not measured; alarm: of each joint (n,).
+    """
+    columns = len(m.factor)
+    for j in range(len(alarm)):
+        if alarm[j] or error[j] != error[j] or not abs(rows[0, j]) > SLOWEST:
+            continue
+        products, size, found = m.products[j], m.size, m.solution[0]
+        for a in range(columns + 1):
+            for b in range(columns + 1):
+                products[a, b] += rows[a + 1, j] * rows[b + 1, j] - m.interval / MEMORY * products[a, b]
+            size[a] = math.sqrt(products[a, a]) + 1e-12
+        for a in range(columns):
+            for b in range(columns):
+                m.factor[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
+            found[a], m.solution[1, a] = products[a, columns] / size[a] / size[columns], 0.0
+        m.solution[1, 0] = 1.0
+        solve_symmetric(m.factor, m.solution)
+        rest = 1.0
+        for a in range(columns):
+            rest -= found[a] * (products[a, columns] / size[a] / size[columns])
         # With a perfect twin the residual, and therefore the standard error, would be zero.
-        residual = np.maximum(residual, (LEAST * size[:, 0]) ** 2)
+        residual = max(rest * (size[columns] * size[columns]), (LEAST * size[0]) * (LEAST * size[0]))
         # The squares of the constant column add up to the number of rows.
-        rows_seen = np.maximum(self._products[:, -2, -2], 1e-12)
-        self.learned = rows_seen > 1.0 / self._interval
-        self.found = np.ascontiguousarray((found * size[:, -1:] / size[:, :-1] * self.learned[:, None]).T[:-1])
+        seen = max(products[columns - 1, columns - 1], 1e-12)
+        m.learned[j] = seen > 1.0 / m.interval
+        for a in range(columns - 1):
+            m.found[a, j] = found[a] * size[columns] / size[a] if m.learned[j] else 0.0
+        deviation = math.sqrt(CORRELATED * residual / seen * m.solution[1, 0]) / size[0]
         # A stiffer copy needs less torque to follow the robot.
-        self.spring = -self.found[0]
-        deviation = np.sqrt(CORRELATED * residual / rows_seen * inverse[:, 0, 0]) / size[:, 0]
-        self.deviation = np.where(self.learned, deviation, np.inf)
+        m.stiffening[j] = 1.0 - m.found[0, j] if m.learned[j] and deviation < KNOWN else math.nan
+
+
+def solve_symmetric(matrix: Any, sides: Any) -> None:
+    """Replace right-hand sides (m, n) by the solutions for a symmetric positive definite matrix (n, n), which is overwritten by
+    its Cholesky factor."""
+    size = len(matrix)
+    for a in range(size):
+        for b in range(a + 1):
+            total = matrix[a, b]
+            for c in range(b):
+                total -= matrix[a, c] * matrix[b, c]
+            matrix[a, b] = math.sqrt(total) if a == b else total / matrix[b, b]
+    for side in range(len(sides)):
+        for a in range(size):
+            total = sides[side, a]
+            for c in range(a):
+                total -= matrix[a, c] * sides[side, c]
+            sides[side, a] = total / matrix[a, a]
+        for a in range(size - 1, -1, -1):
+            total = sides[side, a]
+            for c in range(a + 1, size):
+                total -= matrix[c, a] * sides[side, c]
+            sides[side, a] = total / matrix[a, a]

@@ -7,17 +7,20 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.compiled.compiling import compile_function
 from asrsim.errors import InputError
+from asrsim.robot.chain_masses import find_masses
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import Source, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.loops import AlarmLimits, TwinLoops, compiled_loops, tables
-from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, Mismatch, varied
+from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
+from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
 SIGMAS = 6.0
@@ -40,16 +43,17 @@ JUMP = 0.25
 """Difference of a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
 EVERY = 0.01
 """Interval between rows of the mismatch regression, and between updates of the mass matrix, s."""
-KNOWN = 0.04
-"""Largest relative standard error of a stiffness that is reported."""
 LONGEST_GAP = 0.03
 """Time without a measurement above which the twin is set to the next measured position, s."""
-MISSING = 0.1
+MISSING_NOTED = 0.1
 """Time without a measurement after which a note is given, s."""
 EXPECTED = 10**7
 """Assumed number of substeps of a run: enough that compiling is worth its time."""
 REPEAT = 1.0
 """Shortest time between two notes with equal text, s."""
+
+NUMBERS = (int, float, np.number)
+"""Types of the values of commands."""
 
 Commands = Mapping[str, Mapping[str, float]]
 """Values of references, by joint and by name of the reference."""
@@ -90,7 +94,7 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: Source, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
+        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
         plugins: Sequence[str | Path] = (), compiled: bool | None = None,
     ) -> None:  # fmt: skip
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
@@ -110,20 +114,28 @@ class Twin:
         self._model = model
         self.joints, self._drives = self.worlds.joints, ready.drives
         n = len(self.joints)
-        self._springs = [name for name in self.worlds.names if name.startswith("elastic_torque_")]
+        place = self.worlds.columns.place
+        self._springs = np.array([place[name] for name in place if name.startswith("elastic_torque_")], dtype=np.int64)
+        self._stiffness = place["stiffness"] if len(self._springs) else -1
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )
-        self._followers = np.flatnonzero([drive.name in ready.robot.followers for drive in ready.drives])
-        self._stops = np.array([drive.joint.stops for drive in ready.drives]).T
+        self._coupled = np.array([drive.name in ready.robot.followers for drive in ready.drives])
+        self._stops = np.array([drive.joint.stops for drive in ready.drives]).T.copy()
+        self._watch = Watch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
         self._limits = AlarmLimits(
             forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
             slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
         )  # fmt: skip
         self._tables = tables(len(self._starts), n, COLUMNS)
-        self._loops = compiled_loops(self._tables, self._gains, self._limits) if self.worlds.compiled else TwinLoops()
-        self._mismatch = Mismatch(self._tables.rows, interval=EVERY)
+        self._mismatch, self._loops, self._chain = mismatch_of(n, EVERY), TwinLoops(), None
+        self._find_masses: Any = None
+        if self.worlds.compiled:
+            self._loops = compiled_loops(self._tables, self._mismatch, self._watch, self._gains, self._limits)
+            self._chain = model.chain()
+        if self._chain is not None:
+            self._find_masses = compile_function(find_masses, (self._chain, np.zeros(1), np.zeros((1, 1))))
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
         self._commands: dict[tuple[str, str], float] = {}
@@ -141,44 +153,42 @@ class Twin:
         notes: list[str] = []
         positions = self._positions(measured)
         for joint, given in commands.items():
-            values = list(given.values()) if isinstance(given, Mapping) else [None]
-            if not all(isinstance(value, (int, float, np.number)) for value in values):
+            if not isinstance(given, Mapping) or not all(isinstance(value, NUMBERS) for value in given.values()):
                 message = "must be numbers by name of the reference"
                 raise InputError(message, key=f"commands.{joint}", value=given, code="twin-command")
             for reference, value in given.items():
-                self._command(joint, reference, value, notes)
-        missing = self._tables.missing
-        lost = missing * self._step > LONGEST_GAP if missing.any() else None
-        self._measure_noise(positions, notes)
-        # The master of a coupled joint moves it: its own position would count twice.
-        positions[self._followers] = math.nan
-        # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
-        positions = np.minimum(np.maximum(positions, self._stops[0]), self._stops[1])
-        begins = self._steps == 0 or (lost is not None and bool((lost & np.isfinite(positions)).any()))
+                if self._commands.get((joint, reference)) != value:
+                    self._command(joint, reference, value, notes)
         links, velocities = self.worlds.links()
-        distances = positions - links[0]
-        jumped = [] if begins else [j for j, distance in enumerate(distances.tolist()) if abs(distance) > JUMP]
-        for j in jumped:
-            why = "another robot, a motor that is off, or a wrong command?"
-            text = f"the robot is {distances[j]:+.2g} from its twin ({why}): the twin is set to the robot's position"
-            self._note(f"{self.joints[j]}: {text}", notes)
-        if begins or jumped:
+        error = np.empty(links.shape)
+        compare, t = self._loops.compare, self._tables
+        seen = compare(t, self._watch, positions, links, self._coupled, self._stops, error)
+        if seen & MISSING:
+            self._note_missing(notes)
+        begins = self._steps == 0 or seen & LOST
+        if begins or seen & JUMPED:
+            self._note_jumps([] if begins else error[0].tolist(), notes)
             self._place(positions)
             links, velocities = self.worlds.links()
-        error = positions - links
+            error = positions - links
         if self._steps % self._every == 0:
-            self._tables.masses[:] = self._model.mass_matrix(links[0])
-        self._loops.pull(
-            self._tables, self._gains, error, velocities[0], self._mismatch.found, self._shares, self._external
-        )  # fmt: skip
-        self.worlds.push(self._tables.torques)
+            self._update_masses(links[0])
+        self._loops.pull(t, self._gains, error, velocities[0], self._mismatch.found, self._shares, self._external)
+        self.worlds.push(t.torques)
         self.worlds.advance()
-        if not self.worlds.healthy.all():
+        if not all(self.worlds.healthy.tolist()):
             self._note("the twin diverged: it is set to the robot's position", notes)
             self._place(positions)
         found = self._estimate(error[0], notes)
         self._steps += 1
         return found
+
+    def _update_masses(self, positions: Array) -> None:
+        """Compute the mass matrix at the twin's positions (n,)."""
+        if self._chain is None:
+            self._tables.masses[:] = self._model.mass_matrix(positions)
+        else:
+            self._find_masses(self._chain, positions, self._tables.masses)
 
     def _positions(self, measured: Mapping[str, float] | Sequence[float] | Array) -> Array:
         unknown: list[str] = []
@@ -192,8 +202,6 @@ class Twin:
         return positions
 
     def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
-        if self._commands.get((joint, reference)) == value:
-            return
         if math.isfinite(value):
             self.worlds.set_reference(joint, reference, float(value))
             self._commands[joint, reference] = float(value)
@@ -217,41 +225,42 @@ class Twin:
         self._tables.integral[:] = self._tables.lagged[:] = 0.0
         self._settled = self._steps + round(SETTLE / self._step)
 
-    def _measure_noise(self, positions: Array, notes: list[str]) -> None:
-        """Update the noise variance of the measurements, and note missing measurements."""
-        self._loops.measure(self._tables, positions, self._step / NOISE_MEMORY)
-        missing = self._tables.missing
-        if missing.any():
-            for joint in np.flatnonzero(missing * self._step > MISSING).tolist():
-                self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
+    def _note_missing(self, notes: list[str]) -> None:
+        """Note joints whose position has not been measured for long."""
+        for joint in np.flatnonzero(self._tables.missing * self._step > MISSING_NOTED).tolist():
+            self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
+
+    def _note_jumps(self, distances: list[float], notes: list[str]) -> None:
+        """Note joints that are far from their twin. distances: positions of the robot minus those of the twin, rad (m)."""
+        for joint, distance in zip(self.joints, distances, strict=False):
+            if abs(distance) > JUMP:
+                why = "another robot, a motor that is off, or a wrong command?"
+                text = f"the robot is {distance:+.2g} from its twin ({why}): the twin is set to the robot's position"
+                self._note(f"{joint}: {text}", notes)
 
     def _estimate(self, error: Array, notes: list[str]) -> TwinStep:
         """Estimates from the twin's position error (n,) and the external torques after both filters."""
-        own, mismatch = self._tables, self._mismatch
-        springs = np.zeros((0, len(error)))
-        if self._springs:
-            read = self.worlds.read([*self._springs, "stiffness"])
-            springs = np.array([read[name][0] for name in self._springs])
-            own.stiffness[:] = read["stiffness"][0]
-        ready = self._steps >= self._settled
-        threshold, self._alarm = np.empty(len(error)), self._alarm.copy()
-        slow, fast = self._external
-        self._loops.judge(own, self._limits, springs, mismatch.learned, self._friction, fast, ready, self._alarm, threshold)
-        self._say_deaf(SIGMAS * own.noise, notes)
-        measured = error == error
-        if self._steps % self._every == 0:
-            mismatch.learn(~self._alarm & measured & ready)
-        known = mismatch.deviation < KNOWN
+        own, mismatch, ready = self._tables, self._mismatch, self._steps >= self._settled
+        found, alarm = np.empty((2, len(error))), self._alarm.copy()
+        rows = self.worlds.latest()
+        deaf = self._loops.judge(
+            own, self._limits, rows, self._springs, self._stiffness, mismatch.learned, self._friction, self._external, ready,
+            error, alarm, found,
+        )  # fmt: skip
+        self._alarm = alarm
+        if deaf:
+            self._say_deaf(notes)
+        if ready and self._steps % self._every == 0:
+            self._loops.learn(mismatch, own.rows[0], error, alarm)
         return TwinStep(
-            time=round(self._steps * self._step, 9), external_torque=np.where(measured, slow, np.nan),
-            stiffness=np.where(known, own.stiffness * (1.0 + mismatch.spring), np.nan), residual=error,
-            threshold=threshold, alarm=self._alarm, notes=tuple(notes),
+            time=round(self._steps * self._step, 9), external_torque=found[0], stiffness=own.stiffness * mismatch.stiffening,
+            residual=error, threshold=found[1], alarm=alarm, notes=tuple(notes),
         )  # fmt: skip
 
-    def _say_deaf(self, threshold: Array, notes: list[str]) -> None:
-        """Note joints whose threshold (n,), from noise alone, exceeds all that their springs have carried in motion, N m."""
-        deaf = (threshold > self._tables.carried) & self._mismatch.learned
-        for j in np.flatnonzero(deaf).tolist() if deaf.any() else ():
+    def _say_deaf(self, notes: list[str]) -> None:
+        """Note joints whose threshold, from noise alone, exceeds all that their springs have carried in motion."""
+        threshold = SIGMAS * self._tables.noise
+        for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])
             self._note(
                 f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._tables.carried[j]:.3g} that its "

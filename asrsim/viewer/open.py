@@ -198,7 +198,7 @@ def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: 
     """Recordings beside a live run, on the clock of a run of the scenario as it is written."""
     if not experiments:
         return []
-    from asrsim.recordings.align import Reader
+    from asrsim.recordings.align import SampleReader
     from asrsim.simulation.run import simulate
 
     run = simulate(plan)
@@ -210,7 +210,7 @@ def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: 
         values = {name: samples.values[name][:, columns] for name in quantities}
         return replace(samples, joints=tuple(joints), values=values)
 
-    reader: Reader = read
+    reader: SampleReader = read
     described: RunInfo = info
     return [recorded(Path(file), described, reader, **recordings) for file in experiments]
 

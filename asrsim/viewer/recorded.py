@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.plots.claims import claimed_clocks, claimed_recording
-from asrsim.recordings.align import LagChoice, Reader, align_recording, comparable, resample
+from asrsim.recordings.align import LagChoice, SampleReader, align_recording, matched_columns, resample
 from asrsim.recordings.matching import match_joints
 from asrsim.samples import Array, RunInfo, Samples
 from asrsim.viewer.history import History
@@ -16,7 +16,7 @@ from asrsim.viewer.subject import Companion
 
 
 def recorded(
-    path: Path, info: RunInfo, read: Reader, *, lag: LagChoice = "auto", mapping: Sequence[str] | Path | None = None,
+    path: Path, info: RunInfo, read: SampleReader, *, lag: LagChoice = "auto", mapping: Sequence[str] | Path | None = None,
     rate: float | None = None,
 ) -> Companion:  # fmt: skip
     """Recording as a companion of a run.
@@ -36,7 +36,7 @@ def recorded(
     pairing = match_joints(names, recording)
     claimed = claimed_clocks([info], [recording]) if lag == "auto" else {}
     alignment = align_recording(recording, pairing, read, lag=claimed.get(str(recording.path), lag), infos=info.joints)
-    columns, _ = comparable(recording, pairing, info.joints)
+    columns, _ = matched_columns(recording, pairing, info.joints)
     shift = alignment.lag
     moved = {joint: columns[joint, "link_position"] for joint in names if (joint, "link_position") in columns}
     history = None

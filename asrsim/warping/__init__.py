@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from asrsim.warping.kinds import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpKind
-from asrsim.warping.program import WarpProgram, available
+from asrsim.warping.program import WarpProgram, warp_available
 
-__all__ = ["BOOL", "FLOAT", "INT", "Row", "TranslationError", "Value", "WarpKind", "WarpProgram", "available"]
+__all__ = ["BOOL", "FLOAT", "INT", "Row", "TranslationError", "Value", "WarpKind", "WarpProgram", "warp_available"]

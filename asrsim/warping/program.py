@@ -14,7 +14,7 @@ from asrsim.warping.kinds import FLOAT, Group, Row, TranslationError, Value, num
 from asrsim.warping.translate import Call, Translation
 
 
-def available() -> bool:
+def warp_available() -> bool:
     """Whether Warp and MuJoCo Warp are installed (the extra `warp`)."""
     from importlib.util import find_spec
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, FigurePart, FigurePicture, FigureTable, Origin, PaperFigure, above, at_most, below, near
+from asrsim.reproduce import Claim, Evidence, FigurePart, FigurePicture, FigureTable, PaperFigure, above, at_most, below, near
 from paper.lab import Lab
 from paper.law import RATIO, damping_overrides, swings
 from paper.motors import qbmove_claims
@@ -69,7 +69,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     return first, second, _damped(lab, plain, nominal)
 
 
-def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "paper") -> list[Claim]:
+def _settled(results: Mapping[str, Result], springs: str, origin: Evidence = "paper") -> list[Claim]:
     claims = []
     for name, result in results.items():
         claims.append(
@@ -85,7 +85,7 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Origin = "pape
     return claims
 
 
-def _arrives(result: Result, name: str, joint: str, springs: str, origin: Origin) -> Claim:
+def _arrives(result: Result, name: str, joint: str, springs: str, origin: Evidence) -> Claim:
     """Claim that the link settles on the reference, or, if its springs are too weak, that friction holds it elsewhere."""
     from asrsim.kinematics import equilibria_for_loads
     from asrsim.robot import drive_of

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, FigurePart, FigureTable, Origin, PaperFigure, below, near
+from asrsim.reproduce import Claim, Evidence, FigurePart, FigureTable, PaperFigure, below, near
 from paper.lab import Lab
 from paper.law import RATIO, damping_overrides
 from paper.motors import qbmove_claims
@@ -90,7 +90,7 @@ def _claims(results: Mapping[str, Result]) -> list[Claim]:
     return claims
 
 
-def _sags(results: Mapping[str, Result], origin: Origin) -> list[Claim]:
+def _sags(results: Mapping[str, Result], origin: Evidence) -> list[Claim]:
     claims = []
     for joint in JOINTS:
         share = {name: _amplitude(results[name][joint].link_position) / AMPLITUDE for name in PRESETS}

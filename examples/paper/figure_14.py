@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asrsim.reproduce import Claim, FigurePart, FigureTable, Origin, PaperFigure, above, at_most, below, near
+from asrsim.reproduce import Claim, Evidence, FigurePart, FigureTable, PaperFigure, above, at_most, below, near
 from asrsim.samples import TIP
 from paper.chain import five_links
 from paper.lab import Lab
@@ -76,7 +76,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     return first, second
 
 
-def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Origin) -> list[Claim]:
+def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Evidence) -> list[Claim]:
     soft, stiff = (results[name] for name in PRESETS)
     goal = _goal(stiff)
     force = _force(soft)

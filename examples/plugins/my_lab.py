@@ -51,7 +51,7 @@ def read_mylog(path, reading):
 
 
 class Halton(Sampler):
-    """A Halton sequence. In a study: `asrsim sweep ... --design halton`."""
+    """A Halton sequence. In a study: `asrsim sweep ... --sampler halton`."""
 
     title = "Halton sequence"
 

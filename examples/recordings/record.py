@@ -42,7 +42,7 @@ def two_joints() -> str:
     }
     scenario = asrsim.make_scenario(
         ROBOT, duration=6.5, log_rate=100, parameters=springs, references=references,
-        effects={"commands": {"*": {"delay": 0.02, "rate": 200}}},
+        imperfections={"commands": {"*": {"delay": 0.02, "rate": 200}}},
     )  # fmt: skip
     result = asrsim.run(scenario)
     random = np.random.default_rng(7)

@@ -17,4 +17,4 @@ def test_studies_with_too_many_draws_are_refused():
 @pytest.mark.parametrize("side", ["commands", "sensors"])
 def test_rates_of_commands_and_sensors_have_an_upper_bound(side):
     with pytest.raises(InputError, match=r"rate.*1e\+06"):
-        asrsim.load_scenario(SCENARIO, variant="soft", overrides={"effects": {side: {"joint_1": {"rate": 2.5e11}}}})
+        asrsim.load_scenario(SCENARIO, variant="soft", overrides={"imperfections": {side: {"joint_1": {"rate": 2.5e11}}}})

@@ -7,7 +7,8 @@ import pytest
 
 from asrsim.designs import design
 from asrsim.errors import InputError
-from asrsim.renamed import NAMES
+from asrsim.renamed import NAMES, OldKeyWarning
+from asrsim.sweeps.study import read_study
 
 SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
 CALLS = {
@@ -28,14 +29,14 @@ CALLS = {
         {"given": ["a.yaml", "b.xml"], "knots": 9, "step": 0.002, "fit": "fit.json", "variant": "soft",
          "overrides": ["step=0.001"], "plot": False},
     ),
-    "asrsim.twin.follow.follow": (
+    "asrsim.twin.follow.follow_recording": (
         "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --clock-offset 0.2 --variant soft --set step=0.001",
         {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "clock_offset": 0.2,
          "variant": "soft", "overrides": ["step=0.001"]},
     ),
     "asrsim.sweeps.run.study_of": (
-        "sweep a.yaml --over j.damping=1:2:3 --design sobol --samples 8 --seed 7 --fit f.json --variant soft --set step=0.001",
-        {"given": ["a.yaml", ["j.damping=1:2:3"], {"variants": ["soft"], "overrides": ["step=0.001"], "design": "sobol",
+        "sweep a.yaml --over j.damping=1:2:3 --sampler sobol --samples 8 --seed 7 --fit f.json --variant soft --set step=0.001",
+        {"given": ["a.yaml", ["j.damping=1:2:3"], {"variants": ["soft"], "overrides": ["step=0.001"], "sampler": "sobol",
                    "samples": 8, "seed": 7, "fit": "f.json"}]},
     ),
     "asrsim.plots.job.PlotJob": (
@@ -71,6 +72,8 @@ def test_options_reach_the_library(function, monkeypatch, asrsim_command):
         ("design a.yaml --limits l.yaml --seconds 3", "--seconds is called --duration now"),
         ("export a.yaml --timestep 0.001", "--timestep is called --step now"),
         ("twin a.yaml -e a.csv --lag=0.2", "--lag is called --clock-offset now"),
+        ("sweep a.yaml --over a.b=1 --design lhs", "--design is called --sampler now"),
+        ("export a.yaml --to mjcf", "--to is called --format now"),
     ],
 )
 def test_an_old_name_of_an_option_works_and_says_the_new_one(asrsim_command, line, said):
@@ -82,6 +85,23 @@ def test_an_old_name_of_an_option_works_and_says_the_new_one(asrsim_command, lin
 def test_an_old_name_of_a_keyword_works_and_warns(tmp_path):
     with pytest.warns(DeprecationWarning, match="seconds is called duration now"), pytest.raises(InputError, match=r"l\.yaml"):
         design("a.yaml", tmp_path / "l.yaml", seconds=3.0)
+
+
+def test_an_old_key_of_a_file_is_told_of_in_one_line(tiny, asrsim_command):
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}\nsubstep_cap: 50\n")
+    done = asrsim_command("run", tiny.scenario, "--set", "effects.sensors.*.delay=0.01", "--set", "duration=0.01", "--no-plot")
+    told = [line for line in done.err.splitlines() if "is called" in line]
+    assert sorted(line.partition("the key ")[2] for line in told) == [
+        "`effects` is called `imperfections` now; the next version drops the old name",
+        "`substep_cap` is called `max_substeps` now; the next version drops the old name",
+    ]
+    assert any(f"{tiny.scenario.name}:{len(tiny.scenario.read_text().splitlines())}: the key" in line for line in told)
+
+
+def test_an_old_key_of_a_study_has_the_same_meaning(tiny):
+    (tiny.folder / "study.yaml").write_text("scenario: step.yaml\nover: {duration: 'uniform(0.1, 0.2)'}\ndesign: lhs\n")
+    with pytest.warns(OldKeyWarning, match="`design` is called `sampler` now"):
+        assert read_study(tiny.folder / "study.yaml").sampler == "lhs"
 
 
 @pytest.mark.parametrize(("package", "names"), NAMES.items())

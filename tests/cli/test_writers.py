@@ -103,9 +103,9 @@ def test_commands_may_overwrite_their_own_files(place, asrsim_command, name):
 @pytest.mark.parametrize(
     "arguments",
     [
-        "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --force",
-        "init pendulum.urdf --experiment motion.csv --out motion.csv --force",
-        "init pendulum.urdf --experiment motion.fit.yaml --out motion.yaml --force",
+        "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --overwrite",
+        "init pendulum.urdf --experiment motion.csv --out motion.csv --overwrite",
+        "init pendulum.urdf --experiment motion.fit.yaml --out motion.yaml --overwrite",
     ],
 )  # fmt: skip
 def test_commands_never_overwrite_their_inputs(place, asrsim_command, arguments):

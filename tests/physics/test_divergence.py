@@ -38,10 +38,10 @@ def test_springs_with_omega_h_above_two_are_refused(omega_h):
             run(chain(body), parameters=stiff, **options)
 
 
-def test_springs_that_exceed_the_substep_cap_are_refused():
-    with pytest.raises(UnresolvedSpringError, match="the cap is 10"):
-        run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=10)
-    resolved = run(chain(AWAS), mode=3, references=STIFF, duration=0.1, substep_cap=17)
+def test_springs_that_need_more_than_max_substeps_are_refused():
+    with pytest.raises(UnresolvedSpringError, match="`max_substeps` is 10"):
+        run(chain(AWAS), mode=3, references=STIFF, duration=0.1, max_substeps=10)
+    resolved = run(chain(AWAS), mode=3, references=STIFF, duration=0.1, max_substeps=17)
     assert resolved.resolution.substeps == 17
 
 

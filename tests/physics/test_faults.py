@@ -114,7 +114,7 @@ def test_sensor_delay_applies_to_position_and_velocity(tmp_path, engine, delay):
     expected = delayed_pendulum(delay, 0.4)
     found = []
     for substeps in (1, 4):
-        result = samples(given, tmp_path, engine=engine, effects={"sensors": {"*": {"delay": delay}}}, substeps=substeps)
+        result = samples(given, tmp_path, engine=engine, imperfections={"sensors": {"*": {"delay": delay}}}, substeps=substeps)
         found.append(float(np.abs(result.values["link_position"][:, 0] - expected).max()))
     assert np.abs(expected - delayed_pendulum(1e-5, 0.4)).max() > 0.02, "the delay matters"
     assert found[0] < 2e-3

@@ -85,12 +85,12 @@ def test_a_floating_robot_falls_freely(run, origin):
     np.testing.assert_allclose(result["j"].link_position, 0.0, atol=1e-10)
 
 
-# -- effects ----------------------------------------------------------------------------------------------------------
+# -- imperfections ----------------------------------------------------------------------------------------------------------
 
 
-def commanded(run, effects, *, signal=SINE, **keys):
+def commanded(run, imperfections, *, signal=SINE, **keys):
     references = {"j": {"equilibrium_position": signal}}
-    return run(references=references, effects={"commands": {"*": effects}}, duration=1.0, **keys)
+    return run(references=references, imperfections={"commands": {"*": imperfections}}, duration=1.0, **keys)
 
 
 @pytest.mark.parametrize("delay", [0.01, 0.0105])
@@ -112,13 +112,13 @@ def test_commands_are_quantised(run):
     assert len(np.unique(np.round(seen / 0.01))) == 21
 
 
-@pytest.mark.parametrize("effects", [{"quantum": 1e-9}, {"noise": 1e-10}])
-def test_tiny_noise_does_not_shift_a_jump(run, effects):
+@pytest.mark.parametrize("imperfections", [{"quantum": 1e-9}, {"noise": 1e-10}])
+def test_tiny_noise_does_not_shift_a_jump(run, imperfections):
     """A jump between two steps acts at its time, not at the next step. Noise changes at every step, where kicks are then split:
     their error differs by the square of the step."""
     clean, late, found = (
         commanded(run, given, signal={"step": {"at": at, "to": 0.5}})["j"].link_position
-        for at, given in ((0.1004, {}), (0.101, {}), (0.1004, effects))
+        for at, given in ((0.1004, {}), (0.101, {}), (0.1004, imperfections))
     )
     assert np.abs(found - clean).max() < 0.02 * np.abs(late - clean).max()
 
@@ -140,9 +140,9 @@ def test_command_noise_depends_on_the_seed_alone(run):
 
 
 def test_unused_sensor_effects_give_a_warning(run):
-    words = " ".join(map(str, run(effects={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
+    words = " ".join(map(str, run(imperfections={"sensors": {"j": {"noise": 0.01}}}).summary.warnings))
     assert "no controller reads this sensor in mode 3" in words
-    words = " ".join(map(str, run(modes=6, effects={"sensors": {"j": {"delay": 0.0102}}}).summary.warnings))
+    words = " ".join(map(str, run(modes=6, imperfections={"sensors": {"j": {"delay": 0.0102}}}).summary.warnings))
     assert "no controller" not in words
 
 

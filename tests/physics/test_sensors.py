@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import expm
 
 from asrsim.errors import ScenarioError
-from asrsim.scenario.data import Effects
+from asrsim.scenario.data import Imperfections
 from asrsim.signals import Sinusoid
-from asrsim.simulation.effects import Noise
+from asrsim.simulation.imperfections import Noise
 from support.late_sensors import Plant, Sensor, solve
 from validation.models import INSTALLED, Body, chain, column, run
 
@@ -34,11 +34,11 @@ END = 0.2
 
 @pytest.mark.parametrize("engine", INSTALLED)
 @pytest.mark.parametrize("on_link", [True, False], ids=["link", "motor"])
-@pytest.mark.parametrize("effects", EFFECTS.values(), ids=EFFECTS.keys())
-def test_imperfect_sensors_are_of_second_order(engine, on_link, effects):
+@pytest.mark.parametrize("imperfections", EFFECTS.values(), ids=EFFECTS.keys())
+def test_imperfect_sensors_are_of_second_order(engine, on_link, imperfections):
     """The draws of the noise do not depend on the number of substeps."""
-    draws = Noise((0, 0, 8), effects.get("noise", 0.0)).draw(np.arange(2000.0))
-    sensor = Sensor(**{**effects, "noise": lambda number: float(draws[number]), "period": 1e-3})
+    draws = Noise((0, 0, 8), imperfections.get("noise", 0.0)).draw(np.arange(2000.0))
+    sensor = Sensor(**{**imperfections, "noise": lambda number: float(draws[number]), "period": 1e-3})
     given = {} if on_link else {"motor": 0.01, "damping": 0.05, "spring": 8.0}
     truth = solve(Plant(link=0.02, goal=0.5, **GAINS, **given), sensor, [0.3, 1.0, 0.3, 0.0], END)
     errors = []
@@ -47,7 +47,8 @@ def test_imperfect_sensors_are_of_second_order(engine, on_link, effects):
             chain(LINK), engine=engine, mode=1 if on_link else 6, gravity=0.0, duration=END, substeps=substeps,
             motor_substeps=1, references={"link_position" if on_link else "equilibrium_position": 0.5},
             parameters={f"controller_1_{name}": gain for name, gain in GAINS.items()} | ({} if on_link else MOTOR),
-            initial=[0.3], initial_velocities={"joint_1": 1.0}, sensor_effects={"*": Effects(**effects)}, compiled=False,
+            initial=[0.3], initial_velocities={"joint_1": 1.0}, compiled=False,
+            sensor_imperfections={"*": Imperfections(**imperfections)},
         )  # fmt: skip
         errors.append(abs(column(result, "link_position")[-1] - truth[0]))
     # Without imperfections, the first error is 5e-6 rad (link) and 3e-6 rad (motor).
@@ -75,7 +76,7 @@ def test_a_quantised_command_jumps_between_steps(frequency, late):
             chain(LINK), mode=1, gravity=0.0, duration=END, substeps=substeps, initial=[0.3], compiled=False,
             references={"link_position": Sinusoid(amplitude=amplitude, frequency=frequency)},
             parameters={f"controller_1_{name}": gain * (name != "integral") for name, gain in GAINS.items()},
-            initial_velocities={"joint_1": 1.0}, command_effects={"*": Effects(quantum=quantum, delay=late)},
+            initial_velocities={"joint_1": 1.0}, command_imperfections={"*": Imperfections(quantum=quantum, delay=late)},
         )  # fmt: skip
         errors.append(abs(column(result, "link_position")[-1] - state[0]))
     assert max(errors[0], 16.0 * errors[1]) < 2e-5
@@ -88,7 +89,7 @@ def test_noise_of_commands_does_not_depend_on_the_substeps():
         result = run(
             chain(LINK), mode=1, gravity=0.0, duration=END, substeps=substeps, references={"link_position": 0.5},
             parameters={f"controller_1_{name}": gain for name, gain in GAINS.items()},
-            command_effects={"*": Effects(noise=0.1)}, compiled=False,
+            command_imperfections={"*": Imperfections(noise=0.1)}, compiled=False,
         )  # fmt: skip
         found.append(column(result, "link_position"))
     coarse, fine = (abs(positions - found[2]).max() for positions in found[:2])
@@ -101,7 +102,7 @@ def test_the_derivative_action_of_a_late_link_sensor_uses_the_velocity_of_the_pa
     result = run(
         chain(LINK), mode=1, gravity=0.0, duration=0.1, references={"link_position": 0.0}, compiled=False,
         parameters={"controller_1_proportional": 0.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.2},
-        initial_velocities={"joint_1": 1.0}, sensor_effects={"*": Effects(delay=12e-3)},
+        initial_velocities={"joint_1": 1.0}, sensor_imperfections={"*": Imperfections(delay=12e-3)},
     )  # fmt: skip
     torque, velocity = column(result, "link_torque"), column(result, "link_velocity")
     assert torque[3:12] == pytest.approx(-0.2, abs=1e-6)
@@ -113,12 +114,12 @@ def test_a_quantised_motor_position_changes_the_torque_in_steps():
     result = run(
         chain(LINK), mode=6, gravity=0.0, duration=0.02, references={"equilibrium_position": 1.0}, compiled=False,
         parameters=MOTOR | {"motor_1_max_position": 0.337, "controller_1_proportional": 2.0, "controller_1_derivative": 0.0},
-        initial=[0.337], sensor_effects={"*": Effects(quantum=0.05)},
+        initial=[0.337], sensor_imperfections={"*": Imperfections(quantum=0.05)},
     )  # fmt: skip
     assert column(result, "motor_1_torque") == pytest.approx(2.0 * (1.0 - 0.35), abs=1e-12)
 
 
 def test_a_rate_that_a_step_cannot_hold_is_refused():
     with pytest.raises(ScenarioError, match="ticks in a step") as caught:
-        run(chain(LINK), mode=6, duration=0.1, sensor_effects={"*": Effects(rate=200e3)})
+        run(chain(LINK), mode=6, duration=0.1, sensor_imperfections={"*": Imperfections(rate=200e3)})
     assert caught.value.problems[0].code == "fast-rate"

@@ -119,7 +119,7 @@ def recorded(case, folder):
     joints, mode = case["joints"], case["mode"]
     scenario = asrsim.make_scenario(
         folder / "arm.urdf", duration=0.06, step=1e-3, engine="mujoco", compiled=False, stepping=case["stepping"],
-        effects={"sensors": {"*": {"delay": 0.0021, "rate": 400}}} if case["sensed"] else {},
+        imperfections={"sensors": {"*": {"delay": 0.0021, "rate": 400}}} if case["sensed"] else {},
         motor_substeps=3 if case["sensed"] else 1, substeps=2 if case["sensed"] else None,
         modes=dict.fromkeys(JOINTS, mode), parameters={joint: one["parameters"] for joint, one in joints.items()},
         references={

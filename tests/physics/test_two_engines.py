@@ -53,7 +53,7 @@ FEATURES = {
     "tilted base": "base: {rpy: [0.3, 0.5, 0.2], position: [0.1, 0, 1]}\n",
     "euler": "stepping: euler\n",
     "toolbox": "stepping: toolbox\n",
-    "effects": "effects: {sensors: {j3: {delay: 0.01, noise: 0.001}}, commands: {j2: {quantum: 0.01}}}\n",
+    "imperfections": "imperfections: {sensors: {j3: {delay: 0.01, noise: 0.001}}, commands: {j2: {quantum: 0.01}}}\n",
     "initial motion": "initial: {j1: {velocity: 0.5}, j2: {position: 0.3, velocity: -1}}\n",
     "equilibrium": "initial: equilibrium\n",
     "velocity limit": "velocity_limit_cutoff: true\n",

@@ -25,7 +25,7 @@ class Bench:
     def __init__(self, folder, command):
         self.folder, self.command = folder, command
 
-    def record(self, actuator, motion=MOTION, *, effects=None, preset=None, duration=4):
+    def record(self, actuator, motion=MOTION, *, imperfections=None, preset=None, duration=4):
         """Samples of the true robot."""
         robot = self.folder / "arm.urdf"
         robot.write_text(
@@ -36,7 +36,9 @@ class Bench:
         references = {"equilibrium_position": {"sum": [*motion]}}
         if actuator != "sea":
             references["stiffness_preset"] = preset or 0.2
-        scenario = asrsim.make_scenario(robot, duration=duration, references={"elbow": references}, effects=effects or {})
+        scenario = asrsim.make_scenario(
+            robot, duration=duration, references={"elbow": references}, imperfections=imperfections or {}
+        )
         return asrsim.run(scenario).samples
 
     def fit(self, columns, *free, preset=None, every=4):
@@ -85,9 +87,9 @@ def assert_equal_errors(found, compared):
 )  # fmt: skip
 def test_the_error_of_a_fit_is_the_error_of_its_plot(bench, actuator, delay, late, presets):
     """A recording of one reference, or of both, with noise of .5 mrad, by a clock of its own."""
-    effects = {"commands": {"elbow": {"delay": delay}}} if delay else {}
+    imperfections = {"commands": {"elbow": {"delay": delay}}} if delay else {}
     preset = {"sinusoid": {"amplitude": 0.05, "frequency": 0.4, "offset": 0.2}} if presets else None
-    samples = bench.record(actuator, effects=effects, preset=preset)
+    samples = bench.record(actuator, imperfections=imperfections, preset=preset)
     sent = "sent_reference" if delay else "reference"
     columns = {"time": samples.time + late, "elbow_cmd": samples.values[f"{sent}_1"][:, 0]}
     columns["elbow_pos"] = samples.values["link_position"][:, 0] + noise(samples)

@@ -1,4 +1,4 @@
-"""Simulations of random runs with many effects, and comparison of their samples bit for bit."""
+"""Simulations of random runs with many imperfections, and comparison of their samples bit for bit."""
 
 import re
 
@@ -40,7 +40,7 @@ def busy_keys(run):
     force = [{"step": {"at": 0.0503, "to": 1.0}}, 0, {"sinusoid": {"amplitude": 1.0, "frequency": 3.0}}]
     damping = {"constant": 0.05, "ratio": 0.1, "inertia": 0.02}
     return run.keys() | {
-        "effects": {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}},
+        "imperfections": {"sensors": {"*": {"delay": 0.003, "rate": 250, "noise": 1e-4, "quantum": 1e-5}}},
         "wrenches": [{"link": last, "force": force, "torque": [0, 0.1, 0]}],
         "link_damping": {joint.name: damping for joint in run.joints if joint.actuator},
     }

@@ -94,7 +94,7 @@ class RandomRun:
         if damping := {j.name: {"constant": j.constant_damping} for j in self.joints if j.constant_damping}:
             keys["link_damping"] = damping
         if late := {j.name: {"delay": j.delay} for j in self.joints if j.delay}:
-            keys["effects"] = {"commands": late}
+            keys["imperfections"] = {"commands": late}
         driven = [joint for joint in self.joints if joint.actuator]
         if driven:
             keys["actuators"] = {j.name: {"type": j.actuator, "mode": j.mode, "parameters": j.parameters} for j in driven}

@@ -367,7 +367,7 @@ def made(folder: Path) -> Path:
     (folder / "full.yaml").write_text(
         step + "gravity: [0, 0, -9.81]\nstep: 0.001\nsubsteps: 2\nseed: 3\nlog_rate: 500\ninitial: {elbow: 0.1}\n"
         "parameters: {elbow: {spring_k: 20, mot_J: 0.01}}\nlink_damping: {elbow: {ratio: 0.2, inertia: 0.01}}\n"
-        "effects: {commands: {elbow: {delay: 0.01, noise: 0.001}}, sensors: {elbow: {rate: 200, quantum: 0.001}}}\n"
+        "imperfections: {commands: {elbow: {delay: 0.01, noise: 0.001}}, sensors: {elbow: {rate: 200, quantum: 0.001}}}\n"
         "external_torques: {elbow: {sum: [{pulse_train: {high: 0.5, width: 0.05, period: 0.1}}, "
         "{sinusoid: {amplitude: 0.1, frequency: 2}}]}}\n"
         "world: {ground: {}, objects: {ball: {shape: sphere, size: 0.05, mass: 0.1, position: [0.5, 0.5, 0.5]}}}\n"

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +12,10 @@ from scipy.optimize import brentq
 
 import asrsim
 from asrsim.actuators import ACTUATORS
-from asrsim.datasheet import make_sheet, measured_curve, sources_of
+from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
 from asrsim.datasheet.published import PUBLISHED
-from asrsim.datasheet.trials import AT, BAND
+from asrsim.datasheet.statics import Statics
+from asrsim.datasheet.trials import BAND
 from asrsim.errors import InputError, RecordingError
 from asrsim.plots.chart import Line
 from support.paths import ROOT
@@ -53,7 +55,9 @@ def value(sheet, key):
     ("nominal_torque", math.sqrt((80.0 - 25.0) / (4.0 * 1.5))),  # 55 K above the surroundings
     ("top_speed", (7.0 - 0.1) / 0.5), ("stiffness_min", 20.0), ("stiffness_max", 20.0), ("stiffness_loaded", 20.0),
     ("power", max((6.9 - 0.5 * w) * w for w in np.linspace((6.9 - 5.0) / 0.5, 13.8, 100_001))),
-    ("deflection_soft", 5.0 / 20.0), ("energy", 0.5 * 5.0**2 / 20.0), ("rotation", 3.5), ("hysteresis", 0.1),
+    ("deflection_soft", 5.0 / 20.0), ("energy", 0.5 * 5.0**2 / 20.0), ("rotation", 2.0), ("hysteresis", 0.1),
+    ("nominal_power", (math.sqrt(55.0 / 6.0) - 0.1) ** 2 / (4 * 0.5)),  # w (tau - 0.1 - 0.5 w) for ever
+    ("nominal_speed", (math.sqrt(55.0 / 6.0) - 0.1) / (2 * 0.5)),
 ])  # fmt: skip
 def test_numbers_of_an_sea_are_its_closed_forms(sea, key, expected):
     assert value(sea, key) == pytest.approx(expected, rel=1e-4)
@@ -137,15 +141,71 @@ def test_the_bandwidth_of_qbmove_is_that_of_an_integration_of_our_own(qbmove, tm
     assert np.ptp(settled) / 2 / small == pytest.approx(1 / math.sqrt(2), rel=0.01)
 
 
-def test_the_scenario_beside_the_sheet_repeats_the_simulated_numbers(qbmove, tmp_path):
+def test_the_claims_of_the_scenario_beside_the_sheet_are_its_simulated_numbers(qbmove, tmp_path):
     for name, text in qbmove.files.items():
         (tmp_path / name).write_text(text)
-    samples = asrsim.run(tmp_path / "qbmove.yaml", variant="stiffness_free").samples
-    stiffness = samples.values["stiffness"][:, 0]
-    reached = (
-        samples.time[np.flatnonzero(np.abs(stiffness - stiffness[-1]) > BAND * (stiffness[-1] - stiffness[0]))[-1] + 1] - AT
-    )
-    assert value(qbmove, "change_free") == pytest.approx(reached, abs=0.0011)
+    for key in ("free", "loaded"):
+        (claim,) = asrsim.run(tmp_path / "qbmove.yaml", variant=f"stiffness_{key}").summary.claims
+        assert claim.holds
+        assert value(qbmove, f"change_{key}") == pytest.approx(claim.measured, rel=1e-9)
+
+
+def test_the_largest_energy_of_awas_ii_is_where_the_motor_holds_the_spring_at_its_limit():
+    """There, k sin(d) cos(d) is 6 N m, so that k sin(d)^2 / 2 is 3 tan(d) J, at d = 0.3 rad."""
+    (source,) = sources_of(["awas_ii"])
+    assert Statics(drive=source.drive).peak_energy == pytest.approx(3.0 * math.tan(0.3), rel=1e-4)
+
+
+def test_a_sheet_with_the_published_constants_of_walk_mans_motor_has_its_published_torque():
+    """Malzahn, Roozing (2016): 24 V, 40 A, 0.0453 N m/A, 0.0885 ohm, gear 100: 181 N m; the voltage ends at 5.3 rad/s."""
+    (source,) = sources_of(["sea"])
+    constants = {"torque_constant": 0.0453, "resistance": 0.0885, "gear_ratio": 100.0, "max_voltage": 24.0, "max_current": 40.0}
+    motor = {"max_torque": 1e3, "damping": 0.0, "friction_torque": 0.0, "max_velocity": math.inf, **constants}
+    values = {**source.drive.values, "spring_stiffness": 1e4, **{f"motor_1_{name}": one for name, one in motor.items()}}
+    statics = Statics(drive=replace(source.drive, values=values))
+    assert statics.peak_torque == pytest.approx(181.2, rel=1e-9)
+    assert statics.top_speed == pytest.approx(24.0 / 4.53, rel=1e-9)
+
+
+def test_the_loaded_change_of_stiffness_is_under_the_nominal_torque_where_every_setting_holds_it():
+    (source,) = sources_of([str(ROOT / "examples/plugins/my_vsa.py")])
+    warm = replace(source, stated=(stated := {"thermal_resistance": 20.0, "winding_heat": 1.0}),
+                   drive=replace(source.drive, values={**source.drive.values, **stated}))  # fmt: skip
+    sheet = make_sheet(warm)
+    lasting = math.sqrt((80.0 - 25.0) / (20.0 * 1.0))  # of each motor, held at rest by both together
+    assert value(sheet, "nominal_torque") == pytest.approx(2 * lasting, rel=1e-4)
+    assert f"under {2 * lasting:.3g} N m (the nominal torque)" in sheet.entry("change_loaded").how
+
+
+def test_presets_beyond_the_springs_or_without_effect_are_refused():
+    for target, presets, text in (
+        ("qbmove", (0.0, 2.0), "below 0.8 rad"), ("awas_ii", (0.01, 0.06), "below 0.05 m"),
+        ("sea", (0.0, 0.1), "does not change the stiffness"),
+    ):  # fmt: skip
+        (source,) = sources_of([target])
+        with pytest.raises(InputError, match=text):
+            make_sheet(source, presets=presets)
+
+
+def test_the_usual_presets_stay_within_the_limits_that_a_robot_states():
+    """A lever of AwAS-II shorter than its usual adjuster position, and cams of half the usual deflection."""
+    for name, values in (("awas_ii", {"lever_length": 0.03}), ("quadratic_cam", {"max_deflection": 0.4})):
+        (source,) = sources_of([name])
+        statics = Statics(drive=replace(source.drive, values={**source.drive.values, **values}))
+        low, high = statics.presets
+        assert 0.0 < low < high < next(iter(values.values()))
+        assert statics.reach(high) > 0.0
+
+
+def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
+    (tmp_path / "r.urdf").write_text(SEA.replace("revolute", "prismatic"))
+    (source,) = sources_of([str(tmp_path / "r.urdf")])
+    sheet = make_sheet(source)
+    units = [sheet.entry(key).unit for key in ("peak_torque", "top_speed", "stiffness_min", "deflection_soft")]
+    assert units == ["N", "m/s", "N/m", "m"]
+    assert 'type="prismatic"' in sheet.files["r_j.urdf"]
+    with pytest.raises(InputError, match="different units"):
+        write_sheets([sheet, qbmove], tmp_path, compare=True)
 
 
 def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_command, monkeypatch):
@@ -214,12 +274,22 @@ def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_en
     """A scenario mounts an SEA of 17 N m/rad behind an encoder of 4096 counts a turn."""
     (tmp_path / "r.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", SEA, flags=re.DOTALL))
     text = "robot: r.urdf\nduration: 1\nactuators: {j: {type: sea, mode: 6, parameters: {spring_stiffness: 17}}}\n"
-    (tmp_path / "lab.yaml").write_text(f"{text}effects: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
+    (tmp_path / "lab.yaml").write_text(f"{text}imperfections: {{sensors: {{'*': {{quantum: {math.tau / 4096!r}}}}}}}\n")
     (source,) = sources_of([str(tmp_path / "lab.yaml")])
     sheet = make_sheet(source)
     assert value(sheet, "stiffness_max") == pytest.approx(17.0)
     assert value(sheet, "resolution") == pytest.approx(math.tau / 4096)
-    assert "effects.sensors.j.quantum" in sheet.entry("resolution").how
+    assert "imperfections.sensors.j.quantum" in sheet.entry("resolution").how
+
+
+def test_joints_without_a_robot_are_refused():
+    with pytest.raises(InputError, match="needs a robot"):
+        sources_of(["sea"], joints=["elbow"])
+
+
+def test_a_plugin_without_an_actuator_is_refused():
+    with pytest.raises(InputError, match="defines no actuator"):
+        sources_of([str(ROOT / "examples/plugins/my_clutch.py")])
 
 
 @pytest.mark.parametrize("target", ["qbmoove", "nothing.urdf"])

@@ -102,10 +102,10 @@ def test_delays_of_commands_and_sensors_are_drawn_at_every_reset():
     """Each environment is one of a scenario that states its delays. The action sets joint_2; joint_1 follows its signal."""
     wave = {"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.4, "frequency": 3.0}}}}
     keys = {"engine": "mujoco", "duration": 0.2, "modes": {"*": 6}, "reference_ranges": RANGES, "references": wave}
-    laws = {"effects.sensors.*.delay": [0.0, 0.0031, 0.012], "effects.commands.joint_1.delay": "uniform(0, 0.02)"}
+    laws = {"imperfections.sensors.*.delay": [0.0, 0.0031, 0.012], "imperfections.commands.joint_1.delay": "uniform(0, 0.02)"}
 
-    def many(count, effects, **options):
-        scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", effects=effects, **keys)
+    def many(count, imperfections, **options):
+        scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", imperfections=imperfections, **keys)
         return asrsim.make_vec_env(scenario, count, act="joint_2.equilibrium_position", **options)
 
     # Noise holds the sensors in place where the delay is 0.
@@ -113,14 +113,14 @@ def test_delays_of_commands_and_sensors_are_drawn_at_every_reset():
     env, actions = many(3, noisy, randomise=laws), ACTIONS[:9, :, :1]
     seen, *_ = played(env, actions)
     drawn = [episode.parameters for episode in env.episodes]
-    assert len({values["effects.sensors.*.delay"] for values in drawn}) > 1
+    assert len({values["imperfections.sensors.*.delay"] for values in drawn}) > 1
     for i, values in enumerate(drawn):
-        late = {"commands": {"joint_1": {"delay": values["effects.commands.joint_1.delay"]}}}
-        late["sensors"] = {"*": {"noise": 1e-4, "delay": values["effects.sensors.*.delay"]}}
+        late = {"commands": {"joint_1": {"delay": values["imperfections.commands.joint_1.delay"]}}}
+        late["sensors"] = {"*": {"noise": 1e-4, "delay": values["imperfections.sensors.*.delay"]}}
         alone, *_ = played(many(1, late), actions[:, i : i + 1])
         np.testing.assert_array_equal(seen[:, i], alone[:, 0])
     with pytest.raises(InputError, match="upper bound"):
-        many(1, noisy, randomise={"effects.sensors.*.delay": "normal(0.01, 0.002)"})
+        many(1, noisy, randomise={"imperfections.sensors.*.delay": "normal(0.01, 0.002)"})
 
 
 def test_noise_disturbs_what_is_observed_and_nothing_else():
@@ -221,7 +221,7 @@ def test_many_worlds_are_in_mujoco_unless_told_otherwise():
         ({"delay": "normal(0.02, 0.01)"}, r"delay.*0 to 0\.2 s"),
         ({"control_rate": float("nan")}, "control_rate.*above 0 Hz"),
         ({"randomise": {"joint_1.damping": [-1.0]}}, "joint_1.damping.*at least 0"),
-        ({"randomise": {"effects.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*changes nothing.*joint_1, joint_2"),
+        ({"randomise": {"imperfections.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*changes nothing.*joint_1, joint_2"),
         ({"count": 1.5}, "num_envs.*whole number"),
         ({"threads": 0}, "threads.*whole number"),
         ({"device": "cuda"}, "device.*only worlds on Warp"),

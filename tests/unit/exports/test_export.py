@@ -56,8 +56,8 @@ PARTS = {
     "integral action": {"parameters": {"joint_1": {"controller_1_integral": 50.0}}},
     "motor friction": {"parameters": {"joint_1": {"motor_1_friction_torque": 0.3, "motor_1_stribeck_friction": 0.3}}},
     "hysteresis": {"parameters": {"joint_1": {"hysteresis_torque": 0.3, "hysteresis_deflection": 0.02}}},
-    "delay": {"effects": {"commands": {"joint_1": {"delay": 0.0104}}}},
-    "start": {"initial": {"joint_1": {"position": 0.3}}, "effects": {"commands": {"joint_1": {"delay": 0.01}}}},
+    "delay": {"imperfections": {"commands": {"joint_1": {"delay": 0.0104}}}},
+    "start": {"initial": {"joint_1": {"position": 0.3}}, "imperfections": {"commands": {"joint_1": {"delay": 0.01}}}},
 }
 
 
@@ -177,8 +177,8 @@ def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
 
 def test_what_mjcf_does_not_have_is_listed(tmp_path):
     step = {"joint_1": {"equilibrium_position": {"step": {"to": 0.8}}, "stiffness_preset": 0.01}}
-    effects = {"commands": {"joint_1": {"quantum": 0.01}}, "sensors": {"joint_1": {"delay": 0.01}}}
-    given = scenario("awas_ii", references=step, parameters={"joint_1": {"motor_1_load_friction": 0.1}}, effects=effects)
+    both = {"commands": {"joint_1": {"quantum": 0.01}}, "sensors": {"joint_1": {"delay": 0.01}}}
+    given = scenario("awas_ii", references=step, parameters={"joint_1": {"motor_1_load_friction": 0.1}}, imperfections=both)
     text = "\n".join(export(given, tmp_path / "soft.xml", plot=False).remarks)
     for words in ("adjuster stays at 0.01 m", "depend on their load", "steps of commands", "delays of sensors"):
         assert words in text

@@ -44,7 +44,7 @@ def test_affine_motors_and_linear_pieces_follow_asrsim_too(tmp_path, actuator, m
 
 def test_what_a_program_would_step_wrong_is_refused_at_once(tmp_path):
     given = scenario(
-        "sea", effects={"commands": {"joint_1": {"delay": 0.01}}}, world={"ground": True},
+        "sea", imperfections={"commands": {"joint_1": {"delay": 0.01}}}, world={"ground": True},
         parameters={"joint_1": {"controller_1_integral": 5.0, "hysteresis_torque": 0.3, "hysteresis_deflection": 0.02,
                                 "motor_1_stribeck_friction": 0.1}},
     )  # fmt: skip

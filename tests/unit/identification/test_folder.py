@@ -9,7 +9,7 @@ from asrsim.errors import InputError
 from asrsim.identification import identify, read_fit
 from asrsim.identification.curves import CURVES, channel_charts, channel_curves, curves_of, write_curves
 from asrsim.identification.folder import FIT
-from asrsim.identification.write import as_dict, write_curves_of
+from asrsim.identification.write import fit_data, write_curves_of
 from asrsim.outfile import write_json
 from support.identify_files import CHIRP, SEA, record, write
 
@@ -23,7 +23,7 @@ def fitted(tmp_path_factory):
     result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"])
     place = folder / "result"
     place.mkdir()
-    write_json(place / FIT, as_dict(result))
+    write_json(place / FIT, fit_data(result))
     write_curves_of(result, place)
     return result, place
 

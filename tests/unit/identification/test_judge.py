@@ -15,7 +15,7 @@ from asrsim.identification.data import Channel
 from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
 from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
-from asrsim.identification.write import draw, write_robot
+from asrsim.identification.write import draw_recordings, write_robot
 from asrsim.recordings.data import Column
 from support.identify_files import CHIRP, SEA, modelled, record, write
 
@@ -140,7 +140,7 @@ def test_the_tables_have_as_many_digits_as_are_known():
         estimate("j.c", low=-1e-3, high=1e-3, start=1.29284e-10, value=2e-4),
         estimate("j.d", low=-1e-3, high=3e-3, value=1e-9, is_place=True),
     )
-    table = {name: cells for name, cells, _ in show.columns(result(estimates=rows))}
+    table = {name: cells for name, cells, _ in show.estimate_columns(result(estimates=rows))}
     assert table["start"] == ["0.12346", "0.12346", "0", "0.12346"]
     assert table["95 % interval"] == ["2 .. 2", "-", "-0.001 .. 0.001", "-0.001 .. 0.003"]
     assert table["+-"] == ["0.0005 %", "-", "500 %", "0.002 N m"]
@@ -231,7 +231,7 @@ def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
         assert (name, outcome.code, written - {".lock"}) == (name, code, files)
         assert words in outcome.out + outcome.err
     channels = (*found.channels, replace(found.channels[0], track=1))
-    paths = draw(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
+    paths = draw_recordings(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
     assert [path.name for path in paths] == ["overlay_1_a.png", "overlay_2_a.png"]
     # Only together do the parameters of an accepted model explain the recording.
     (one,) = found.estimates

@@ -12,7 +12,7 @@ from asrsim.identification import identify, read_fit
 from asrsim.identification.data import PlayedCommand
 from asrsim.identification.replay import SeriesReading, as_plain, from_plain, played_table, replay_of
 from asrsim.identification.resume import resumed
-from asrsim.identification.write import as_dict, write_robot
+from asrsim.identification.write import fit_data, write_robot
 from asrsim.outfile import write_json
 from asrsim.plots.job import PlotJob, plot
 from support.identify_files import SEA, prepared, save, write
@@ -37,7 +37,7 @@ def fitted(tmp_path_factory):
     result = identify(scenario, [lab], free=FREE, mapping=mapping)
     place = folder / "fit"
     place.mkdir()
-    write_json(place / "fit.json", as_dict(result))
+    write_json(place / "fit.json", fit_data(result))
     write_robot(result, place)
     return result, place
 
@@ -78,6 +78,17 @@ def test_the_clock_and_the_start_of_a_fit_are_in_its_replay(tmp_path):
     assert channel.item(channel.late) == "joint_1.link_position [deg]=joint_1.link_position late 0.007"
     assert found.initial["joint_1"]["velocity"] == 0.2
     assert found.initial["joint_1"]["position"] == pytest.approx(np.deg2rad(20.0), abs=0.01)
+
+
+def test_motors_that_start_as_the_scenario_says_do_so_after_the_fit(tmp_path):
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": GOAL, "joint_1.link_position [rad]": 0.4 + GOAL}
+    keys = "initial: {joint_1: {position: 0.1, motor_positions: [0.7, -0.2], motor_velocities: [3.0, -1.0]}}\n"
+    with ExitStack() as stack:
+        robot = {"actuator": "qbmove", "mode": 5, "tags": "", "keys": keys}
+        problem = prepared(stack, tmp_path, columns, ["joint_1.damping"], **robot)
+        start = replay_of(problem.tracks[0], {}, problem.playing).initial["joint_1"]
+    assert start["position"] == pytest.approx(0.4, abs=0.05)
+    assert (start["motor_positions"], start["motor_velocities"]) == ([0.7, -0.2], [3.0, -1.0])
 
 
 @pytest.mark.parametrize("interpolation", ["hold", "smooth"])

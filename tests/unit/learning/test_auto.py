@@ -202,7 +202,7 @@ def test_a_worse_trial_is_foretold_before_its_input_is_played(tmp_path):
 @pytest.mark.parametrize(
     "changes",
     [
-        {"effects": {"commands": {"*": {"delay": 0.03}}}},
+        {"imperfections": {"commands": {"*": {"delay": 0.03}}}},
         {"external_torques": {"joint_1": {"sinusoid": {"amplitude": 0.2, "frequency": 1.0}}}},
         {"link_damping": {"*": {"constant": 0.1, "ratio": 0.2, "inertia": 0.01}}},
         {"parameters": {"*": {"controller_1_integral": 200.0, "controller_2_integral": 200.0}}},

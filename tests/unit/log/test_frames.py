@@ -50,7 +50,7 @@ def placed(link, frames):
 def test_links_stand_where_the_engine_has_them(tmp_path, robot):
     path = tmp_path / "scenario.yaml"
     path.write_text(
-        f"robot: {EXAMPLES}/urdf/{robot}.urdf\nduration: 0.3\ntf_rate: 20\nsubstep_cap: 1000\ncompiled: false\n"
+        f"robot: {EXAMPLES}/urdf/{robot}.urdf\nduration: 0.3\ntf_rate: 20\nmax_substeps: 1000\ncompiled: false\n"
         "base: {position: [0.1, 0.2, 0.3], rpy: [0.1, 0.4, -0.2]}\n"
         "references: {'*': {equilibrium_position: 0.7, stiffness_preset: 0.1}}\nmodes: 6\n"
     )

@@ -12,7 +12,7 @@ from asrsim.plots.claims import judge
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.rerun import rerun
 from asrsim.scenario import load_scenario
-from asrsim.scenario.data import Effects
+from asrsim.scenario.data import Imperfections
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 from support.paths import ROOT
@@ -39,7 +39,7 @@ def as_changed(folder):
     changed = replace(
         scenario, robot=scenario.robot, gravity=(0.0, 1.0, -3.0), seed=5,
         references={**scenario.references, "joint_1": {**scenario.references_of("joint_1"), name: signal}},
-        command_effects={"*": Effects(delay=0.003, noise=0.001)}, substeps=3, expect=(),
+        command_imperfections={"*": Imperfections(delay=0.003, noise=0.001)}, substeps=3, expect=(),
     )  # fmt: skip
     return [asrsim.run(changed, robot=robot, out=folder).log]
 

@@ -75,7 +75,8 @@ def test_a_further_measure_is_shown_of_run_and_recording(tmp_path, asrsim_comman
 def test_a_late_command_is_not_taken_for_a_late_clock(tiny, asrsim_command, header):
     """The robot recorded itself, with commands as they were sent and a clock that is .21 s late."""
     sine = "elbow: {equilibrium_position: {sinusoid: {amplitude: 0.4, frequency: 1.3}}}"
-    text = f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\neffects: {{commands: {{elbow: {{delay: 0.034}}}}}}\n"
+    late = "imperfections: {commands: {elbow: {delay: 0.034}}}"
+    text = f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\n{late}\n"
     tiny.scenario.write_text(text)
     assert asrsim_command("run", tiny.scenario, "--quiet").code == 0
     log = tiny.folder / "out" / "step" / "default" / "log.mcap"

@@ -118,7 +118,8 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("n [1/min]", "n", "rad/s", np.pi / 30), ("[deg] q1", "q1", "rad", np.pi / 180),
         ("q1 in deg", "q1", "rad", np.pi / 180), ("time in s", "time", "s", 1.0),
         ("theta_m rad", "theta_m", "rad", 1.0), ("tau_m_Nm", "tau_m", "N m", 1.0),
-        ("angle \u00b0", "angle", "rad", np.pi / 180),
+        ("angle \u00b0", "angle", "rad", np.pi / 180), ("q1 [gon]", "q1", "rad", np.pi / 200), ("TAU [NM]", "TAU", "N m", 1.0),
+        ("rate (1/s)", "rate", "Hz", 1.0),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
@@ -142,10 +143,23 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
         "a/b",
         "q1 (left)",
         "/arm/state/h",
+        "tau [MNm]",
+        "q1 [Mdeg]",
+        "q1 [grad]",
     ],
 )
 def test_a_letter_of_a_name_is_not_a_unit(header):
     assert split_header(header) == (header, None)
+
+
+@pytest.mark.parametrize("name", ["q1 [grad]", "q1_grad"])
+def test_a_unit_that_may_be_two_is_asked_about(tmp_path, name):
+    (column,) = read(tmp_path, [name]).asked
+    assert column.question == "its unit may be deg or gon"
+    with pytest.raises(RecordingError, match=r"its unit may mean several; choose from deg, gon"):
+        read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position"])
+    with pytest.raises(RecordingError, match=r"may mean several units.*choose from deg, gon"):
+        read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position [grad]"])
 
 
 def test_a_velocity_in_degrees_is_one_in_degrees_a_second(tmp_path):

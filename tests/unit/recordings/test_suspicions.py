@@ -21,6 +21,13 @@ SUSPECTED = {
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
     "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),
+    "a mark for no value": ("q1", (np.where(TIME % 1 < 0.2, -9999.0, Q),), "q1: is -9999 in 201 samples.*`missing: -9999`"),
+    "a mark in degrees": (
+        "q1 [deg]",
+        (np.where(TIME < 0.01, 999.0, Q * DEGREES),),
+        "is 999 in 2 samples, the first at t = 0 s",
+    ),
+    "lost samples": ("q1", (np.where(TIME % 1 < 0.01, 0.0, Q + 1.0),), "falls to exactly 0 and back 4 times.*`missing: 0`"),
     "rows of three joints": ("q1", (Q + TURNS,), "do 3 joints take turns.*joint: name"),
 }
 """Header, columns behind the time, and what is said."""
@@ -33,6 +40,9 @@ FINE = {
     "a link at rest": ("q1,dq1", (0 * Q + 0.3, V)),
     "a motor that moves for itself": ("q1,dq1,theta_m1", (Q, V, DEGREES * Q)),
     "an angle that jumps by turns": ("q1,dq1", ((9 * Q) % math.tau, 9 * V)),
+    "an angle through zero": ("q1", (np.round(Q, 1),)),
+    "a speed in steps": ("dq1", (np.where(np.arange(len(TIME)) % 3, 0.0, 0.31),)),
+    "a torque of contacts": ("tau1", (np.where(TIME % 1 < 0.5, 5.0 + 0.1 * NOISE[0], 0.0),)),
     "a sensor at rest": ("q1", (0.001 * TURNS,)),
     "a few samples": ("q1,dq1", (Q[:15], 50 * V[:15])),
 }

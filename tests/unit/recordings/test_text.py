@@ -238,9 +238,71 @@ def test_a_time_in_two_columns_is_stated(tmp_path):
     check(path, mapping=tmp_path / "time.yaml")
 
 
-@pytest.mark.parametrize("names", ["sec,nanosec", "header.stamp.secs,header.stamp.nsecs", "t_sec,t_nsec"])
+STAMPS = ["sec,nanosec", "header.stamp.secs,header.stamp.nsecs", "t_sec,t_nsec", "Secs,Nsecs", "seconds,nanoseconds", "s,ns"]
+
+
+@pytest.mark.parametrize("names", STAMPS)
 def test_seconds_and_nanoseconds_of_one_stamp_are_its_time(tmp_path, names):
-    check(write(tmp_path / "lab.csv", [f"{names},q1,q2", *dated("{0:.0f},{1:.0f}")]))
+    path = write(tmp_path / "lab.csv", [f"{names},q1,q2", *dated("{0:.0f},{1:.0f}")])
+    check(path)
+    assert not read_recording(path).findings
+
+
+@pytest.mark.parametrize("clock", [lambda t: f"{t // 0.1:.0f}", lambda t: f"2024-05-06 10:00:0{t // 0.1:.0f}"])
+def test_a_clock_that_is_coarser_than_its_samples_is_refused_with_their_rate(tmp_path, clock):
+    lines = [f"{clock(t + 1e-6)},{q:.9f}" for t, q in zip(TIME, Q1, strict=True)]
+    with pytest.raises(RecordingError, match=r"in steps of 1 s, and 45 of 50 samples.*--rate 10;"):
+        read_recording(write(tmp_path / "lab.csv", ["time,q1", *lines]))
+
+
+@pytest.mark.parametrize(
+    ("clock", "period"),
+    [
+        (lambda t: f"{['23:59:59', '00:00:00'][int(t >= 0.2 - 1e-9)]}.{round(800 + 1e3 * t) % 1000:03d}", "86400"),
+        (lambda t: f"{(86399.8 + t) % 86400:.3f}", "86400"),
+        (lambda t: f"{(2**16 - 200 + round(1e3 * t)) % 2**16}", "65536"),
+    ],
+)
+def test_a_clock_that_restarts_goes_on(tmp_path, clock, period):
+    unit = "" if period == "86400" else " [ms]"
+    lines = [f"{clock(t)},{q:.12f}" for t, q in zip(TIME, Q1, strict=True)]
+    recording = read_recording(write(tmp_path / "lab.csv", [f"time{unit},q1", *lines]))
+    np.testing.assert_allclose(recording.time - recording.time[0], TIME, atol=1e-9)
+    assert finding(recording.findings, "restarted-clock").message.startswith(f"restarts 1 time after {period}")
+
+
+def test_a_flag_beside_a_time_is_no_time(tmp_path):
+    check(write(tmp_path / "lab.csv", ["clock,t,q1,q2", *[f"{i % 2},{row}" for i, row in enumerate(rows())]]))
+
+
+GROUPED = {
+    "comma and points": (";", lambda t: f"{t:.2f}".replace(".", ","), lambda q: f"{q:,.2f}".translate({44: ".", 46: ","})),
+    "point and commas": (";", lambda t: f"{t:.2f}", lambda q: f"{q:,.2f}"),
+    "quoted": (",", lambda t: f'"{t:.2f}"'.replace(".", ","), lambda q: '"' + f"{q:,.2f}".translate({44: ".", 46: ","}) + '"'),
+    "apostrophes": (",", lambda t: f"{t:.2f}", lambda q: f"{q:,.2f}".replace(",", "'")),
+    "commas and a column of points": (";", lambda t: f"{t:.2f}".replace(".", ","), lambda q: f"{q:.4f}"),
+    "a sign of typesetters": (",", lambda t: f"{t:.2f}", lambda q: f"{q:.2f}".replace("-", "\u2212")),
+}
+"""Separator, time and numbers of a thousand and more, as programs write them."""
+
+
+@pytest.mark.parametrize("kind", GROUPED)
+def test_groups_of_three_digits_belong_to_their_number(tmp_path, kind):
+    separator, time, number = GROUPED[kind]
+    lines = [separator.join((time(t), number(1e4 * a - 12345.0))) for t, a in zip(TIME, Q1, strict=True)]
+    column = read_recording(write(tmp_path / "lab.csv", [f"t{separator}q1 [mdeg]", *lines])).channels["q1 [mdeg]"]
+    np.testing.assert_allclose(np.degrees(column.values) * 1e3, 1e4 * Q1 - 12345.0, atol=0.006)
+
+
+@pytest.mark.parametrize("mark", [".", ","])
+def test_a_mark_that_may_group_or_be_decimal_is_asked_about(tmp_path, mark):
+    other = {".": ",", ",": "."}[mark]
+    lines = [f"{t:.2f}".replace(".", mark) + f";1{other}{round(500 + 100 * q)}" for t, q in zip(TIME, Q1, strict=True)]
+    path = write(tmp_path / "lab.csv", ["t;q1 [mdeg]", *lines])
+    with pytest.raises(RecordingError, match=rf"choose from 1500, 1\.5\b.*decimal: '{other}'|lab.csv:2: q1.*1500, 1.5"):
+        read_recording(path)
+    (tmp_path / "lab.csv.yaml").write_text(f"decimal: '{mark}'\n")
+    np.testing.assert_allclose(np.degrees(read_recording(path).channels["q1 [mdeg]"].values[0]), 1.5)
 
 
 @pytest.mark.parametrize("names", [("joint_1", "joint_2"), ("1", "2")])
@@ -270,9 +332,13 @@ def test_a_header_of_numbers_is_stated(tmp_path):
     check(path)
 
 
-def test_a_row_of_units_is_asked_about(tmp_path):
+@pytest.mark.parametrize("above", [["time,q1,q2", "s,deg,deg"], ["time,q1,q2", "[s],[deg],(deg)"], ["s,deg,deg", "time,q1,q2"]])
+def test_a_row_of_units_beside_the_header_states_the_units(tmp_path, above):
+    check(write(tmp_path / "lab.csv", [*above, *rows(scale=DEGREES)]))
+
+
+def test_a_row_of_units_belongs_to_a_stated_header(tmp_path):
     path = write(tmp_path / "lab.csv", ["time,q1,q2", "s,deg,deg", *rows(scale=DEGREES)])
-    assert not read_recording(path).joints
     (tmp_path / "lab.csv.yaml").write_text(
         "header: 1\nmap: {q1: 'joint_1.link_position [deg]', q2: 'joint_2.link_position [deg]'}\n"
     )

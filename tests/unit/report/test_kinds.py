@@ -10,7 +10,7 @@ import asrsim
 from asrsim.errors import InputError
 from asrsim.identification import identify
 from asrsim.identification.folder import FIT
-from asrsim.identification.write import as_dict, write_curves_of
+from asrsim.identification.write import fit_data, write_curves_of
 from asrsim.outfile import write_json
 from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.report import write_report
@@ -34,7 +34,7 @@ def fit(tmp_path_factory):
     result = identify(guess, [recording], free=["joint_1.damping", "joint_1.spring_stiffness"])
     (folder / "result").mkdir()
     advice = ["asrsim design next.yaml", "move slower"]
-    write_json(folder / "result" / FIT, {**as_dict(result), "next": advice, "causes": ["friction <b> would explain 3 %"]})
+    write_json(folder / "result" / FIT, {**fit_data(result), "next": advice, "causes": ["friction <b> would explain 3 %"]})
     write_curves_of(result, folder / "result")
     return folder / "result"
 

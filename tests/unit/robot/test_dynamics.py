@@ -5,6 +5,7 @@ import pinocchio
 import pytest
 
 from asrsim.robot import load_robot
+from asrsim.robot.chain_masses import find_masses
 from asrsim.robot.dynamics import RobotModel
 from support.paths import ROOT
 from support.pinocchio_model import PinocchioModel
@@ -35,6 +36,14 @@ def test_many_postures_have_the_dynamics_of_pinocchio(pair):
         assert masses[row] == pytest.approx(mass, abs=1e-12)
         assert torques[row] == pytest.approx(mass @ a[row] + truth.bias(q[row], v[row]), abs=1e-11)
         assert energies[row] - energies[0] == pytest.approx(truth.energy(q[row], v[row]) - truth.energy(q[0], v[0]), abs=1e-11)
+
+
+def test_one_posture_has_the_mass_matrix_of_pinocchio(pair):
+    model, truth, _ = pair
+    q = np.random.default_rng(3).normal(size=len(model.joints))
+    matrix = np.full((len(q), len(q)), np.nan)
+    find_masses(model.chain(), q, matrix)
+    assert matrix == pytest.approx(truth.mass_matrix(q), abs=1e-12)
 
 
 def test_all_links_have_the_poses_and_jacobians_of_pinocchio(pair):

@@ -8,6 +8,7 @@ import asrsim
 from asrsim.errors import RobotError
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
+from asrsim.robot.mounting import with_rotors
 from support.tiny import PENDULUM
 
 SPRING = '<gazebo reference="elbow"><springStiffness value="200"/><springReference value="0.1"/></gazebo></robot>'
@@ -241,6 +242,13 @@ STARTING = (
     '<ros2_control><joint name="elbow"><state_interface name="velocity"><param name="initial_value">2</param>'
     "</state_interface></joint></ros2_control>"
 )
+
+
+def controlled(words, attribute=""):
+    """Block of ros2_control about the joint."""
+    return f'<ros2_control name="c" type="system"><joint name="elbow" {attribute}>{words}</joint></ros2_control>'
+
+
 WORDS = {
     # what: (words in <robot>, part of the warning)
     "gravity of no link": ('<gazebo reference="wrist"><turnGravityOff>true</turnGravityOff></gazebo>', "no such link"),
@@ -253,6 +261,20 @@ WORDS = {
     "plugin of the newer Gazebo": (
         '<gazebo><plugin name="p" filename="gz-sim-lift-drag-system"/></gazebo>', "acts on the robot",
     ),
+    "plugin of a laboratory": (
+        '<gazebo><plugin name="a" filename="libtendon_drive.so"/><plugin name="b" filename="libmuscle.so"/></gazebo>',
+        "'libtendon_drive.so' is unknown: what it does in Gazebo has no effect here (and at 1 other place)",
+    ),
+    "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; here it moves freely"),
+    "coupling that is a parameter": (controlled('<param name="mimic">true</param>'), "has no <mimic>; here it moves freely"),
+    "range of commands": (
+        controlled('<command_interface name="position"><param name="min">-0.5</param></command_interface>'), "-0.5 to ...",
+    ),
+    "range of efforts": (
+        controlled('<command_interface name="effort"><param name="max">1</param></command_interface>'),
+        "commands of the effort are not limited to ... to 1",
+    ),
+    "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
     "gearbox": (
         '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "cannot close it",
     ),
@@ -271,6 +293,46 @@ def test_words_with_physics_that_are_left_out_are_told(case, tiny):
     tiny.robot.write_text(PENDULUM.replace("</robot>", f"{words}</robot>"))
     (problem,) = load_robot(tiny.robot).findings
     assert told in problem.message
+
+
+def plugin(name):
+    """Plugin of Gazebo."""
+    return f'<gazebo><plugin name="p" filename="{name}"/></gazebo>'
+
+
+SILENT = (
+    plugin("libgazebo_ros_control.so"), plugin("libhector_gazebo_ros_imu.so"), plugin("libgazebo_yarp_forcetorque.so"),
+    plugin("gz-sim-joint-state-publisher-system"),
+    controlled('<command_interface name="velocity"/><param name="p">5</param><limits enable="true"/>', 'mimic="false"'),
+    controlled('<command_interface name="position"><param name="max">9</param></command_interface>'),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("words", SILENT)
+def test_words_without_physics_are_not_mentioned(words, tiny):
+    tiny.robot.write_text(PENDULUM.replace("</robot>", f"{words}</robot>"))
+    assert not load_robot(tiny.robot).findings
+
+
+def test_a_coupling_that_ros2_control_switches_off_is_told(tiny):
+    text = PENDULUM.replace("</robot>", controlled("", 'mimic="false"') + "</robot>")
+    second = '<link name="b"/><joint name="elbow" type="revolute">'.replace("elbow", "wrist")
+    parts = '<parent link="world"/><child link="b"/><limit lower="-9" upper="9" effort="9" velocity="9"/></joint>'
+    text = text.replace("</robot>", f"{second}{parts}</robot>").replace(
+        '<child link="arm"/>', '<child link="arm"/><mimic joint="wrist"/>'
+    )
+    tiny.robot.write_text(text)
+    assert "ros2_control does not couple this joint" in str([one.message for one in load_robot(tiny.robot).findings])
+
+
+@pytest.mark.parametrize(("text", "hint"), [("50:1", "a reduction of 50:1 is 50"), ("3,5", "decimal point"), ("5 kg", "unit")])
+def test_a_text_that_is_no_number_gets_a_hint(text, hint, tiny):
+    motor = f'<transmission name="t"><joint name="elbow"/><actuator name="m"><mechanicalReduction>{text}</mechanicalReduction>'
+    tiny.robot.write_text(
+        PENDULUM.replace("</robot>", f"{motor}<motorInertia>1e-4</motorInertia></actuator></transmission></robot>")
+    )
+    with pytest.raises(RobotError, match=f"elbow.mechanicalReduction: is not a number.*{hint}"):
+        load_robot(tiny.robot)
 
 
 SPELLINGS = {
@@ -308,3 +370,14 @@ def test_both_spellings_of_a_start_in_ros2_control_are_read(words, tiny):
     control = f'<ros2_control name="c" type="system"><joint name="elbow">{words}</joint></ros2_control></robot>'
     tiny.robot.write_text(PENDULUM.replace("</robot>", control))
     assert load_robot(tiny.robot).joint("elbow").start == 0.7
+
+
+@pytest.mark.parametrize(("mode", "told"), [(0, []), (2, ["two-rotors"]), (3, ["two-rotors"]), (4, ["two-rotors"])])
+def test_a_rotor_that_is_left_out_behind_a_spring_is_told(mode, told, tiny):
+    text = PENDULUM.replace('friction="0"', 'friction="0" armature="0.02"').replace(
+        "<operation_mode>3", f"<operation_mode>{mode}"
+    )
+    tiny.robot.write_text(text)
+    robot = load_robot(tiny.robot)
+    assert [one.code for one in warnings_of(robot) if one.code == "two-rotors"] == told
+    assert warnings_of(with_rotors(robot, {"elbow": 0.02})) == tuple(one for one in warnings_of(robot) if one.code not in told)

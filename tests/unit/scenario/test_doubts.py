@@ -19,7 +19,7 @@ references: {elbow: {reference_1: 0}}"""
 SCENARIOS = {
     "gravity": "gravity: [0, 0, -9810]",
     "gravity upwards": "gravity: [0, 0, 9.81]",
-    "long-delay": "effects: {sensors: {elbow: {delay: 20}}}",
+    "long-delay": "imperfections: {sensors: {elbow: {delay: 20}}}",
     "late-reference": "references: {elbow: {equilibrium_position: {step: {at: 5, to: 0.5}}}}",
     "late-reference ramp": "references: {elbow: {equilibrium_position: {ramp: {start: 3, duration: 1, to: 1}}}}",
     "odd-step": "step: 0.06",
@@ -72,7 +72,7 @@ def test_probable_mistakes_get_a_warning(case, tiny):
 @pytest.mark.parametrize(
     "more",
     [
-        "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "effects: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
+        "", "gravity: [0, 0, 0]", "gravity: [9.81, 0, 0]", "imperfections: {commands: {elbow: {delay: 0.05, noise: 0.01}}}",
         "link_damping: {elbow: {ratio: 0.1, inertia: 0.01}}", "references: {elbow: {equilibrium_position: 0.3}}",
         "base: {rpy: [0, -3.15, 6.28]}", "log_rate: 10",
         "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",

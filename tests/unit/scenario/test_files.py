@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
 from asrsim.errors import InputError, ScenarioError
 from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
-from asrsim.scenario.data import KEYS, Effects, LinkDamping
+from asrsim.scenario.data import KEYS, Imperfections, LinkDamping
 from asrsim.signals import Constant, Step
 
 BASE = "robot: arm.urdf\nduration: 2\n"
@@ -75,7 +75,7 @@ seed: 7
 stepping: toolbox
 substeps: 2
 motor_substeps: auto
-substep_cap: 50
+max_substeps: 50
 engine: bench
 motion: {a: {sinusoid: {amplitude: 1, frequency: 1}}}
 compiled: false
@@ -85,7 +85,7 @@ manager: manager.yaml
 references: {"*": {stiffness_preset: 0.2}, a: {equilibrium_position: {step: {to: 1}}}}
 external_torques: {a: 0.1}
 wrenches: [{link: tip, force: [1, null, {step: {to: 2}}], point: [0, 0, 0.1], frame: link}]
-effects: {commands: {"*": {delay: 0.01, rate: 100}}, sensors: {a: {quantum: 0.001, noise: 1e-4}}}
+imperfections: {commands: {"*": {delay: 0.01, rate: 100}}, sensors: {a: {quantum: 0.001, noise: 1e-4}}}
 link_damping: {a: {ratio: 0.1, inertia: 0.01}}
 world:
   ground: {friction: 0.8, height: -0.1}
@@ -112,7 +112,7 @@ expect:
     assert scenario.references["*"]["stiffness_preset"] == Constant(value=0.2)
     assert scenario.references["a"]["equilibrium_position"] == Step(after=1.0)
     assert scenario.wrenches[0].force == (Constant(value=1.0), None, Step(after=2.0))
-    assert scenario.sensor_effects["a"] == Effects(quantum=0.001, noise=1e-4)
+    assert scenario.sensor_imperfections["a"] == Imperfections(quantum=0.001, noise=1e-4)
     assert scenario.link_damping["a"] == LinkDamping(ratio=0.1, inertia=0.01)
     assert (scenario.world.ground_friction, scenario.world.ground_height) == (0.8, -0.1)
     assert [(o.name, o.size) for o in scenario.world.objects][:2] == [("box", (0.1, 0.2, 0.3)), ("ball", (0.03,))]

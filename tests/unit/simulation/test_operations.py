@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.compiled.compiling import available
+from asrsim.compiled.compiling import numba_available
 from asrsim.samples import concatenate
 from asrsim.simulation.prepare import Prepared, prepare
 from asrsim.simulation.simulation import Simulation
@@ -145,7 +145,7 @@ def run_program(folder, engine, seed, *, compiled=False):
 @pytest.mark.parametrize("seed", [30, 37, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(24))])
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_random_operations_have_the_bits_of_a_fresh_run(tmp_path, engine, seed):
-    compiled = seed < 4 and available()
+    compiled = seed < 4 and numba_available()
     run_program(tmp_path, engine, seed, compiled=compiled)
 
 

@@ -21,7 +21,7 @@ PARTS = {
     "damper": {"parameters": {"joint_1": {"spring_damping": 0.1}}},
     "backlash": {"parameters": {"joint_1": {"backlash": 0.05}}},
     "heating": {"parameters": {"joint_1": {"thermal_resistance": 2.0, "thermal_capacity": 0.2, "winding_heat": 50.0}}},
-    "delay": {"effects": {"commands": {"joint_1": {"delay": 0.0104}}, "sensors": {"joint_1": {"delay": 0.002}}}},
+    "delay": {"imperfections": {"commands": {"joint_1": {"delay": 0.0104}}, "sensors": {"joint_1": {"delay": 0.002}}}},
 }
 
 

@@ -27,7 +27,7 @@ KEYS = {
     "references.joint_1.equilibrium_position.step.to": [0.3, 0.5],
     "reference_ranges.joint_1.equilibrium_position": [[-0.1, 0.1], [-1.0, 1.0]],
     "external_torques.joint_1": [0.05, {"sinusoid": {"amplitude": 0.1, "frequency": 20}}],
-    "effects.commands.joint_1.delay": [0.0, 0.004],
+    "imperfections.commands.joint_1.delay": [0.0, 0.004],
     "link_damping.joint_1": [{"ratio": 0.3, "inertia": 0.02}, {"constant": 0.1}],
     "expect": [[], [{"joint": "joint_1", "quantity": "link_position", "measure": "maximum", "comparison": "<", "value": 1.0}]],
 }
@@ -92,12 +92,12 @@ def test_a_pattern_sets_the_parameter_of_each_actuator_that_it_matches(initial):
 
 @pytest.mark.parametrize("delay", [0.0, 0.002])
 def test_a_pattern_sets_the_reference_of_each_joint_that_it_matches(delay):
-    """Also if effects change the references; the key of a joint replaces that of the pattern."""
+    """Also if imperfections change the references; the key of a joint replaces that of the pattern."""
     name = "equilibrium_position"
     over = {f"references.joint_1.{name}": [0.3], f"references.joint_?.{name}": [0.1, 0.2]}
-    for (given, row), value in zip(rows_of(over, **{"effects.commands.joint_1.delay": delay}), [0.1, 0.2], strict=True):
+    for (given, row), value in zip(rows_of(over, **{"imperfections.commands.joint_1.delay": delay}), [0.1, 0.2], strict=True):
         alone = {f"references.joint_1.{name}": 0.3, f"references.joint_2.{name}": value}
-        base = {"duration": 0.02, "engine": "mujoco", "compiled": False, "effects.commands.joint_1.delay": delay}
+        base = {"duration": 0.02, "engine": "mujoco", "compiled": False, "imperfections.commands.joint_1.delay": delay}
         result = asrsim.run(TWO_JOINTS, variant="soft", overrides={**base, **given, **alone})
         assert row["status"] == "complete", row["reason"]
         for joint in result.summary.joints:

@@ -17,7 +17,7 @@ pytest.importorskip("pyarrow")
 def test_a_plugin_s_sampler_places_the_draws(tiny, asrsim_command):
     plugin = ROOT / "examples" / "plugins" / "my_lab.py"
     done = asrsim_command(
-        "sweep", tiny.scenario, "--over", "arm.mass=uniform(0.2, 0.6)", "--design", "halton", "--samples", "4", "--seed", "5",
+        "sweep", tiny.scenario, "--over", "arm.mass=uniform(0.2, 0.6)", "--sampler", "halton", "--samples", "4", "--seed", "5",
         "--set", "duration=0.02", "--plugin", plugin, "--out", "study", "--workers", "1", "--no-plot", "-q",
     )  # fmt: skip
     assert done.code == 0, done.err
@@ -32,11 +32,11 @@ def test_points_outside_the_cube_or_of_another_number_are_refused(tiny, points):
             return points
 
     SAMPLERS.add("wrong", Wrong())
-    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, design="wrong")
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="wrong")
     with pytest.raises(InputError, match=r"must return points from 0 to 1 of shape \(4, 1\).*wrong"):
         _ = study.table
 
 
 def test_the_help_names_every_sampler():
-    design = next(one for one in typer.main.get_command(app).get_command(None, "sweep").params if one.name == "design")
-    assert [name for name in SAMPLERS if name not in design.help] == []
+    sampler = next(one for one in typer.main.get_command(app).get_command(None, "sweep").params if one.name == "sampler")
+    assert [name for name in SAMPLERS if name not in sampler.help] == []

@@ -15,7 +15,7 @@ from asrsim.sweeps.cases import make_payload
 from asrsim.sweeps.rows import Runner, alone
 from asrsim.sweeps.run import crashed_row, run_again
 from asrsim.sweeps.sensitivity import influences, sobol
-from asrsim.sweeps.show import as_dict, remarks, result_rows, varying
+from asrsim.sweeps.show import remarks, result_rows, study_data, varying
 from asrsim.sweeps.store import Store, open_store
 from asrsim.workers import Lost
 from support.edits import edits
@@ -50,7 +50,7 @@ def test_a_grid_has_every_combination_once():
     assert [study_of({"a": [[1], [2, 3]]}).point(run)[1] for run in (0, 1)] == [{"a": [1]}, {"a": [2, 3]}]
 
 
-@pytest.mark.parametrize("design", ["random", "lhs", "sobol"])
+@pytest.mark.parametrize("sampler", ["random", "lhs", "sobol"])
 @pytest.mark.parametrize(
     ("law", "mean", "deviation"),
     [
@@ -60,8 +60,8 @@ def test_a_grid_has_every_combination_once():
         ("loguniform(1, 10)", 9 / np.log(10), (99 / (2 * np.log(10)) - (9 / np.log(10)) ** 2) ** 0.5),
     ],
 )
-def test_draws_have_their_distribution(design, law, mean, deviation):
-    values = study_of({"a.x": law, "a.y": "uniform(0, 1)"}, samples=4096, design=design).table[:, 0]
+def test_draws_have_their_distribution(sampler, law, mean, deviation):
+    values = study_of({"a.x": law, "a.y": "uniform(0, 1)"}, samples=4096, sampler=sampler).table[:, 0]
     assert values.mean() == pytest.approx(mean, abs=4 * deviation / 64)
     assert values.std() == pytest.approx(deviation, rel=0.06)
 
@@ -124,8 +124,8 @@ def test_tied_keys_follow_bounded_draws_of_a_fit():
         ({}, {}, "no key is varied"),
         ({"a": "1:2:3", "b & a": [1]}, {}, "varied twice"),
         ({"a": "1:2:3"}, {"samples": 5}, "no key has a distribution"),
-        ({"a": "normal(1,1)"}, {"design": "magic"}, "magic"),
-        ({"a": "normal(1,1)", "b": [1, 2]}, {"design": "saltelli"}, "neither a fit nor listed values"),
+        ({"a": "normal(1,1)"}, {"sampler": "magic"}, "magic"),
+        ({"a": "normal(1,1)", "b": [1, 2]}, {"sampler": "saltelli"}, "neither a fit nor listed values"),
         ({}, {"fit": {"keys": ["a"], "mean": [1], "covariance": [[-1]]}}, "not a covariance"),
     ],
 )
@@ -305,7 +305,7 @@ def test_an_edited_manifest_is_refused_or_leaves_the_rows_unchanged(tmp_path):
         try:
             table = Table(tmp_path)
             assert [table[name] for name in table.columns][-1].tolist() == [0.0, 1 / 7, 2 / 7]
-            as_dict(table), table.to_arrow()
+            study_data(table), table.to_arrow()
         except InputError as error:
             told.append(str(error))
     assert len(told) > 30
@@ -409,7 +409,7 @@ def test_an_influence_compares_the_lowest_and_highest_fifth(tmp_path):
 def designed(folder, samples, results_of, missing=()):
     """A finished study of a Saltelli design over three keys; missing: runs without a row."""
     over = dict.fromkeys(["a.x", "a.y", "a.z"], "uniform(-3.141592653589793, 3.141592653589793)")
-    how = {"over": over, "design": "saltelli", "samples": samples}
+    how = {"over": over, "sampler": "saltelli", "samples": samples}
     x, y, z = study_of(**how).table.T
     results = results_of(x, y, z)
     store = open_store(folder, manifest_of(len(x), *over, *results, **how), resume=False, overwrite=False)

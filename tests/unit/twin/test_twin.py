@@ -12,7 +12,7 @@ import asrsim
 from asrsim.errors import InputError, RecordingError
 from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
-from asrsim.twin.follow import follow, write
+from asrsim.twin.follow import follow_recording, write
 from asrsim.twin.live import LiveTwin
 from support.paths import EXAMPLES
 from support.soft_arm import QBMOVE, SEA, record
@@ -157,6 +157,13 @@ def test_a_joint_that_is_not_measured_runs_free(five):
     assert "not corrected" in notes[1]
 
 
+def test_an_infinite_position_is_not_measured(tmp_path):
+    with asrsim.Twin(SEA.write(tmp_path)) as twin:
+        steps = [twin.step([np.inf if k == 10 else 0.0], goal(0.0)) for k in range(20)]
+    assert np.flatnonzero(np.isnan([step.external_torque[0] for step in steps])).tolist() == [10]
+    assert not any(step.notes for step in steps)
+
+
 def test_a_twin_far_from_its_robot_is_set_to_it(tmp_path):
     with asrsim.Twin(SEA.write(tmp_path)) as twin:
         before = [twin.step({"joint_1": 0.0}, goal(0.0)) for _ in range(600)][-1]
@@ -291,7 +298,7 @@ def recorded(folder, *, late=0.0):
 
 def test_a_recording_is_followed(tmp_path):
     scenario = wrong(SEA).write(tmp_path)
-    found = follow(scenario, recorded(tmp_path))
+    found = follow_recording(scenario, recorded(tmp_path))
     assert found.notes == ()
     assert found.rows()[0]["alarms"] == []
     table, picture = write(found, tmp_path / "out")
@@ -301,7 +308,7 @@ def test_a_recording_is_followed(tmp_path):
 
 
 def test_an_interrupted_twin_writes_the_steps_so_far(tmp_path):
-    found = follow(SEA.write(tmp_path), recorded(tmp_path), stop=lambda: True)
+    found = follow_recording(SEA.write(tmp_path), recorded(tmp_path), stop=lambda: True)
     assert found.interrupted
     assert 0 < len(found.time) < 2000
     table, _ = write(found, tmp_path / "out")
@@ -312,23 +319,23 @@ def test_a_prismatic_joint_has_forces_and_lengths(tmp_path):
     scenario, path, robot = SEA.write(tmp_path), recorded(tmp_path), tmp_path / "arm.urdf"
     robot.write_text(robot.read_text().replace("revolute", "prismatic"))
     path.write_text(path.read_text().replace("[rad]", "[m]"))
-    (table,) = write(follow(scenario, path, stop=lambda: True), tmp_path / "out", plot=False)
+    (table,) = write(follow_recording(scenario, path, stop=lambda: True), tmp_path / "out", plot=False)
     units = ["external_torque [N]", "stiffness [N/m]", "residual [m]", "alarm"]
     assert table.read_text().splitlines()[1].split(",") == ["time [s]", *(f"joint_1.{field}" for field in units)]
 
 
 def test_clocks_that_differ_are_noted_and_aligned(tmp_path):
     scenario, path = SEA.write(tmp_path), recorded(tmp_path, late=0.2)
-    notes = follow(scenario, path).notes
+    notes = follow_recording(scenario, path).notes
     assert "clocks differ" in notes[0]
     assert "--clock-offset 0.2" in notes[0]
-    assert not any("clocks" in note for note in follow(scenario, path, clock_offset=0.2).notes)
+    assert not any("clocks" in note for note in follow_recording(scenario, path, clock_offset=0.2).notes)
 
 
 def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
-    notes = follow(SEA.write(tmp_path), path).notes
+    notes = follow_recording(SEA.write(tmp_path), path).notes
     assert notes[0] == "joint_1: no command equilibrium_position is recorded, so it follows the scenario"
 
 
@@ -336,7 +343,7 @@ def test_a_recording_without_positions_is_an_error(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("link_position", "motor_1_velocity"))
     with pytest.raises(RecordingError, match="needs link_position"):
-        follow(SEA.write(tmp_path), path)
+        follow_recording(SEA.write(tmp_path), path)
 
 
 def test_command_prints_a_table_or_json(tmp_path, asrsim_command):

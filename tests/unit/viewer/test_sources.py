@@ -16,7 +16,7 @@ from asrsim.outfile import csv_text
 from asrsim.runs.rerun import rerun
 from asrsim.samples import Samples
 from asrsim.simulation.prepare import prepare
-from asrsim.twin.follow import Followed, follow
+from asrsim.twin.follow import Followed, follow_recording
 from asrsim.viewer.events import limit_events
 from asrsim.viewer.figure import frames_of
 from asrsim.viewer.history import History
@@ -148,7 +148,7 @@ def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
     lab = tmp_path / "lab.yaml"
     lab.write_text((EXAMPLES / "scenarios" / "step_2dof.yaml").read_text().replace("../urdf", str(EXAMPLES / "urdf")))
     recording = EXAMPLES / "recordings" / "two_joints.csv"
-    found = follow(lab, recording, variant="soft")
+    found = follow_recording(lab, recording, variant="soft")
     player = followed_player(Page(server), prepare(lab, variant="soft"), found)
     (start, _), *_ = found.alarms(0)
     player.jump(start)

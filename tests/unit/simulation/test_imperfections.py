@@ -1,11 +1,11 @@
-"""Effects of sensors, and counts of the steps at a limit."""
+"""Imperfections of sensors, and counts of the steps at a limit."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from asrsim.scenario.data import Effects
+from asrsim.scenario.data import Imperfections
 from asrsim.signals import Sinusoid, Step
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples
 from validation.conservation import motors
@@ -23,7 +23,7 @@ PROPORTIONAL = joint(
 def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path):
     """A sensor of 250 Hz in steps of 1 ms."""
     given = plan([replace(PROPORTIONAL, start=0.3, speed=1.0)], 0.05)
-    found = samples(given, tmp_path, effects={"sensors": {"*": {"rate": 250}}}, substeps=1)
+    found = samples(given, tmp_path, imperfections={"sensors": {"*": {"rate": 250}}}, substeps=1)
     q, torque = found.values["link_position"][:, 0], found.values["link_torque"][:, 0]
     np.testing.assert_allclose(torque, -5.0 * q[np.arange(len(q)) // 4 * 4], atol=1e-12)
 
@@ -31,14 +31,15 @@ def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path):
 @pytest.mark.parametrize("start", [0.34, -0.36])
 def test_readings_are_rounded_to_the_nearest_quantum(tmp_path, start):
     given = plan([replace(PROPORTIONAL, start=start)], 0.01)
-    found = samples(given, tmp_path, effects={"sensors": {"*": {"quantum": 0.1}}})
+    found = samples(given, tmp_path, imperfections={"sensors": {"*": {"quantum": 0.1}}})
     assert found.values["link_torque"][0, 0] == pytest.approx(-5.0 * 0.1 * round(start / 0.1))
 
 
 def test_each_encoder_has_its_own_noise():
     result = run(
         chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
-        references={"equilibrium_position": 0.0, "stiffness_preset": 0.0}, sensor_effects={"*": Effects(noise=0.01)},
+        references={"equilibrium_position": 0.0, "stiffness_preset": 0.0},
+        sensor_imperfections={"*": Imperfections(noise=0.01)},
     )  # fmt: skip
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
@@ -53,7 +54,7 @@ def test_late_sensors_of_motors_are_of_second_order():
         result = run(
             chain(replace(BODY, inertia=1e-2)), mode=6, duration=0.2, substeps=substeps, motor_substeps=1, compiled=False,
             references={"equilibrium_position": Sinusoid(amplitude=0.4, frequency=3.0)},
-            parameters={"spring_stiffness": 20.0, **free}, sensor_effects={"*": Effects(delay=4e-3)},
+            parameters={"spring_stiffness": 20.0, **free}, sensor_imperfections={"*": Imperfections(delay=4e-3)},
         )  # fmt: skip
         found.append(column(result, "motor_1_position"))
     coarse, fine = (np.abs(positions - found[2]).max() for positions in found[:2])

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.samples import Array
-from asrsim.scenario.data import Effects
+from asrsim.scenario.data import Imperfections
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Delay
 from asrsim.signals.common import rounded
@@ -47,41 +47,41 @@ class Noise:
 
 @dataclass(frozen=True, kw_only=True)
 class Imperfect(Signal):
-    """A signal with the imperfections of `Effects`."""
+    """A signal with the imperfections of `Imperfections`."""
 
     kind: ClassVar[str] = "imperfect"
 
     of: Signal
-    effects: Effects
+    imperfections: Imperfections
     step: float
     """Sampling interval in s of noise without a declared rate."""
     seed: tuple[int, ...]
 
     def values(self, time: Array) -> Array:
-        exact, quantum = self._exact(time), self.effects.quantum
+        exact, quantum = self._exact(time), self.imperfections.quantum
         return quantum * np.round(exact / quantum) if quantum else exact
 
     def _exact(self, time: Array) -> Array:
         """Values before they are rounded to the quantum."""
-        effects = self.effects
-        period = 1.0 / effects.rate if effects.rate else self.step
+        imperfections = self.imperfections
+        period = 1.0 / imperfections.rate if imperfections.rate else self.step
         # A tick at the time of a sample belongs to this sample, even if rounding makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
-        seen = rounded(ticks * period) if effects.rate else time
+        seen = rounded(ticks * period) if imperfections.rate else time
         # Before the delay has passed, the delayed signal has its value at t = 0.
-        values = self._delayed.values(np.maximum(seen, effects.delay))
-        if effects.noise:
-            values = values + Noise(self.seed, effects.noise).draw(ticks)
+        values = self._delayed.values(np.maximum(seen, imperfections.delay))
+        if imperfections.noise:
+            values = values + Noise(self.seed, imperfections.noise).draw(ticks)
         return values
 
     def jumps(self, start: float, end: float) -> Array:
-        effects = self.effects
-        if effects.rate:
-            return ticks(1.0 / effects.rate, start, end)
-        jumps = self._delayed.jumps(max(start, effects.delay), end)
-        if effects.noise:
+        imperfections = self.imperfections
+        if imperfections.rate:
+            return ticks(1.0 / imperfections.rate, start, end)
+        jumps = self._delayed.jumps(max(start, imperfections.delay), end)
+        if imperfections.noise:
             jumps = np.union1d(jumps, ticks(self.step, start, end))
-        if effects.quantum:
+        if imperfections.quantum:
             jumps = np.union1d(jumps, self._crossings(start, end))
             # A jump of the signal is a crossing, too.
             jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
@@ -95,7 +95,7 @@ class Imperfect(Signal):
         """
         apart = self.step / LOOKS
         times = apart * np.arange(np.floor(start / apart), np.ceil(end / apart) + 1)
-        quantum = self.effects.quantum
+        quantum = self.imperfections.quantum
         levels = np.round(self._exact(times) / quantum)
         at = np.flatnonzero(np.abs(np.diff(levels)) == 1.0)
         low, high = times[at], times[at + 1]
@@ -107,7 +107,7 @@ class Imperfect(Signal):
 
     @cached_property
     def _delayed(self) -> Signal:
-        return Delay(by=self.effects.delay, of=self.of) if self.effects.delay else self.of
+        return Delay(by=self.imperfections.delay, of=self.of) if self.imperfections.delay else self.of
 
 
 def ticks(period: float, start: float, end: float) -> Array:
@@ -120,7 +120,7 @@ class Sensor:
     """The encoders of a joint's controllers. An encoder with a rate measures at its ticks and holds the measurements; other
     encoders measure at all times."""
 
-    effects: Effects
+    imperfections: Imperfections
     step: float
     """Sampling interval in s of noise without a declared rate."""
     substep: float
@@ -138,7 +138,7 @@ class Sensor:
     @property
     def delay(self) -> float:
         """Delay in substeps."""
-        return self.effects.delay / self.substep
+        return self.imperfections.delay / self.substep
 
     @property
     def memory(self) -> int:
@@ -148,21 +148,21 @@ class Sensor:
     @property
     def _period(self) -> float:
         """Time in s for which a draw of the noise acts."""
-        return 1.0 / self.effects.rate if self.effects.rate else self.step
+        return 1.0 / self.imperfections.rate if self.imperfections.rate else self.step
 
     def jumps(self, start: float, end: float) -> Array:
         """Times in [start, end] at which measurements jump, s; all substeps for a quantised measurement at all times."""
-        effects = self.effects
-        if effects.rate or (effects.noise and not effects.quantum):
+        imperfections = self.imperfections
+        if imperfections.rate or (imperfections.noise and not imperfections.quantum):
             return ticks(self._period, start, end)
-        return ticks(self.substep, start, end) if effects.quantum else np.empty(0)
+        return ticks(self.substep, start, end) if imperfections.quantum else np.empty(0)
 
     def fill(self, table: Array, begins: Array, margin: float, window: float) -> None:
         """Fill `table` (n, 2 count): whether each encoder takes a sample at the beginning of a piece of a kick, and its noise
         in this piece. begins: times (n,) in s at which the pieces begin. A sample is taken if a tick is at most `margin` s
         later, and less than `window` s earlier."""
         numbers = np.floor((begins + margin) / self._period)
-        samples = begins - numbers * self._period < window if self.effects.rate else True
+        samples = begins - numbers * self._period < window if self.imperfections.rate else True
         for index, noise in enumerate(self.noises):
             table[:, 2 * index] = samples
             if noise is not None:
