@@ -138,8 +138,8 @@ def test_long_runs_are_compiled_and_short_runs_are_not(monkeypatch):
 def test_a_long_run_without_numba_warns_of_its_slow_loop(monkeypatch):
     robot = arm("sea")
     scenario = make_scenario(robot, 6)
-    monkeypatch.setattr("asrsim.simulation.core.available", lambda: False)
-    monkeypatch.setattr("asrsim.simulation.run.available", lambda: False)
+    monkeypatch.setattr("asrsim.simulation.core.numba_available", lambda: False)
+    monkeypatch.setattr("asrsim.simulation.run.numba_available", lambda: False)
     assert not simulate(scenario, robot).warnings
     monkeypatch.setattr("asrsim.simulation.core.is_worth_compiling", lambda *_: True)
     (warning,) = simulate(scenario, robot).warnings
