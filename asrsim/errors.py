@@ -58,7 +58,7 @@ class Problem:
         if self.value is not None:
             text += f" (got {shortened(repr(self.value))})"
         if self.choices:
-            text += f"; choose from {', '.join(self.choices)}"
+            text += f"; choose from {', '.join(folded(self.choices))}"
         if self.hint:
             text += f"{'' if text.endswith('?') else '.'} {self.hint}"
         return printable(text).replace("\n", "\\n")
@@ -179,6 +179,26 @@ def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
     """Hint with the most similar choice; None if no choice is similar."""
     found = nearest(name, choices)
     return f"Did you mean '{found}'?" if found else None
+
+
+def folded(names: Sequence[str], most: int = 20) -> list[str]:
+    """The names; of more than `most`, those that differ only in a number as one: `motor_{1..8}_torque`, `ctrl_{1,2}_P`."""
+    if len(names) <= most:
+        return list(names)
+    families: dict[str, list[str]] = {}
+    for name in names:
+        before, number, after = re.fullmatch(r"(\D*)(\d*)(.*)", name, re.DOTALL).groups()  # type: ignore[union-attr]
+        families.setdefault(f"{before}{{}}{after}" if number else name, []).append(number)
+    return [
+        family if numbers == [""] else family.replace("{}", numbers[0] if len(numbers) == 1 else _span(numbers), 1)
+        for family, numbers in families.items()
+    ]
+
+
+def _span(numbers: Sequence[str]) -> str:
+    """Several numbers in braces: `{1..8}` for all from 1 to 8, else `{1,2}`."""
+    whole = len(numbers) > 2 and [str(int(numbers[0]) + i) for i in range(len(numbers))] == list(numbers)
+    return f"{{{numbers[0]}..{numbers[-1]}}}" if whole else f"{{{','.join(numbers)}}}"
 
 
 def listed(words: Iterable[object], most: int, between: str = ", ") -> str:

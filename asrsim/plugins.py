@@ -17,7 +17,7 @@ from asrsim.actuators import ACTUATORS, Actuator
 from asrsim.actuators.declaration import declaration_problem, declaration_problems, file_of
 from asrsim.actuators.stage_checker import stage_problems
 from asrsim.actuators.stages import STAGES, Stage
-from asrsim.errors import ActuatorError, Problem
+from asrsim.errors import ActuatorError, AsrsimError, Problem
 from asrsim.plain import one_or_more
 from asrsim.registry import Registry, all_or_none, plugin_file
 
@@ -81,14 +81,16 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
         # The parameters of these stages belong to the actuators, too.
-        for stage in stages:
-            STAGES.add(stage.name, stage, replace=True)
+        with plugin_file(str(path.resolve())):
+            for stage in stages:
+                STAGES.add(stage.name, stage, replace=True)
     problems += [problem for actuator in found for problem in declaration_problems(actuator)]
     problems = problems or _taken_names(ACTUATORS, found, path)
     if problems:
         raise ActuatorError(problems)
-    for actuator in found:
-        ACTUATORS.add(actuator.name, actuator, replace=True)
+    with plugin_file(str(path.resolve())):
+        for actuator in found:
+            ACTUATORS.add(actuator.name, actuator, replace=True)
     return tuple(found)
 
 
@@ -116,25 +118,38 @@ def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: 
 
 
 @contextmanager
-def blame_laws() -> Iterator[None]:
-    """Convert exceptions of a user's law to an ActuatorError with file and line."""
+def blame_plugins() -> Iterator[None]:
+    """Convert exceptions that a plugin file raises to an ActuatorError with file and line; asrsim's own errors stay."""
     try:
         yield
     except (Exception, SystemExit) as error:
-        fault = law_fault(error)
+        fault = plugin_fault(error)
         if fault is None:
             raise
         raise fault from error
 
 
-def law_fault(error: BaseException) -> ActuatorError | None:
-    """An ActuatorError with file and line if `error` was raised in a plugin file; else None."""
+def plugin_fault(error: BaseException) -> ActuatorError | None:
+    """An ActuatorError with file and line if `error` was raised in a plugin file; None for other errors, and for asrsim's own,
+    which state their cause."""
+    if isinstance(error, AsrsimError):
+        return None
     for frame, line in _plugin_frames(error):
-        message = f"the law raised {type(error).__name__}: {error}"
-        hint = "asrsim check --actuator NAME --plugin FILE evaluates the laws over their whole range"
         file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
-        return ActuatorError(message, file=file, line=line, key=key, hint=hint, code="law-raised")
+        message = f"the plugin raised {type(error).__name__}: {error}"
+        return ActuatorError(message, file=file, line=line, key=key, hint=_law_hint(frame), code="plugin-raised")
     return None
+
+
+def _law_hint(frame: FrameType) -> str:
+    """The command that checks the law whose code a frame runs; empty for code that is no law."""
+    for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
+        for one in registry.loaded():
+            law = inspect.getattr_static(one, frame.f_code.co_name, None)
+            if isinstance(law, staticmethod) and law.__wrapped__.__code__ is frame.f_code:
+                command = shlex.join(["asrsim", "check", option, one.name, *plugin_options([frame.f_code.co_filename])])
+                return f"{command} evaluates the laws over their whole range"
+    return ""
 
 
 def _plugin_frames(error: BaseException) -> list[tuple[FrameType, int]]:

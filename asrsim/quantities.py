@@ -139,10 +139,16 @@ def shown(value: float, unit: str = "", digits: int = 3) -> str:
 
 def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
     """Factor and unit in which numbers read well, without powers of ten. Numbers below 0.01 take a smaller unit, and so do
-    numbers below 10 among which one is below 0.0001.
+    numbers below 10 among which one is below 0.0001. Numbers below 1e-9, which are mostly rounding errors, keep their unit.
     """
     sizes = [abs(value) for value in values if 0.0 < abs(value) < math.inf]
-    if unit not in _PREFIXED or not sizes or (max(sizes) >= 1e-2 and min(sizes) >= 1e-4) or max(sizes) >= 10.0:
+    if (
+        unit not in _PREFIXED
+        or not sizes
+        or max(sizes) < 1e-9
+        or (max(sizes) >= 1e-2 and min(sizes) >= 1e-4)
+        or max(sizes) >= 10.0
+    ):
         return 1.0, unit
     return (1e3, f"m{unit}") if max(sizes) >= 2e-5 else (1e6, f"µ{unit}")
 

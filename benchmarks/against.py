@@ -108,14 +108,14 @@ def worlds(path: str) -> float:
 
 def environments(count: int, path: str) -> float:
     """CPU time of a physics step of 1 ms of one of `count` environments with a reward, in control steps of 20 ms with random
-    actions, s. Versions that know rewards of all environments at once use them."""
+    actions, s. Versions that know rewards of all environments at once, and substeps as needed, use them."""
     import asrsim
     from asrsim.environment.options import Options
 
     def reward(state: Any) -> Any:
         return -np.abs(state.values["link_position"] - 0.5).sum(axis=-1)
 
-    more: dict[str, Any] = {"batched": True} if "batched" in Options.__annotations__ else {}
+    more: dict[str, Any] = dict.fromkeys({"batched", "adaptive"} & Options.__annotations__.keys(), True)
     many = asrsim.make_vec_env(path, count, reward=reward, **more)
     many.reset(seed=0)
     actions = iter(np.random.default_rng(0).uniform(-1.0, 1.0, (21, *many.action_space.shape)).astype(np.float32))

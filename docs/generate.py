@@ -40,6 +40,8 @@ PICTURE = ROOT / "docs" / "images" / "step_2dof_soft.png"
 TUTORIAL = Path(__file__).parent / "tutorial.md"
 WIDTH = 900
 """Pixels of the tutorial's pictures."""
+DURATION = re.compile(r"in [\d.]+ s \([\d.]+ x real time\)")
+"""Time of a run, which differs from run to run."""
 PRINTED = re.compile(r"(<!-- printed -->\n```\n).*?```", re.DOTALL)
 MARK = re.compile(r"(<!-- generated: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
@@ -348,7 +350,9 @@ def main() -> None:
 
     text = PAGES[0].read_text(encoding="utf-8")
     printed = run_example()
-    PAGES[0].write_text(PRINTED.sub(lambda found: f"{found[1]}{printed}\n```", text), encoding="utf-8")
+    fresh = PRINTED.sub(lambda found: f"{found[1]}{printed}\n```", text)
+    if DURATION.sub("", fresh) != DURATION.sub("", text):
+        PAGES[0].write_text(fresh, encoding="utf-8")
     with TemporaryDirectory() as folder:
         for shown, made in run_tutorial(Path(folder)).items():
             save_small(made, shown)

@@ -133,11 +133,12 @@ def sinh(value: float) -> float:
     One exponential takes half the time of `math.sinh`, and compiled code shares the exponential with `cosh`. Near 0, where the
     difference of the exponentials would lose digits, the function is a Taylor polynomial.
     """
-    square = value * value
-    near = 1 + square * (1 / 6 + square * (1 / 120 + square * (1 / 5040 + square * (1 / 362880 + square / 39916800))))
-    growing = exp(abs(value))
-    far = 0.5 * (growing - 1.0 / growing)
-    return value * near if square < 0.0625 else copysign(far, value)
+    growing, square = exp(abs(value)), value * value
+    if square < 0.0625:
+        return value * (
+            1 + square * (1 / 6 + square * (1 / 120 + square * (1 / 5040 + square * (1 / 362880 + square / 39916800))))
+        )
+    return copysign(0.5 * (growing - 1.0 / growing), value)
 
 
 def cosh(value: float) -> float:

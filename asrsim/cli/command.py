@@ -8,6 +8,7 @@ import functools
 import inspect
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,7 +20,9 @@ from asrsim.cli.console import json_errors, say_json
 Plugins = Annotated[
     list[Path] | None,
     typer.Option(
-        "--plugin", metavar="FILE", help="Python file with your own actuators, signals, measures, readers; may be repeated."
+        "--plugin",
+        metavar="FILE",
+        help="Python file with parts of your own: actuators, signals, figures and so on; may be repeated.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
@@ -70,8 +73,7 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
                 if any(isinstance(number, float) and not math.isfinite(number) for number in numbers):
                     raise typer.BadParameter("must be finite", param_hint=f"--{name.replace('_', '-')}")
             given = {"plugin": files or [], "quiet": silent or json, "json": json}
-            with json_errors(json):
-                load_plugins(files)
+            with json_errors(json), blaming(files):
                 done = function(**arguments, **{name: value for name, value in given.items() if name in own})
             if json:
                 say_json(done.data)
@@ -88,10 +90,12 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
     return decorate
 
 
-def load_plugins(paths: Sequence[Path] | None) -> None:
-    """Register the actuators, signals, measures and readers of users' files. Raises ActuatorError."""
-    if paths:
-        from asrsim.plugins import load_plugin_file
+def blaming(plugins: Sequence[Path] | None) -> AbstractContextManager[None]:
+    """Register what users' files add; exceptions of these files within the context become errors with file and line. Raises
+    ActuatorError."""
+    if not plugins:
+        return nullcontext()
+    from asrsim.plugins import blame_plugins, load_plugin_files
 
-        for path in paths:
-            load_plugin_file(path)
+    load_plugin_files(plugins)
+    return blame_plugins()

@@ -10,7 +10,7 @@ import typer
 from asrsim.cli import complete
 from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written, styled
-from asrsim.cli.options import Arguments, ColumnMap, Packages, Texts, argument, folders, into_folder, option, pairs
+from asrsim.cli.options import Arguments, ColumnMap, Packages, Rate, Texts, argument, folders, into_folder, option, pairs
 from asrsim.tables import TableColumn
 
 
@@ -38,6 +38,7 @@ def datasheet(
         option("Recording of a test bench to draw beside the law.", "--experiment", "-e", metavar="FILE"),
     ] = None,
     mapping: ColumnMap = None,
+    rate: Rate = None,
     formats: Annotated[
         Texts, option("Format of the pictures: png, pdf, svg.", "--format", default="png", metavar="NAME")
     ] = None,
@@ -74,7 +75,7 @@ def datasheet(
     with FractionBar(show=not quiet) as bar:
         for i, source in enumerate(sources):
             bar.update(source.name, i / len(sources))
-            measured = [] if experiment is None else [measured_curve(source, experiment, mapping or ())]
+            measured = [] if experiment is None else [measured_curve(source, experiment, mapping or (), rate=rate)]
             sheets.append(make_sheet(source, presets=presets, inertia=inertia, measured=measured))
     files = write_sheets(sheets, out, compare=compare, formats=formats or ("png",))
 

@@ -64,7 +64,7 @@ def export(
                 TableColumn("spline of the spring", springs, right=True),
             ]
         )
-        tried = f"; {replay.untried}: not tried in {found.made_for}" if replay.untried else ""
+        tried = f", not in {found.made_for}: {replay.untried}" if replay.untried else ""
         say(f"Replayed in {replay.program}{tried}.")
         if found.remarks:
             say("Not in the file:")

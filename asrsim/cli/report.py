@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from asrsim.cli.console import complain, say, say_problems, say_table, say_written, styled
 from asrsim.errors import counted
 from asrsim.summary.data import RunSummary
 from asrsim.summary.table import difference_columns, headline, limit_columns, limit_note, measure_columns, rest_note
+from asrsim.tables import TableColumn
 
 
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
@@ -49,8 +51,9 @@ def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = No
     say()
 
 
-def _units(summary: RunSummary) -> str:
-    return " or ".join(dict.fromkeys("m, N" if joint.prismatic else "rad, N m" for joint in summary.joints))
+def _differences(summary: RunSummary, joints: Mapping[str, Mapping[str, float]]) -> Sequence[TableColumn]:
+    linear = {joint.name: joint.prismatic for joint in summary.joints}
+    return difference_columns([*joints], [*joints.values()], [linear[name] for name in joints])
 
 
 def _print_cross_check(summary: RunSummary, *, quiet: bool) -> None:
@@ -58,8 +61,8 @@ def _print_cross_check(summary: RunSummary, *, quiet: bool) -> None:
     if not check:
         return
     if not quiet:
-        say(f"  cross-check: {check['engine']} against {check['other']}, differences (maximum, RMS; {_units(summary)})", "dim")
-        say_table(difference_columns([*check["joints"]], [*check["joints"].values()]))
+        say(f"  cross-check: {check['engine']} against {check['other']}, differences", "dim")
+        say_table(_differences(summary, check["joints"]))
         if check["note"]:
             say(f"  {check['note']}", "dim")
     if check["finding"]:
@@ -71,10 +74,9 @@ def _print_cross_check(summary: RunSummary, *, quiet: bool) -> None:
 def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
     if not summary.certificate:
         return
-    joints = summary.certificate["joints"]
     if not quiet:
-        say(f"  numerical error, estimated from runs at finer steps (maximum, RMS; {_units(summary)})", "dim")
-        say_table(difference_columns([*joints], [*joints.values()]))
+        say("  numerical error, estimated from runs at finer steps", "dim")
+        say_table(_differences(summary, summary.certificate["joints"]))
         trust = "the estimate covers the error of the time step only, not of the model"
         say(f"  {trust}{'; the cross-check compares the model with another engine' if summary.cross_check else ''}", "dim")
     for warning in summary.certificate["warnings"]:

@@ -22,9 +22,11 @@ def rerun(
     log: Annotated[Path, argument("LOG", "Log of a run (MCAP), or a folder of runs.")],
     plugins: Annotated[
         Files,
-        option("Python file with your own actuators, instead of the log's; may be repeated.", "--plugin", metavar="FILE"),
+        option("Plugin file, instead of the log's; may be repeated.", "--plugin", metavar="FILE"),
     ] = None,
-    trust_plugins: Annotated[bool, option("Run the Python code of actuators stored in the log.", "--trust-plugins")] = False,
+    trust_plugins: Annotated[
+        bool, option("Run the plugin files (Python code) that the log contains.", "--trust-plugins")
+    ] = False,
     *,
     quiet: bool,
     json: bool,

@@ -1,4 +1,4 @@
-"""What publications say about actuators, with the source. Values that no source at hand states are missing here on purpose."""
+"""Published values of actuators, with their sources. Values for which no source was found are missing here on purpose."""
 
 from __future__ import annotations
 

@@ -132,7 +132,10 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
     ):
         value = trials.change_times.get(variant)
         trial = f"variant {variant} of {source.name}.yaml"
-        how = f"simulation: {trial}: until within {100 * BAND:g} % of the change{under}"
+        how = f"simulation: {trial}: until within {100 * BAND:g} % of the change"
+        if variant in trials.ends:
+            how += " from {:.3g} to {:.3g} N m/rad".format(*trials.ends[variant])
+        how += under
         if not statics.adjustable:
             how = "does not apply: one spring"
         elif drive.actuator.adjuster:

@@ -39,7 +39,7 @@ TOLERANCE = 0.01
 CHANGES = ("stiffness_free", "stiffness_loaded")
 """Variants in which the stiffness changes."""
 STILL = 1e-9
-"""Relative change of the stiffness that is none."""
+"""Relative change of the stiffness below which the stiffness counts as constant."""
 LOADED = 0.2
 """Load while the stiffness changes where no nominal torque is stated, as a share of the torque that every setting holds."""
 JOINT = "joint_1"
@@ -54,6 +54,8 @@ class Trials:
     faults: Mapping[str, str]
     change_times: Mapping[str, float]
     """Time in s after which the stiffness stays within `BAND` of its change, of the variants in which it settles."""
+    ends: Mapping[str, tuple[float, float]]
+    """Stiffness before and after the change in these variants, N m/rad."""
     unchanged: Collection[str]
     """Variants in which the preset does not change the stiffness."""
     load: Load
@@ -93,7 +95,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
                 )
             except InputError as error:
                 faults[variant] = error.problems[0].message
-    times, unchanged = {}, []
+    times, ends, unchanged = {}, {}, []
     for variant in {*CHANGES} & {*results}:
         samples = results[variant].samples
         stiffness = samples.values["stiffness"][:, 0]
@@ -101,10 +103,11 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
             unchanged.append(variant)
         elif not math.isnan(time := measure(MEASURE, samples.time, stiffness, **OPTIONS)):
             times[variant] = time
+            ends[variant] = measure("at", samples.time, stiffness, when=AT), measure("steady_state", samples.time, stiffness)
     claims = [_claim(variant, times[variant]) for variant in CHANGES if variant in times]
     files[f"{source.name}.yaml"] = _scenario(source, variants, claims)
     return Trials(
-        files=files, results=results, faults=faults, change_times=times, unchanged=unchanged, load=load, under=under
+        files=files, results=results, faults=faults, change_times=times, ends=ends, unchanged=unchanged, load=load, under=under
     )  # fmt: skip
 
 
@@ -167,7 +170,7 @@ def _variants(source: Source, statics: Statics, step: float, torque: float) -> d
         variants["stiff"] = trial(moved, statics.stiffest)
         if not source.drive.actuator.adjuster:
             variants["stiffness_free"] = trial(0.0, changed)
-            variants["stiffness_loaded"] = trial(0.0, changed, external_torques={JOINT: torque}, initial="equilibrium")
+            variants["stiffness_loaded"] = trial(0.0, changed, external_torques={JOINT: torque})
     return variants
 
 
@@ -175,17 +178,17 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
     import yaml
 
     data: dict[str, Any] = {
-        "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0],
+        "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0], "initial": "equilibrium",
         "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},
         **({"parameters": {JOINT: dict(source.stated)}} if source.stated else {}),
         **({"variants": variants} if len(variants) > 1 else variants["soft"]),
         **({"expect": claims} if claims else {}),
     }  # fmt: skip
-    head = (
-        f"# Trials of the data sheet of {source.name}: steps of the equilibrium at the softest and at the stiffest setting,\n"
-    )
-    head += (
-        "# and steps from the softest to the stiffest setting without and with a load. The claims are the sheet's numbers.\n"
-    )
+    settings = " at the softest and at the stiffest setting" if len(variants) > 1 else ""
+    head = f"# Trials of the data sheet of {source.name}: steps of the equilibrium{settings}.\n"
+    if claims:
+        head += (
+            "# Steps from the softest to the stiffest setting, without and with a load: the claims are the sheet's numbers.\n"
+        )
     # A copy without shared parts: they would become aliases, which are harder to read.
     return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

@@ -117,7 +117,7 @@ class Key:
             schema = {"anyOf": [schema, {"type": "null"}]}
         elif isinstance(self.default, int | float | str):
             schema = {**schema, "default": self.default}
-        return {**schema, "description": self.doc + (f" Unit: {self.unit}." if self.unit else "")}
+        return {**schema, "description": self.doc + (f". Unit: {self.unit}." if self.unit else "")}
 
 
 def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:

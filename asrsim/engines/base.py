@@ -90,7 +90,9 @@ class Native(NamedTuple):
     intptr_t pieces)."""
     size: int
     """Number of values of a state."""
-    make_record: Callable[[], NativeRecord]
+    make_record: Callable[..., NativeRecord]
+    strides: bool = False
+    """Whether `make_record` takes the length of the record's steps, in steps of the run, as its argument."""
 
 
 class Engine(Protocol):

@@ -26,6 +26,7 @@ class Options(TypedDict, total=False):
     reward: Callable[[State], Any] | None
     terminated: Callable[[State], Any] | None
     batched: bool
+    adaptive: bool
     randomise: Mapping[str, Any]
     fit: str | Path | None
     push: Mapping[str, Any]
@@ -64,7 +65,8 @@ _FORMS: dict[str, tuple[Any, Any, str]] = {
     "control_rate": (50.0, int | float | np.number, "a number of Hz"),
     "observe": (("link_position", "link_velocity"), Sequence, _NAMES), "act": (None, Sequence | None, _NAMES),
     "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
-    "batched": (False, bool, "True or False"), "fit": (None, str | Path | None, "the path of a fit.json"),
+    "batched": (False, bool, "True or False"), "adaptive": (False, bool, "True or False"),
+    "fit": (None, str | Path | None, "the path of a fit.json"),
     "push": ({}, Mapping, "a mapping from joints to laws of a torque in N m, such as {'joint_1': 'uniform(-0.1, 0.1)'}"),
     "delay": (None, object, ""),
     "noise": ({}, Mapping, "a mapping from observed quantities to standard deviations in their units"),

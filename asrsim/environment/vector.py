@@ -63,6 +63,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             threads=threads,
             engine=engine,
             device=device,
+            adaptive=options["adaptive"],
         )
         self._readings = task.readings(self.worlds)
         self.single_observation_space, self.single_action_space = task.spaces(self._readings)

@@ -9,6 +9,7 @@ from asrsim.identification.combinations import percent
 from asrsim.identification.judge import praise
 from asrsim.identification.result import HOPELESS, Estimate, FitResult
 from asrsim.identification.resume import Resumed
+from asrsim.quantities import prefixed
 from asrsim.tables import TableColumn
 
 NOTHING = 1e-6
@@ -29,6 +30,10 @@ def estimate_columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
     )
 
 
+ERRORS = ("before", "after", "held_before", "held_after", "noise")
+"""Numbers of a channel that have its unit."""
+
+
 def errors(result: FitResult) -> Sequence[TableColumn]:
     """Table of channels: errors before and after the fit, of the training part and of the held-out part."""
     rows = result.channels
@@ -38,10 +43,18 @@ def errors(result: FitResult) -> Sequence[TableColumn]:
         "training\nbefore": "before", "training\nafter": "after", "held out\nbefore": "held_before",
         "held out\nafter": "held_after", "noise": "noise", "lag-1\ncorrelation": "correlation",
     }  # fmt: skip
+    scales = [prefixed([getattr(one, name) for name in ERRORS], one.unit) for one in rows]
+    columns = {
+        head: [
+            _number(getattr(one, name) * (scale if name in ERRORS else 1.0))
+            for one, (scale, _) in zip(rows, scales, strict=True)
+        ]
+        for head, name in numbers.items()
+    }
     return (
         TableColumn("RMS error", names),
-        TableColumn("unit", [one.unit for one in rows]),
-        *(TableColumn(head, [_number(getattr(one, name)) for one in rows], right=True) for head, name in numbers.items()),
+        TableColumn("unit", [unit for _, unit in scales]),
+        *(TableColumn(head, cells, right=True) for head, cells in columns.items()),
     )
 
 

@@ -206,7 +206,8 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
         return list(error.problems)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
         given = ", ".join(f"{key}: {value}" for key, value in options.items())
-        return [Problem(f"cannot be measured with {given}: {error}", key="options", code="bad-option")]
+        how = f" with {given}" if given else ""
+        return [Problem(f"cannot be measured{how}: {error}", key="options", code="bad-option")]
     return []
 
 

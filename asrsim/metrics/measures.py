@@ -25,13 +25,25 @@ class Measure:
 
     name: str
     function: Callable[..., float]
-    """Function with the arguments (time, values, [reference], **options) that returns a number; NaN if undefined."""
+    """Function with the arguments (time, values, [reference], *, options) that returns a number; NaN if undefined."""
     unit: str
     """Unit of the number: `series` (unit of the series), a unit such as `s`, or "1" for a pure number."""
     needs: str
     """Required input: `series`, `pair` (series and reference), `either` (series, and a reference or an option), `poses` of a
     body.
     """
+
+    def __post_init__(self) -> None:
+        given = {"series": 2, "pair": 3, "either": 3, "poses": 2}
+        if self.needs not in given:
+            message = f"the measure '{self.name}' needs something unknown"
+            raise InputError(message, key="needs", value=self.needs, choices=tuple(given), code="measure")
+        parameters = inspect.signature(self.function).parameters.values()
+        plain = [one.name for one in parameters if one.kind is one.POSITIONAL_OR_KEYWORD]
+        if len(plain) != given[self.needs] or len(plain) + len(self.options) != len(parameters):
+            takes = "(time, values, reference)" if given[self.needs] == 3 else "(time, values)"
+            message = f"the function of the measure '{self.name}' must take {takes}, and options after a `*`"
+            raise InputError(message, key="function", value=", ".join(one.name for one in parameters), code="measure")
 
     @property
     def doc(self) -> str:

@@ -45,7 +45,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_visible(False)
+                ax.set_axis_off()  # the legend of its row may be on it
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)

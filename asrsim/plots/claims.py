@@ -13,6 +13,7 @@ from asrsim.metrics.expect import RECORDING_OPTIONS
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.align import LagChoice
 from asrsim.samples import RunInfo, Samples
+from asrsim.scenario.carried import advising
 from asrsim.scenario.data import Expectation
 
 
@@ -95,6 +96,6 @@ def judge(reader: LogReader) -> tuple[ExpectationResult, ...]:
         return ()
     from asrsim.summary.claims import claim_results
 
-    with TemporaryDirectory(prefix="asrsim-") as folder:
+    with TemporaryDirectory(prefix="asrsim-") as folder, advising(reader.info.attachments):
         claims = logged_claims(reader.info, Path(folder))
         return claim_results(claims, reader.info.joints, read, file=Path(reader.info.scenario_path or reader.path))

@@ -23,6 +23,7 @@ from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, w
 from asrsim.plots.responses import Response, ResponseExperiment, recorded_responses, responses
 from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
+from asrsim.scenario.carried import unknown_actuators
 
 Progress = Callable[[str, float], None]
 """Callback that receives the current task and the fraction done, 0 to 1."""
@@ -139,7 +140,8 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     labels = [run.label for run in runs]
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
-    findings = [finding for recording in recordings for finding in recording.findings]
+    findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    findings += [finding for recording in recordings for finding in recording.findings]
     members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
     compared = _compared(job, runs, members)
     findings += [finding for one in compared for finding in one.findings]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from io import BytesIO
@@ -47,7 +48,7 @@ class Reader:
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
 """Classes in the answer of the child process, by name."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
-for _name, _reader in {
+_OURS = {
     "text": Reader(
         suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
     "json": Reader(
@@ -61,7 +62,9 @@ for _name, _reader in {
         suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
     "bag": Reader(
         suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
-}.items():  # fmt: skip
+}  # fmt: skip
+"""asrsim's readers by name; all others are users'."""
+for _name, _reader in _OURS.items():
     READERS.add(_name, _reader)
 
 
@@ -80,7 +83,8 @@ def content_of(path: Path, reading: Reading) -> Content:
 
 
 def format_of(path: Path) -> str:
-    """Name of the reader, by the file's first bytes or else its ending; text by default. Raises RecordingError."""
+    """Name of the reader: a user's reader by the file's ending or first bytes, or else one of asrsim's by the first bytes, by
+    the ending, or text. Raises RecordingError."""
     if not path.exists():
         raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
     if path.is_dir():
@@ -94,8 +98,10 @@ def format_of(path: Path) -> str:
     readers = {name: READERS.get(name) for name in READERS}
     # JSON may have blanks before and between its first characters.
     heads = start, b"".join(start.split())
-    for name, reader in readers.items():
-        if any(head.startswith(reader.magic) for head in heads):
+    for name in sorted(readers, key=_OURS.__contains__):
+        reader = readers[name]
+        named = name not in _OURS and path.suffix.lower() in reader.suffixes
+        if named or any(head.startswith(reader.magic) for head in heads):
             return name
     by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
     # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
@@ -142,8 +148,14 @@ def answer_of(request: dict[str, str]) -> bytes:
     except Exception as error:  # on damaged files libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
-        answer = [Problem(message, code="damaged")]
+        answer = [Problem(message + _place_in_plugin(request["plugin"], error), code="damaged")]
     return pack(answer)
+
+
+def _place_in_plugin(plugin: str, error: Exception) -> str:
+    """Line of a user's reader at which it raised an error, in words; empty for asrsim's readers."""
+    lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if plugin and one.filename == plugin]
+    return f" ({plugin}:{lines[-1]})" if lines else ""
 
 
 def pack(answer: Content | Sequence[Problem]) -> bytes:

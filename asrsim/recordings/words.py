@@ -94,7 +94,7 @@ def tokens_of(name: str) -> list[str]:
 
 
 def spellings_of(tokens: Sequence[str]) -> list[str]:
-    """Words of a name as it spells them; words that it writes together, as in `tauref`, are parted."""
+    """Words of a name as it spells them; words that it writes together, as in `tauref`, are separated."""
     return [part for token in tokens for part in _parts(token)]
 
 

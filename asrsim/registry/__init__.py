@@ -118,6 +118,11 @@ class Registry(Generic[T]):
         """Plugin file that registered the entry; empty for other entries."""
         return self._files.get(name, "")
 
+    @classmethod
+    def plugin_files(cls) -> set[str]:
+        """Plugin files whose entries are in any registry."""
+        return {file for one in cls.everyone for name, file in one._files.items() if file and name in one._entries}
+
     def names(self) -> tuple[str, ...]:
         """All names in the order of registration; numbers are sorted; entries of installed packages come last."""
         self._search_entry_points()

@@ -14,8 +14,10 @@ from asrsim.identification.curves import channel_charts, spectrum_chart
 from asrsim.identification.folder import FitFolder, read_fit
 from asrsim.identification.profiles import WIDTHS, Profile
 from asrsim.identification.result import AT_BOUND, IDENTIFIED, WEAK, Estimate
+from asrsim.identification.show import ERRORS
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
+from asrsim.quantities import prefixed
 from asrsim.report.charts import page_data
 from asrsim.report.html import badge, bullets, number, section, table
 from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html, plots
@@ -158,8 +160,11 @@ def _errors(fit: FitFolder) -> str:
     }  # fmt: skip
     rows = []
     for one in fit.channels:
-        cells = [f"{one[key]:.3g}" if isinstance(one.get(key), float | int) else "-" for key in numbers.values()]
-        rows.append([one["recording"], one["key"], one["unit"], *cells, str(one.get("suspicion") or "")])
+        known = {key: one[key] for key in numbers.values() if isinstance(one.get(key), float | int)}
+        scale, unit = prefixed([known[key] for key in ERRORS if key in known], one["unit"])
+        scaled = {key: value * (scale if key in ERRORS else 1.0) for key, value in known.items()}
+        cells = [f"{scaled[key]:.3g}" if key in known else "-" for key in numbers.values()]
+        rows.append([one["recording"], one["key"], unit, *cells, str(one.get("suspicion") or "")])
     heads = ["recording", "channel", "unit", *numbers, "suspicion"]
     return section("RMS errors", table(heads, rows))
 

@@ -143,8 +143,8 @@ def _plots(data: Mapping[str, Any]) -> str:
 
 
 _TABLES = {
-    "certificate": "Estimated from runs at a half and a quarter of the step; SI units. Model errors come on top.",
-    "cross_check": "Differences between engines; SI units.",
+    "certificate": "Estimated from runs at a half and a quarter of the step. Model errors come on top.",
+    "cross_check": "Differences between engines.",
 }
 """Tables of `summary.json` on accuracy, and their descriptions."""
 _NO_ERROR = "<p class='note'>Not estimated. <code>asrsim run --certify</code> estimates it from runs at finer steps.</p>"
@@ -156,6 +156,11 @@ def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
     for key, description in _TABLES.items():
         whose: list[str] = []
         joints: dict[tuple[str, str], Any] = {}
+        prismatic = {
+            (label, one["name"]): one["prismatic"]
+            for run, label in zip(runs, labels, strict=True)
+            for one in run.summary["joints"]
+        }
         notes: list[str] = []
         for run, label in zip(runs, labels, strict=True):
             data = run.summary.get(key) or {}
@@ -166,7 +171,12 @@ def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
             notes += [f"{label}: {text}" if len(runs) > 1 else str(text) for text in texts]
         if joints or notes:
             first = [TableColumn("variant", [label for label, _ in joints]), TableColumn("engines", whose)]
-            columns = [*first, *difference_columns([name for _, name in joints], [*joints.values()])]
+            columns = [
+                *first,
+                *difference_columns(
+                    [name for _, name in joints], [*joints.values()], [prismatic.get(one, False) for one in joints]
+                ),
+            ]
             parts.append(f"<p class='note'>{description}</p>{column_table(columns)}{bullets(notes)}")
     return section("Numerical error", "".join(parts) or _NO_ERROR)
 

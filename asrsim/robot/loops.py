@@ -1,9 +1,10 @@
 """Closed chains of one freedom: points of links coincide with points of other links.
 
 A linkage is a group of joints that one joint, the master, moves: the joints of a loop, of the loops that share joints with it,
-and the joints that are coupled to these. With the gaps g(q) of its loops and of its couplings, the followers move by
-J_f ratio = -J_m at unit velocity of the master, and accelerate by gamma, J_f gamma = -dJ/dt v, at constant velocity of the
-master (least squares, since a planar loop has fewer equations than the three of its gap).
+and the joints that are coupled to these. J is the Jacobian of the gaps of its loops and couplings, with columns J_m of the
+master and J_f of the followers. At unit velocity of the master, the followers have the velocities `ratio`: J_f ratio = -J_m.
+At constant velocity of the master, they have the accelerations `gamma`: J_f gamma = -dJ/dt v. Both are solved by least
+squares, since a planar loop has fewer equations than the three of its gap.
 """
 
 from __future__ import annotations

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from asrsim.errors import ActuatorError, DivergenceError, LogError
+from asrsim.errors import ActuatorError, DivergenceError, InputError, LogError
 from asrsim.log import LogReader, open_log
 from asrsim.plain import one_or_more
+from asrsim.plugins import load_plugin_file
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
 from asrsim.runs.execute import INPUTS
 from asrsim.samples import RunInfo
 from asrsim.scenario import Scenario, scenario_from_data
+from asrsim.scenario.carried import missing_plugins
 from asrsim.scenario.digest import mesh_hashes
 from asrsim.scenario.load import PLUGINS
 from asrsim.simulation.run import Run, simulate
@@ -84,14 +86,14 @@ def rerun(
 
     Args:
         path: The log.
-        plugins: Python files with users' actuators, instead of those in the log.
+        plugins: Users' Python files, instead of those in the log.
         trust_plugins: Run the Python files in the log.
         progress: Called with the simulated time, s.
         stop: Called now and then; the comparison ends early when it returns True.
 
     Raises:
         LogError: The file is damaged or not a log of asrsim.
-        ActuatorError: The log contains a user's actuator, and neither `plugins` nor `trust_plugins` is given.
+        ActuatorError: The run needs plugin files in the log, and neither `plugins` nor `trust_plugins` is given.
         InputError, SimulationError: The run cannot be built any more.
     """
     reader = open_log(path)
@@ -107,12 +109,13 @@ def rerun(
     live = LIVE in reader.metadata
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
-        scenario, robot = restore(reader.info, Path(temporary))
         try:
-            run = simulate(
-                scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
-                commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
-            )  # fmt: skip
+            with _wanting_plugins(reader):
+                scenario, robot = restore(reader.info, Path(temporary))
+                run = simulate(
+                    scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
+                    commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
+                )  # fmt: skip
         except DivergenceError as error:
             # The logged run may have diverged too.
             if not isinstance(error.run, Run):
@@ -199,18 +202,21 @@ def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
 
 
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
-    from asrsim.actuators import ACTUATORS
-    from asrsim.plugins import load_plugin_file
+    """Run the plugin files that are given, or else, with `trust`, those in the log."""
+    carried = {name: data for name, data in reader.info.attachments.items() if trust and name.startswith(PLUGINS)}
+    for path in one_or_more(plugins) or unpacked(carried, folder / "plugins").values():
+        load_plugin_file(path)
 
-    for path in one_or_more(plugins):
-        load_plugin_file(path)
-    carried = {name: data for name, data in reader.info.attachments.items() if name.startswith(PLUGINS)}
-    if plugins or not carried or all(joint.actuator in (*ACTUATORS.names(), "rigid") for joint in reader.info.joints):
-        return
-    if not trust:
-        names = ", ".join(PurePosixPath(name).name for name in carried)
-        message = f"the run needs user-defined actuators, whose Python code is in the log ({names})"
+
+@contextmanager
+def _wanting_plugins(reader: LogReader) -> Iterator[None]:
+    """Convert InputErrors to an ActuatorError if the log contains plugin files that have not run."""
+    try:
+        yield
+    except InputError as error:
+        missing = missing_plugins(reader.info.attachments)
+        if isinstance(error, LogError) or not missing:
+            raise
+        message = f"the run needs plugin files, whose Python code is in the log ({', '.join(missing)})"
         hint = "Run this code with --trust-plugins if you trust the log's author, or give your copy of the file with --plugin"
-        raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code")
-    for path in unpacked(carried, folder / "plugins").values():
-        load_plugin_file(path)
+        raise ActuatorError(message, file=reader.path, hint=hint, code="plugin-code") from error

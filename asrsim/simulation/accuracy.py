@@ -16,7 +16,7 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
-from asrsim.plugins import blame_laws
+from asrsim.plugins import blame_plugins
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.prepare import Prepared, Start, build
@@ -85,7 +85,7 @@ def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
                 yield np.stack([values[name] for name in COMPARED], axis=1)
 
 
-@blame_laws()
+@blame_plugins()
 def certify(
     plan: Plan,
     run: Run,
@@ -153,7 +153,7 @@ def other_engine(engine: str, *, required: bool = False) -> str | None:
     return None
 
 
-@blame_laws()
+@blame_plugins()
 def cross_check(
     plan: Plan,
     run: Run,

@@ -36,6 +36,9 @@ class Tables(NamedTuple):
     """Health and number of the faulty joint (worlds, 2)."""
     rows: Any
     """Last recorded row (worlds, joints, columns)."""
+    strides: Any
+    """Of each world (worlds, 3): stride in which it moves, number of steps for which a longer stride has been possible, and
+    whether its stride may change: 0 no, 1 yes, 2 yes with other parameters; see `asrsim.simulation.strides`."""
 
 
 class Common(NamedTuple):
@@ -44,7 +47,15 @@ class Common(NamedTuple):
     kinds: Any
     """Kinds of the joints: table K (joints, ...)."""
     scheme: Any
-    """Constants of the stepping: a table with one record, `Scheme`."""
+    """Constants of the stepping: a table with a record, `Scheme`, for each pair of strides: before and after a kick."""
+    sizes: Any
+    """Number of substeps in each stride (s,), increasing from 1."""
+    deflections: Any
+    """Deflection (s, joints) in rad up to which each stride resolves the springs of each joint in any case."""
+    stiffest: Any
+    """Largest stiffness (s, joints) of the springs of each joint in each stride, N m/rad."""
+    shares: Any
+    """Length (s, s) of the kick between two strides, as a fraction of the second one."""
 
 
 class EngineCall(NamedTuple):
@@ -52,8 +63,8 @@ class EngineCall(NamedTuple):
 
     step: Any
     """Address of the engine's step function."""
-    record: Any
-    """Address of the engine's record, which the step function receives."""
+    records: Any
+    """Address of the engine's record for each stride, which the step function receives."""
     exchange: Any
     """Loads and motion of the links, (pieces, joints, 6); see `asrsim.engines.base`."""
 
@@ -66,9 +77,9 @@ class RowSelection(NamedTuple):
     watched: int
     """1 if energies, limits and stiffness are computed, else 0."""
     of_state: Any
-    """Recorded columns of S."""
+    """Recorded columns of S; in plain Python, a function that returns their numbers from a joint's state."""
     of_inputs: Any
-    """Recorded columns of the references."""
+    """Recorded columns of the references; in plain Python, a function that returns their numbers from a row."""
 
 
 class Corrections(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import prod
 from typing import Any
 from weakref import ref
@@ -16,6 +16,8 @@ from asrsim.simulation.arguments import EngineCall
 
 NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
 """Empty table of wrenches, and table of lengths for a kick that consists of one piece."""
+NO_RECORD = np.zeros(1, dtype=np.int64)
+"""Records of an engine whose step is a Python function."""
 
 
 class BoundEngine:
@@ -38,7 +40,7 @@ class BoundEngine:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
         # Items of a memory view are read and written several times faster than those of an array.
-        return EngineCall(step=self._step, record=0, exchange=self._exchange.data)
+        return EngineCall(step=self._step, records=NO_RECORD, exchange=self._exchange.data)
 
     def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel. Raises an exception of the engine that could not be raised during the call."""
@@ -99,7 +101,7 @@ class CalledEngine(BoundEngine):
     def borrow(self, pieces: int) -> EngineCall:
         """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
         super().borrow(pieces)
-        return EngineCall(step=self._address, record=0, exchange=self._exchange)
+        return EngineCall(step=self._address, records=NO_RECORD, exchange=self._exchange)
 
     def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
         # Exceptions must not pass through compiled code: the world is stopped instead.
@@ -129,9 +131,9 @@ def _numbers_at(address: int, shape: tuple[int, ...]) -> Array:
 class NativeEngine(BoundEngine):
     """Adapter for a compiled kernel and an engine whose step is a C function, for the states of many worlds."""
 
-    def __init__(self, engine: Engine, native: Native, states: Array) -> None:
-        """states: states of all worlds, (worlds, values)."""
-        self.engine, self._native, self.states = engine, native, states
+    def __init__(self, engine: Engine, native: Native, states: Array, strides: Sequence[int]) -> None:
+        """states: states of all worlds, (worlds, values); strides: lengths of the steps in substeps, beginning with 1."""
+        self.engine, self._native, self.states, self._strides = engine, native, states, strides
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
         self._calls: list[EngineCall] = []
@@ -140,12 +142,15 @@ class NativeEngine(BoundEngine):
     def borrow(self, pieces: int) -> EngineCall:
         """What one call of the kernel receives; each call gets its own, since threads may call in parallel."""
         call = self._calls.pop() if self._calls else None
-        if call is None:
-            self._records.append(self._native.make_record())
-        elif len(call.exchange) >= pieces:
+        if call is not None and len(call.exchange) >= pieces:
             return call
-        address = self._records[-1].address if call is None else call.record
-        return EngineCall(self._native.address, address, np.zeros((pieces, len(self.engine.joints), 6)))
+        if call is None:
+            made = [self._native.make_record(*([stride] if stride > 1 else [])) for stride in self._strides]
+            self._records += made
+            addresses = np.array([record.address for record in made], dtype=np.int64)
+        else:
+            addresses = call.records
+        return EngineCall(self._native.address, addresses, np.zeros((pieces, len(self.engine.joints), 6)))
 
     def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel."""

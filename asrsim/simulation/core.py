@@ -26,6 +26,7 @@ from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
 from asrsim.simulation.shape import RowShape, shape_of
+from asrsim.simulation.strides import ALWAYS_ALL, Strides
 
 SECONDS_SAVED = 20e-6
 """Time in s that compiled code saves per joint and motor substep (measured with 1 to 20 joints: 15 to 30 microseconds)."""
@@ -56,10 +57,11 @@ class Core:
         worlds: int = 1,
         compiled: bool = False,
         watch: Callable[[], None] | None = None,
+        strides: Strides = ALWAYS_ALL,
     ) -> None:
         """engine: engine of the prepared scenario, which `close` closes. watch: function that is called before each step of the
         engine. Raises SimulationError if compiled code is requested and not available."""
-        self.prepared, self.compiled, self._watch = prepared, compiled, watch
+        self.prepared, self.compiled, self._watch, self._strides = prepared, compiled, watch, strides
         drives = prepared.drives
         self._scheme = scheme_of(prepared)
         self._code: Any = interpreted
@@ -82,6 +84,8 @@ class Core:
         """Inputs that callers have set, (worlds, joints, input columns), in place of the scenario's signals; NaN: not set."""
         self.done = np.zeros(worlds, dtype=np.int64)
         """Number of completed substeps of each world, (worlds,)."""
+        self.strides = np.zeros((worlds, 3), dtype=np.int64)
+        """Stride of each world, and what decides on the next one; see `asrsim.simulation.arguments.Tables`."""
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """Health of each world (`asrsim.simulation.layout.HEALTH`) and number of the joint at fault, (worlds, 2)."""
         self.corrections = UNOBSERVED
@@ -112,7 +116,9 @@ class Core:
                 kind.joint_step = self._address(bound_step(released_step))
         # For the Python loop the kinds are records with functions instead of addresses.
         table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
-        self._common = Common(table, self._code.scheme_table(self._scheme))
+        own = self._strides
+        schemes, sizes = self._code.scheme_table(own.schemes(self._scheme)), np.array(own.sizes, dtype=np.int64)
+        self._common = Common(table, schemes, sizes, own.deflections, own.stiffest, own.shares)
         return constants
 
     def _make_room(self, prepared: Prepared) -> None:
@@ -135,7 +141,7 @@ class Core:
         """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
         self.columns, self._world_tables = columns, None
         self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
-        found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.readers, columns.of_inputs.tolist())
+        found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.read_state, columns.read_inputs)
         self._recorded = RowSelection(self.prepared.resolution.substeps, int(watched), *found)
         """Row (worlds, joints, columns) of each world at its last whole step."""
 
@@ -160,7 +166,7 @@ class Core:
             return CalledEngine(engine, wrenches, self._watch) if self.compiled else BoundEngine(engine, self._watch)
         if self._states is None:
             self._states = np.zeros((len(self.S), native.size))
-        return NativeEngine(engine, native, self._states)
+        return NativeEngine(engine, native, self._states, self._strides.sizes)
 
     def _start_engine(self, engine: Engine, prepared: Prepared) -> Any:
         return engine.start(
@@ -193,11 +199,12 @@ class Core:
         self._plain_joints.pop(world, None)
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTH.healthy
+        self.strides[world, :2] = 0, kernel.PATIENCE
         bound.entered(world)
 
     @property
     def _tables(self) -> tuple[NDArray[Any], ...]:
-        return self.done, self.fault, self.S, self.P, self.held, self.rows
+        return self.done, self.fault, self.S, self.P, self.held, self.rows, self.strides
 
     def state(self, world: int) -> tuple[Any, ...]:
         """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
@@ -256,7 +263,7 @@ class Core:
         tables, engine = self._world_tables, bound.borrow(self._pieces)
         if tables is None:
             states = self.S[:, 0] if self._states is None else self._states
-            tables = self._world_tables = Tables(self.S, self.P, states, self.done, self.fault, self.rows)
+            tables = self._world_tables = Tables(self.S, self.P, states, self.done, self.fault, self.rows, self.strides)
         self._run(Stretch(which, first, count), tables, self._common, given, engine, self._recorded, self.corrections, out)
         bound.give_back(engine)
 
@@ -275,8 +282,9 @@ class Core:
             ]
         state, engine = self._plain_joints[world], bound.borrow(self._pieces)
         # Items of a memory view are read and written several times faster than those of an array.
-        done, fault, rows = (table[world : world + 1].data for table in (self.done, self.fault, self.rows))
-        tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows), out.data
+        shown = self.done, self.fault, self.rows, self.strides
+        done, fault, rows, strides = (table[world : world + 1].data for table in shown)
+        tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows, strides), out.data
         try:
             kernel.run(
                 Stretch([(0, *places)], first, count), tables, self._common, given, engine, self._recorded, UNOBSERVED, views
@@ -294,7 +302,7 @@ def _widened(table: Array, columns: int) -> Array:
 
 def make_core(
     prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int,
-    watch: Callable[[], None] | None,
+    watch: Callable[[], None] | None, strides: Strides = ALWAYS_ALL,
 ) -> tuple[Core, str]:  # fmt: skip
     """A core, and the reason why its loop runs in Python although compiled code would be faster (empty if there is no such
     reason).
@@ -309,7 +317,7 @@ def make_core(
         try:
             if not numba_available():
                 raise SimulationError("Numba is not installed")
-            return Core(prepared, engine, worlds=worlds, compiled=True, watch=watch), ""
+            return Core(prepared, engine, worlds=worlds, compiled=True, watch=watch, strides=strides), ""
         except SimulationError as error:
             if wanted:
                 raise

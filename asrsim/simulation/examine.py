@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from asrsim.errors import Problem, RobotError, ScenarioError
-from asrsim.plugins import blame_laws
+from asrsim.plugins import blame_plugins
 from asrsim.registry.engines import ENGINES
 from asrsim.registry.steppings import Stepping, stepping_called
 from asrsim.robot.doubts import warnings_of
@@ -107,7 +107,7 @@ def examine_all(
     return _plans(found, problems, robot, beside)
 
 
-@blame_laws()
+@blame_plugins()
 def read(
     scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str | None] = (None,),
     overrides: Overrides = (), plugins: Sequence[str | Path] = (), one: bool = False, propose: bool = False,

@@ -8,9 +8,8 @@ record, the records of its motors, and numbers whose count depends on the robot 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
@@ -266,12 +265,3 @@ JOINT = columns(JointState)
 def motor_column(name: str, i: int) -> int:
     """Column of S for a number of the state of motor i = 0, 1, ..."""
     return len(JOINT) + i * len(columns(MotorState)) + columns(MotorState)[name]
-
-
-def reader_of(column: int) -> Callable[[JointState], float]:
-    """Function that returns the number of a joint in a column of S."""
-    motor, place = divmod(column - len(JOINT), len(columns(MotorState)))
-    if motor < 0:
-        return attrgetter(list(JOINT)[column])
-    read = attrgetter(list(columns(MotorState))[place])
-    return lambda joint: read(joint.motors[motor])

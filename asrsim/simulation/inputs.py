@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,6 +90,7 @@ class Inputs:
         """Signals and sensors that may jump, without repetitions."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
+        self._duration = scenario.duration
         self._moving = np.array([[type(signal) is not Constant for signal in row] for row in self._signals])
         """Mask (joints, columns) of the signals that are not constant."""
         self._holds = not self._sensed and all(type(signal) is Constant for row in self._wrenches for signal in row)
@@ -98,6 +99,11 @@ class Inputs:
         """Number of columns of the external torque and the references that act."""
         self._recorded = [row + own for row, own in zip(self._signals, sent, strict=True)] if affected else self._signals
         """Signals in the columns of `Given.references`, by joint."""
+
+    @cached_property
+    def jumps(self) -> bool:
+        """Whether inputs jump after the start of the run, until the scenario ends."""
+        return any(one.jumps(self.substep, self._duration).size for one in self._jumping.values())
 
     def _map(self, inputs: Array, references: Array) -> None:
         """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from operator import attrgetter
 from typing import Any
@@ -18,9 +18,9 @@ UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """Errors that `math` raises if a law has no finite value."""
 
 
-def scheme_table(scheme: Scheme) -> list[Scheme]:
-    """Table with one record: the constants of a stepping."""
-    return [scheme]
+def scheme_table(schemes: Sequence[Scheme]) -> list[Scheme]:
+    """Table with the constants of steppings."""
+    return list(schemes)
 
 
 def bound_step(function: Callable[..., None]) -> Any:

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants, motor_kick, velocity_bounds
-from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Pushes, Scheme, Works
+from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Pushes, Scheme
 from asrsim.simulation.laws import drive_of, inputs_of, joint_step, motor_of, put_load, spring_law
 from asrsim.simulation.layout import EXTERNAL, GOALS, TASK
 from asrsim.simulation.sensing import read_sensors, remember_positions
@@ -207,17 +207,16 @@ def _advance_springs(
             lead_stages(joint, kind, scheme, step)
         spring_law(kind.spring_law, joint, link, kind, q, int(whole and turn == turns // 2))
         for i in range(motors):
-            total += motor_of(joint, i).pull
-        for i in range(dynamic):
-            motor, drive = motor_of(joint, i), drive_of(link, i)
-            most = motor.limit if kind.stages else drive.limit
-            _kick(motor, drive, scheme, u[GOALS + i], most, step, before, now)
+            motor = motor_of(joint, i)
+            total += motor.pull
+            if i < dynamic:
+                drive = drive_of(link, i)
+                most = motor.limit if kind.stages else drive.limit
+                _kick(motor, drive, scheme, u[GOALS + i], most, step, before, now)
+            if now:
+                motor.load, motor.kick_position = motor.pull, motor.theta
         if kind.stages:
             note_kick(joint, kind, step, now)
-        if now:
-            for i in range(motors):
-                motor = motor_of(joint, i)
-                motor.load, motor.kick_position = motor.pull, motor.theta
     joint.now.torque = total / turns
 
 
@@ -244,24 +243,19 @@ def _kick(
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
         motor.at_limit = 2.0
     resistance = friction + drive.damping * (speed + scheme.implicitness * (velocity - speed))
-    _add_works(motor.work, 0.5 * step * speed, torque, resistance, load)
+    work, way = motor.work, 0.5 * step * speed
+    driven, lost, sprung = work.drive + torque * way, work.loss + resistance * way, work.spring + load * way
     if noted:
-        motor.row_work.drive, motor.work.drive = motor.work.drive, 0.0
-        motor.row_work.loss, motor.work.loss = motor.work.loss, 0.0
-        motor.row_work.spring, motor.work.spring = motor.work.spring, 0.0
+        row = motor.row_work
+        row.drive, row.loss, row.spring = driven, lost, sprung
+        driven = lost = sprung = 0.0
         constant = drive.torque_constant
         motor.torque, motor.friction, motor.mean_velocity = torque, friction, mean
         if constant > 0.0:
             motor.current = torque / constant
             motor.voltage = drive.resistance * motor.current + constant * mean
-    _add_works(motor.work, 0.5 * step * velocity, torque, resistance, load)
-
-
-def _add_works(work: Works, way: float, torque: float, resistance: float, load: float) -> None:
-    """Add the works of the torques (N m) on a motor that moves by `way` rad."""
-    work.drive += torque * way
-    work.loss += resistance * way
-    work.spring += load * way
+    way = 0.5 * step * velocity
+    work.drive, work.loss, work.spring = driven + torque * way, lost + resistance * way, sprung + load * way
 
 
 def limit(joint: JointState, link: JointConstants, v: float) -> float:

@@ -13,12 +13,18 @@ from asrsim.simulation.arguments import Common, Corrections, EngineCall, RowSele
 from asrsim.simulation.fields import Scheme
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.joint import load_joint, move_on, settle
-from asrsim.simulation.laws import engine_step, joint_of, motion_of, motor_of, value_of
-from asrsim.simulation.layout import HEALTH
+from asrsim.simulation.laws import engine_step, inputs_of, joint_of, motion_of, motor_of, record, spring_law
+from asrsim.simulation.layout import GOALS, HEALTH, TASK
 from asrsim.simulation.ledger import update_ledger
 
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
+PATIENCE = 100
+"""Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
+OTHER = 2
+"""Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
+FASTER = 2.0
+"""Safety factor of the speeds with which a deflection may grow within a step."""
 ENDLESS = 1e300
 """Torque above which a torque counts as infinite, N m."""
 
@@ -28,8 +34,9 @@ def run(
     corrections: Corrections, out: Any,
 ) -> None:  # fmt: skip
     """Advance worlds by some substeps. out: recorded values (m, rows, joints, columns of the state and of the references)."""
-    scheme, kinds, exchange, fault = common.scheme[0], common.kinds, engine.exchange, worlds.fault
+    kinds, exchange, fault, sizes = common.kinds, engine.exchange, worlds.fault, common.sizes
     first, every, watched = stretch.first, recorded.every, recorded.watched
+    last = first + stretch.substeps
     of_state, of_inputs = recorded.of_state, recorded.of_inputs
     for chosen in range(len(stretch.which)):
         row = stretch.which[chosen]
@@ -40,17 +47,24 @@ def run(
         pushes, lengths, cuts = given.wrenches[timing], given.lengths[timing], given.cuts[timing]
         while cut < len(cuts) and 0 <= cuts[cut][0] < first:
             cut += 1
-        for step in range(first, first + stretch.substeps):
+        before, step = worlds.strides[w, 0], first
+        while step < last:
             if fault[w, 0] != HEALTH.healthy:
                 break
-            substep = worlds.done[w]
+            substep, after = worlds.done[w], before
             asked, begins = substep % every == 0, substep == 0
+            if asked and not begins and worlds.strides[w, 2] != 0:
+                after = stride_of(states, constants, common, inputs, worlds.strides, w, step, step + every <= last)
+            scheme = common.scheme[before * len(sizes) + after]
             if asked and len(corrections.measured) > 0:
                 observe(states, constants, kinds, scheme, x, corrections, place, substep // every)
             begin, end, on_time = step, step + 1, -1
-            if cut < len(cuts) and cuts[cut][0] == step:
-                begin, end, on_time = cuts[cut][1], cuts[cut][2], cuts[cut][3]
+            while cut < len(cuts) and 0 <= cuts[cut][0] <= step:
+                # The pieces of a kick are parts of a substep.
+                if cuts[cut][0] == step and before == 0 and after == 0:
+                    begin, end, on_time = cuts[cut][1], cuts[cut][2], cuts[cut][3]
                 cut += 1
+            kicks = lengths[begin:end] if before == after else common.shares[before, after : after + 1]
             jumped, whole = on_time >= 0, watched != 0 and asked
             for j in range(len(kinds)):
                 joint, link, kind = joint_of(states, constants, kinds, j)
@@ -62,27 +76,65 @@ def run(
                     break
             if fault[w, 0] != HEALTH.healthy:
                 break
-            engine_step(engine.step, engine.record, x, exchange, pushes[begin:end], lengths[begin:end], end - begin)
+            engine_step(engine.step, engine.records[after], x, exchange, pushes[begin:end], kicks, end - begin)
             for j in range(len(kinds)):
                 joint, link, kind = joint_of(states, constants, kinds, j)
                 position, velocity, at_time = motion_of(exchange, end - begin - 1, j)
+                if before != after:
+                    # The time of the substep is not the middle of the kick.
+                    at_time = joint.engine_velocity + scheme.first_drift * (velocity - joint.engine_velocity)
                 settle(joint, link, kind, scheme, velocity, at_time, begins, jumped)
                 if watched:
                     update_ledger(joint, link, kind, scheme, begins, jumped, asked)
                 if asked:
-                    for c in range(len(of_state)):
-                        out[place, kept, j, c] = value_of(joint, of_state[c])
-                    for c in range(len(of_inputs)):
-                        out[place, kept, j, len(of_state) + c] = references[step][j][of_inputs[c]]
+                    record(out, place, kept, j, joint, of_state, inputs_of(references, step, j), of_inputs)
+                start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
+                if before != after:
+                    # The velocity from which a whole kick would have led to the new velocity.
+                    joint.last_engine_velocity = velocity - (velocity - start) / kicks[0]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1] = HEALTH.ran_away, j
             if asked:
                 kept += 1
-            worlds.done[w] = substep + 1
+            worlds.done[w] = substep + sizes[after]
+            step, before = step + sizes[after], after
+            worlds.strides[w, 0] = after
         for j in range(len(kinds) if kept else 0):
-            for c in range(len(of_state) + len(of_inputs)):
+            for c in range(out.shape[3]):
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]
+
+
+def stride_of(
+    states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool
+) -> int:  # fmt: skip
+    """Stride of a world at a whole step: at once a shorter one if a spring may become too stiff for the present one, and a
+    longer one after `PATIENCE` steps in which it was possible. whole: whether the whole step belongs to the call."""
+    longest = len(common.sizes) - 1 if whole else 0
+    for j in range(len(common.kinds)):
+        joint, link, kind = joint_of(states, constants, common.kinds, j)
+        if not kind.sprung:
+            continue
+        speed = abs(joint.engine_velocity)
+        for i in range(kind.dynamic):
+            speed = max(speed, abs(joint.engine_velocity) + abs(motor_of(joint, i).velocity))
+        way, most = FASTER * speed * common.scheme[0].step * common.sizes[longest], 0.0
+        for i in range(kind.positions):
+            motor = motor_of(joint, i)
+            place = motor.position if i < kind.dynamic else inputs_of(inputs, step, j)[GOALS + i]
+            motor.theta = place + way if place > joint.position else place - way
+            most = max(most, abs(motor.theta - joint.position))
+        if strides[w, 2] == OTHER or not most <= common.deflections[longest, j]:
+            # The stiffness where the step can take the springs.
+            spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
+            while longest > 0 and not joint.stiffness <= common.stiffest[longest, j]:
+                longest -= 1
+    now: int = strides[w, 0]
+    strides[w, 1] = strides[w, 1] + 1 if longest > now else 0
+    if now < longest and strides[w, 1] <= PATIENCE:
+        return now
+    strides[w, 1] = 0
+    return longest
 
 
 def observe(

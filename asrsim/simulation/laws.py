@@ -6,6 +6,7 @@ In compiled code, `asrsim.simulation.native` replaces these functions by calls t
 from __future__ import annotations
 
 import math
+from struct import pack_into
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
@@ -69,6 +70,10 @@ def memory_of(joint: JointState, kind: JointKind) -> Any:
     return joint.memory
 
 
-def value_of(joint: JointState, column: Any) -> float:
-    """Number in a column of the joint's row; in plain Python, the column is a function of the joint."""
-    return column(joint)  # type: ignore[no-any-return]
+def record(out: Any, place: int, kept: int, j: int, joint: JointState, of_state: Any, references: Any, of_inputs: Any) -> None:
+    """Write a row of joint j: numbers of its state, then of its references. out, of_state, of_inputs: see
+    `asrsim.simulation.kernel.run` and `asrsim.simulation.arguments.RowSelection`; place, kept: number of the world in `out` and
+    of its row."""
+    _, rows, joints, columns = out.shape
+    first = ((place * rows + kept) * joints + j) * columns
+    pack_into(f"{columns}d", out, out.itemsize * first, *of_state(joint), *of_inputs(references))

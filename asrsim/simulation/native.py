@@ -24,6 +24,7 @@ from asrsim.simulation.staged import SLOPE, StageAccess, compose
 
 INLINE = (
     "asrsim.actuators.motor",
+    __name__,
     *(f"asrsim.simulation.{name}" for name in ("kernel", "joint", "sensing", "ledger", "laws", "staged")),
 )
 """Modules whose functions are inlined into their callers."""
@@ -36,15 +37,37 @@ def compiled_run() -> Any:
     floats = {n: np.zeros((1,) * n) for n in (1, 2, 3, 4)}
     example = (
         Stretch(which=whole[2], first=1, substeps=1),
-        Tables(states=floats[3], constants=floats[3], engines=floats[2], done=whole[1], fault=whole[2], rows=floats[3]),
-        Common(kinds=whole[2], scheme=np.zeros(1, dtype=_dtype(Scheme))),
+        Tables(
+            states=floats[3],
+            constants=floats[3],
+            engines=floats[2],
+            done=whole[1],
+            fault=whole[2],
+            rows=floats[3],
+            strides=whole[2],
+        ),
+        Common(
+            kinds=whole[2],
+            scheme=np.zeros(1, dtype=_dtype(Scheme)),
+            sizes=whole[1],
+            deflections=floats[2],
+            stiffest=floats[2],
+            shares=floats[2],
+        ),
         Given(inputs=floats[4], references=floats[4], wrenches=floats[4], lengths=floats[2], cuts=whole[3]),
-        EngineCall(step=1, record=1, exchange=floats[3]),
+        EngineCall(step=1, records=whole[1], exchange=floats[3]),
         RowSelection(every=1, watched=1, of_state=whole[1], of_inputs=whole[1]),
         Corrections(measured=floats[4], gains=floats[1], coordinates=whole[2]),
         floats[4],
     )
-    return compiling.compile_function(kernel.run, example, names=_pointers(), inline=INLINE)
+    return compiling.compile_function(kernel.run, example, names={**_pointers(), "record": _record}, inline=INLINE)
+
+
+def _record(out: Any, place: int, kept: int, j: int, joint: Any, of_state: Any, references: Any, of_inputs: Any) -> None:
+    for c in range(len(of_state)):
+        out[place, kept, j, c] = value_of(joint, of_state[c])
+    for c in range(len(of_inputs)):
+        out[place, kept, j, len(of_state) + c] = references[of_inputs[c]]
 
 
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
@@ -159,8 +182,8 @@ def _unbound(*arguments: Any) -> Any:
     raise NotImplementedError("the compiler replaces this function")
 
 
-torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = motor_of = _unbound
-springs = place = add = remember = store = lose = _unbound
+torques = stiffness = energy = positions = parameters = row = own_step = joint_at = link_at = kind_at = _unbound
+springs = place = add = remember = store = lose = motor_of = value_of = _unbound
 
 
 @cache
@@ -288,9 +311,9 @@ def _adding_at(column: int) -> Any:
     return intrinsic(add_to)
 
 
-def scheme_table(scheme: Scheme) -> NDArray[Any]:
-    """Table with one record: the constants of a stepping."""
-    return np.array([numbers(scheme)], dtype=_dtype(Scheme))
+def scheme_table(schemes: Sequence[Scheme]) -> NDArray[Any]:
+    """Table with the constants of steppings."""
+    return np.array([numbers(scheme) for scheme in schemes], dtype=_dtype(Scheme))
 
 
 @cache

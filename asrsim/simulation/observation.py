@@ -44,8 +44,9 @@ class Snapshot:
     """Wrenches that the caller holds on bodies, by name of the body."""
 
 
-def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: float) -> Observation:
-    """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of a substep in s."""
+def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: Any) -> Observation:
+    """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of the last substep in s,
+    or an array (..., 1)."""
     dynamic = [drive.dynamic_motors for drive in drives]
     position, velocity = np.full((2, *state.shape[:-1], max(dynamic)), np.nan)
     lag = drives[0].stepping.first_drift * substep

@@ -17,7 +17,7 @@ import numpy as np
 from asrsim.engines import ENGINES
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
-from asrsim.plugins import blame_laws
+from asrsim.plugins import blame_plugins
 from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.massless import SINGULAR
@@ -313,7 +313,7 @@ def prepare_worlds(
     return build(plan if engine in (None, plan.scenario.engine) else plan.on(engine=engine), settable=settable)
 
 
-@blame_laws()
+@blame_plugins()
 def build(plan: Plan, *, settable: bool = False) -> Prepared:
     """Build the actuators and the engine of an examined scenario. Raises UnresolvedSpringError, and errors of the engine.
 

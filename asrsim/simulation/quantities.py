@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
+from itertools import groupby
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +16,8 @@ from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.records import declared
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
-from asrsim.simulation.fields import JOINT, JointState, MotorState, motor_column, reader_of
+from asrsim.simulation.fields import JOINT, JointState, MotorState, motor_column
+from asrsim.simulation.laws import motor_of
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.shape import RowShape
 
@@ -37,32 +41,63 @@ def simulated_quantities(motors: int) -> tuple[str, ...]:
     return (*names, *(stage.lost for stage in STAGES.loaded() if stage.lost))
 
 
-StateReader = Callable[[JointState], float]
-"""Function that returns a number of a joint's state."""
+class Place(NamedTuple):
+    """Place of a number in a joint's state."""
+
+    column: int
+    """Column of S."""
+    owner: Callable[[JointState], Any]
+    """Function that finds the record with this number: the joint itself, or a motor or a stage of it."""
+    path: str
+    """Name of the number in this record."""
 
 
-def columns_of(shape: RowShape) -> dict[str, tuple[int, StateReader]]:
-    """Column of S for each quantity, and its reader."""
-    columns = {name: JOINT[path] for path, name in LOGGED.items()}
+def columns_of(shape: RowShape) -> dict[str, Place]:
+    """Place of each quantity."""
+    found = {name: Place(JOINT[path], _itself, path) for path, name in LOGGED.items()}
     for i in range(shape.motors):
-        columns |= {name.format(i + 1): motor_column(path, i) for path, name in LOGGED_OF_MOTORS.items()}
-    found = {name: (column, reader_of(column)) for name, column in columns.items()}
+        owner = partial(motor_of, i=i)
+        found |= {name.format(i + 1): Place(motor_column(path, i), owner, path) for path, name in LOGGED_OF_MOTORS.items()}
     for index, stage in enumerate(shape.kept):
-        first, size = shape.place(stage), len(declared(stage.Memory))
+        first, names = shape.place(stage), {path: one["log"] for path, one in declared(stage.Memory).items()}
         if stage.lost:
-            found[stage.lost] = first, partial(_loss_of, index)
-        for place, (path, one) in enumerate(declared(stage.Memory).items()):
-            for i in range(shape.motors if one["log"] else 0):
-                found[one["log"].format(i + 1)] = first + 1 + i * size + place, partial(_memory_of, index, i, path)
+            found[stage.lost] = Place(first, partial(_stage_of, index=index), "loss")
+        for i in range(shape.motors):
+            owner, begin = partial(_memory_of, index=index, i=i), first + 1 + i * len(names)
+            places = enumerate(names.items(), start=begin)
+            found |= {name.format(i + 1): Place(column, owner, path) for column, (path, name) in places if name}
     return found
 
 
-def _loss_of(index: int, joint: JointState) -> float:
-    return joint.stages[index].loss
+def _itself(joint: JointState) -> JointState:
+    return joint
 
 
-def _memory_of(index: int, motor: int, path: str, joint: JointState) -> float:
-    return getattr(joint.stages[index].motors[motor], path)  # type: ignore[no-any-return]
+def _stage_of(joint: JointState, index: int) -> Any:
+    return joint.stages[index]
+
+
+def _memory_of(joint: JointState, index: int, i: int) -> Any:
+    return joint.stages[index].motors[i]
+
+
+def reader_of(places: Sequence[Place]) -> Callable[[JointState], list[float]]:
+    """Function that reads the numbers at these places from a joint's state."""
+    parts = [(owner, _getter([place.path for place in own])) for owner, own in groupby(places, key=attrgetter("owner"))]
+
+    def read(joint: JointState) -> list[float]:
+        found: list[float] = []
+        for owner, get in parts:
+            found += get(owner(joint))
+        return found
+
+    return read
+
+
+def _getter(names: Sequence[str]) -> Callable[[Any], Iterable[float]]:
+    """Function that returns attributes of an object."""
+    get: Callable[[Any], Any] = attrgetter(*names)
+    return get if len(names) > 1 else lambda owner: (get(owner),)
 
 
 def inputs_of(motors: int) -> dict[str, int]:
@@ -103,6 +138,10 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], list[float]]:
+    return lambda row: [row[column] for column in columns]
+
+
 def require_recorded(names: Sequence[str], columns: Collection[str], choices: tuple[str, ...]) -> None:
     """Raise InputError for names of quantities without a column. choices: names for the message."""
     problems = [
@@ -134,12 +173,16 @@ class RowColumns:
         """Recorded quantities."""
         require_recorded(self.names, of_state.keys() | of_inputs.keys(), known)
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
-        self.of_state: NDArray[np.int64] = np.array([of_state[name][0] for name in first], dtype=np.int64)
+        # In the order of S, the numbers of a record are neighbours, and are read together.
+        first.sort(key=lambda name: of_state[name].column)
+        self.of_state: NDArray[np.int64] = np.array([of_state[name].column for name in first], dtype=np.int64)
         """Columns of S that are recorded."""
-        self.readers = [of_state[name][1] for name in first]
-        """Functions that return the numbers in these columns from a joint's state."""
+        self.read_state = reader_of([of_state[name] for name in first])
+        """Function that returns the numbers in these columns from a joint's state."""
         self.of_inputs: NDArray[np.int64] = np.array([of_inputs[name] for name in second], dtype=np.int64)
         """Columns of the references that are recorded."""
+        self.read_inputs = _picker(self.of_inputs.tolist())
+        """Function that returns the numbers in these columns from a row of references."""
         self.place = {name: place for place, name in enumerate((*first, *second))}
         """Column of each quantity in a recorded row."""
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from asrsim.compiled.compiling import numba_available
 from asrsim.errors import DivergenceError, Problem
-from asrsim.plugins import blame_laws
+from asrsim.plugins import blame_plugins
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
@@ -46,7 +46,7 @@ class Run:
     """Whether the loop ran compiled."""
 
 
-@blame_laws()
+@blame_plugins()
 def simulate(
     scenario: ScenarioLike,
     robot: Robot | None = None,

@@ -80,8 +80,11 @@ class Resolution:
     """Weight of the new velocity in the damping of the links: 1/2 is the midpoint rule; larger values damp fast modes."""
 
 
-def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None) -> Resolution:
-    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient."""
+def resolution_of(
+    scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, *, softer: float = 1.0
+) -> Resolution:  # fmt: skip
+    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient.
+    softer: fraction of the stiffness that the springs can reach that is to be resolved."""
     sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
@@ -103,7 +106,8 @@ def resolution_of(scenario: Scenario, drives: Sequence[SteppedJoint], model: Rob
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
     interval = scenario.duration / SAMPLES
-    return _resolve(scenario, drives, couplings, places, masses, [_reachable_stiffness(*row, interval) for row in rows])
+    stiffness = [softer * _reachable_stiffness(*row, interval) for row in rows]
+    return _resolve(scenario, drives, couplings, places, masses, stiffness)
 
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:

@@ -66,6 +66,7 @@ class WarpCore(Core):
         self.P = np.repeat(constants[None].astype(np.float32), worlds, axis=0)
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
         self.done = np.zeros(worlds, dtype=np.int64)
+        self.strides = np.zeros((worlds, 3), dtype=np.int64)
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         self.corrections = UNOBSERVED
         self._start_engine(engine, prepared)

@@ -21,6 +21,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
 from asrsim.signals.base import Signal
+from asrsim.simulation import kernel
 from asrsim.simulation.arguments import Corrections
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
@@ -31,6 +32,7 @@ from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
 from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
+from asrsim.simulation.strides import ALWAYS_ALL, strides_of
 
 NOTHING = np.empty(0)
 VARIANTS_KEPT = 256
@@ -108,6 +110,7 @@ class Worlds:
         watch: Callable[[], None] | None = None,
         engine: str | None = None,
         device: str = "cpu",
+        adaptive: bool = False,
     ) -> None:
         """Prepare the worlds.
 
@@ -125,6 +128,9 @@ class Worlds:
                 Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are not
                 computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
+            adaptive: Whether each world takes fewer substeps while its springs are soft enough
+                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo, without contacts,
+                imperfect sensors, stages and energies (`watched`).
         """
         for key, value in (("count", count), ("threads", threads)):
             check_number(value, key)
@@ -133,6 +139,7 @@ class Worlds:
                 "only worlds on Warp choose a device", key="device", value=device, hint=f"engine: {WARP}", code="warp"
             )
         prepared = prepare_worlds(scenario, engine=engine, variant=variant, overrides=overrides, plugins=plugins)
+        strides = strides_of(prepared) if adaptive else ALWAYS_ALL
         self.on_warp = engine == WARP
         """Whether the worlds are on a device of Warp."""
         if self.on_warp:
@@ -148,9 +155,19 @@ class Worlds:
             self.core, self.slow_because = (
                 (_warp_core(prepared, links, count, device), "")
                 if self.on_warp
-                else make_core(prepared, links, compiled=compiled, substeps=substeps, worlds=count, watch=watch)
-            )
+                else make_core(
+                    prepared, links, compiled=True if adaptive and compiled is None else compiled, substeps=substeps,
+                    worlds=count, watch=watch, strides=strides,
+                )
+            )  # fmt: skip
             self.record_as(prepared)
+            if adaptive and (self._watched or not self.core.native):
+                raise InputError(
+                    "needs the compiled loop without energies",
+                    key="adaptive",
+                    hint="watched=False, compiled=True",
+                    code="adaptive",
+                )
             self._home_inputs = self._inputs_of(prepared)
             self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
@@ -166,6 +183,8 @@ class Worlds:
             """Inputs of the next substeps; None after a change from outside, but for values that were set."""
             self._renewed = True
             """Whether `_block` contains the values that were set."""
+            self._sizes = np.array(strides.sizes)
+            """Lengths of the strides in substeps."""
             self.closed = False
             self.reset()
         except BaseException:
@@ -347,7 +366,13 @@ class Worlds:
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self.check_open()
-        return observe(self.time, self.prepared.drives, self.core.S, self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self.core.S, self._stride)
+
+    @property
+    def _stride(self) -> Any:
+        """Present length of the steps of all worlds in s; (N, 1) if they differ."""
+        sizes = self.core.strides[:, 0]
+        return self.prepared.substep * self._sizes[sizes][:, None] if np.count_nonzero(sizes) else self.prepared.substep
 
     def links(self) -> tuple[Array, Array]:
         """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
@@ -486,6 +511,9 @@ class Worlds:
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)
         self._worlds[number], self._equal_inputs = world, None
+        if len(self._sizes) > 1:
+            own = 1 if world.prepared is self.prepared else kernel.OTHER
+            self.core.strides[number, 2] = 0 if world.inputs.jumps else own
 
     def look(self, world: int) -> Engine:
         """The engine in the present state of a world, to read its model and its scene."""

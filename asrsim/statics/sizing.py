@@ -47,7 +47,7 @@ POSTURES = 64
 MOBILE_POSTURES = 16
 """Number of random postures in which the smallest inertia of each joint is sought."""
 CLOSE = 1e-3
-"""Distance from the position of rest at which its search ends, rad (m); sags are told to two digits."""
+"""Distance from the position of rest at which its search ends, rad (m); sags are printed with two digits."""
 RESTED = 1e-10
 """Error of the motors' positions in this search, rad: small beside the differences that give the stiffness of the springs."""
 SHOVE = 0.1

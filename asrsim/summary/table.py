@@ -46,15 +46,24 @@ def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[TableColumn, .
     )
 
 
-def difference_columns(names: Sequence[str], joints: Joints) -> tuple[TableColumn, ...]:
-    """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known."""
+def difference_columns(names: Sequence[str], joints: Joints, prismatic: Sequence[bool]) -> tuple[TableColumn, ...]:
+    """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known.
+    prismatic: whether each joint is prismatic."""
     columns = [
-        _numbers(f"{quantity}\n{word}", joints, f"{quantity}_{key}", "{:.2g}", digits=99)
-        for quantity in ("position", "torque")
+        TableColumn(
+            f"{quantity}\n{word}", [_difference(one, f"{quantity}_{key}", units[linear]) for one, linear in rows], right=True
+        )
+        for rows in [[*zip(joints, prismatic, strict=True)]]
+        for quantity, units in (("position", ("rad", "m")), ("torque", ("N m", "N")))
         for key, word in (("max", "max"), ("rms", "RMS"))
     ]
     order = [_numbers("order", joints, "order", "{:.2g}")] if any("order" in joint for joint in joints) else []
     return (TableColumn("joint", tuple(names)), *columns, *order)
+
+
+def _difference(joint: Mapping[str, Any], key: str, unit: str) -> str:
+    value = joint.get(key)
+    return "-" if value is None else shown(value, unit, 2)
 
 
 def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 1.0, digits: int = 12) -> TableColumn:

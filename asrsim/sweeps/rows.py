@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from asrsim.errors import AsrsimError, DivergenceError
 from asrsim.plain import finite_or_none
-from asrsim.plugins import blame_laws
+from asrsim.plugins import blame_plugins
 from asrsim.quantities import LIMITS
 from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
@@ -199,7 +199,7 @@ def _make_kind(study: Study, point: _Point) -> _Kind | None:
 
 def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
     """Cells of a run that is prepared and simulated alone. Raises AsrsimError."""
-    with blame_laws():
+    with blame_plugins():
         prepared = case.prepared(values)
         collector = collector_of(prepared.plan)
         with Simulation(prepared, sinks=[collector]) as simulation:

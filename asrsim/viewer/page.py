@@ -44,7 +44,7 @@ BRAND = (0, 90, 140)
 
 
 class Page:
-    """Page of one subject at a time. `show` begins with a new subject, `draw` shows a sample of it."""
+    """Page that shows one subject, a run or a recording. `show` begins with a new subject, `draw` shows a sample of it."""
 
     def __init__(self, server: PageServer) -> None:
         self.server = server.viser

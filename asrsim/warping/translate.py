@@ -48,7 +48,7 @@ def source_of(function: Any) -> ast.FunctionDef:
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError) as error:
-        raise TranslationError("its source is not at hand") from error
+        raise TranslationError("its source code is not available") from error
     if len(tree.body) != 1 or not isinstance(tree.body[0], ast.FunctionDef):
         raise TranslationError("it is not a function that is defined by `def`")
     return tree.body[0]

@@ -159,7 +159,7 @@ class Mine(Actuator):
         ("return None", "must give 2 numbers"),
         ("return 1.0, 2.0, 3.0", "must give 2 numbers"),
         ("raise SystemExit(7)", "raised SystemExit: 7"),
-        ("if theta_1 > 0.4: raise ValueError('late')", "elastic_torques: the law raised ValueError: late"),
+        ("if theta_1 > 0.4: raise ValueError('late')", "elastic_torques: the plugin raised ValueError: late"),
     ],
 )
 def test_faulty_plugin_laws_give_an_error(line, words, tiny, asrsim_command):

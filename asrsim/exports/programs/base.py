@@ -32,7 +32,7 @@ class Program:
     def missing(self) -> str:
         """Why the program cannot be tried here; empty if it can."""
         if type(self).positions is Program.positions:
-            return f"no replay is known for {self.title}"
+            return f"asrsim has no replay in {self.title}"
         for module in self.modules:
             try:
                 if find_spec(module) is None:

@@ -239,6 +239,9 @@ def test_measured_points_stand_beside_the_law(tmp_path):
     (source,) = sources_of(["sea"])
     angle, torque = measured(make_sheet(source, measured=[measured_curve(source, tmp_path / "bench.csv")]))
     np.testing.assert_allclose(torque, 11.0 * angle)
+    np.savetxt(tmp_path / "timeless.csv", table[:, 1:], delimiter=",", header="deflection [rad],torque [Nm]", comments="")
+    curve = measured_curve(source, tmp_path / "timeless.csv", rate=1.0)
+    np.testing.assert_allclose(curve.torque, 11.0 * curve.deflection)
 
 
 @pytest.mark.slow
