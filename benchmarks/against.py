@@ -235,7 +235,8 @@ def main() -> None:
                 pair = []
                 for tree in trees:
                     if row in COMMANDS:
-                        pair.append(_run(tree, ["-m", "asrsim", *COMMANDS[row], "--out", str(folder / "out"), "--overwrite"]))
+                        written = () if row == "help" else ("--out", str(folder / "out"), "--overwrite")
+                        pair.append(_run(tree, ["-m", "asrsim", *COMMANDS[row], *written]))
                         continue
                     _run(tree, [__file__, str(given.tree), "--measure", row, name, str(result)])
                     pair.append(np.load(result))

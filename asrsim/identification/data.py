@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -26,6 +26,14 @@ from asrsim.signals.curve import CubicCurve, curve_through
 
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
+GEARED, FOLLOWS = 10.0, 0.9
+"""A motor that moves this many times as far as its link, and with this correlation, was measured before its gear: a spring so
+soft would hardly move the link.
+"""
+APART = 3.0
+"""Difference between the positions of a motor and of its link with the deflection, in standard deviations of this difference,
+above which the motor's sensor has another zero: chance exceeds three standard deviations once in 400 times.
+"""
 COMPUTED = 1e-3
 """Relative residual of a linear regression on another column below which a column counts as computed from it."""
 
@@ -111,6 +119,8 @@ class Data:
     torques: Mapping[str, str]
     """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
+    zeros: Mapping[str, float] = field(default_factory=dict)
+    """Zeros of motors' sensors, by key, rad, that differ from those of the other sensors of their joints."""
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -145,7 +155,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
             file=recording.path, code="no-command",
             hint=f"Name the column: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )  # fmt: skip
-    remarks = [*plan.remarks]
+    remarks = [*recording.doubts, *plan.remarks]
     channels = tuple(_channels(task, plan, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"
@@ -156,10 +166,15 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         message = "no channel moves by more than its noise, so no parameter can be identified"
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
+    zeros = dict(_zeros({channel.key: channel for channel in channels}, robot))
+    remarks += [
+        f"{key} is estimated, too: motor, link and deflection differ by {value:.3g} rad, so their sensors have different zeros"
+        for key, value in zeros.items()
+    ]
     return Data(
         name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
         duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
-        channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks),
+        channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks), zeros=zeros,
         torques={joint: column.source for joint, column in plan.compared if column.quantity == "link_torque"},
     )  # fmt: skip
 
@@ -196,6 +211,11 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
             reason = f"mode {mode.number} ({mode.name}) has no spring"
+        elif quantity.endswith("position") and (gear := _gear(column, possible.get(f"{joint}.link_position"))):
+            reason = (
+                f"it moves {abs(gear):.4g} times as far as the link; if it was measured before the gear, convert it: --map "
+                f"'{column.source}={1.0 / gear:.4g}*{key}'"
+            )
         elif column.source in computed:
             reason = f"it was computed from '{computed[column.source]}', not measured: a fit to it would be circular"
         elif len(values) < 3 or not np.ptp(values) > 0.0:
@@ -211,14 +231,48 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 
 
+def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str, float]]:
+    """Keys and values of the zeros of motors' sensors, where the deflection of a single motor's spring is measured, too."""
+    for joint in (block.joint for block in robot.actuators if ACTUATORS.get(block.actuator).motors == 1):
+        motor, *others = (channels.get(f"{joint}.{what}") for what in ("motor_1_position", "link_position", "deflection"))
+        known = [one for one in others if one is not None]
+        if motor is None or len(known) < 2:
+            continue
+        inside = (motor.time >= max(one.time[0] for one in known)) & (motor.time <= min(one.time[-1] for one in known))
+        apart = motor.values[inside] - sum(np.interp(motor.time[inside], one.time, one.values) for one in known)
+        zero = float(np.median(apart)) if inside.any() else 0.0
+        if abs(zero) > APART * max(float(np.std(apart)), motor.floor):
+            yield f"{motor.key}.offset", zero
+
+
+MEASURED = ("position", "deflection")
+"""Endings of quantities that are measured rather than computed: torques of springs are computed from deflections."""
+
+
+def _gear(motor: Column, link: tuple[str, Column] | None) -> float:
+    """Ratio of the motions of a motor and its link, if the motor was measured before its gear; else 0."""
+    if link is None or motor is link[1]:
+        return 0.0
+    known = np.isfinite(motor.values) & (motor.time >= link[1].time[0]) & (motor.time <= link[1].time[-1])
+    good = np.isfinite(link[1].values)
+    if known.sum() < 3 or good.sum() < 3:
+        return 0.0
+    place = np.interp(motor.time[known], link[1].time[good], link[1].values[good])
+    if not min(np.ptp(place), np.ptp(motor.values[known])) > 0.0:
+        return 0.0
+    correlation = float(np.corrcoef(place, motor.values[known])[0, 1])
+    slope = float(np.polyfit(place, motor.values[known], 1)[0])
+    return slope if abs(correlation) > FOLLOWS and abs(slope) > GEARED else 0.0
+
+
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
     """Mapped columns that are linear functions of another column, each with the name of the other column. If both columns are
-    mapped, the column with the position counts as measured.
+    mapped, the column with the position or deflection counts as measured.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
     for pair in combinations(moving, 2):
-        early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith("position")))
+        early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith(MEASURED)))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
         # A position may be converted from counts of its encoder, and a column may copy another topic of a log.

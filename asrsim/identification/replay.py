@@ -154,9 +154,11 @@ def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, di
         joint = drive.name
         place, speed = track.start(joint, values)
         if (place, speed) != (position, velocity) or joint in track.motors:
+            moved = track.motor_velocities({joint: speed})
             motors = {
-                "motor_positions": track.motors.get(joint, drive.motor_positions), "motor_velocities": drive.motor_velocities
-            }  # fmt: skip
+                "motor_positions": track.motors.get(joint, drive.motor_positions),
+                "motor_velocities": moved.get(joint, drive.motor_velocities),
+            }
             yield joint, {"position": place, "velocity": speed, **{key: [*own] for key, own in motors.items() if own}}
 
 

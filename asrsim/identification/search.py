@@ -5,9 +5,9 @@ With a fast observer the residuals are errors of short predictions, which have h
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
 agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is
-kept, and above the first level the bandwidth rises as long as predictions become better and exceed the noise: an optimal
-observer minimises the error of its predictions. At a lower bandwidth errors of the model accumulate, at a higher one the
-observer follows the noise.
+kept, unless a simulation with its estimates follows fewer channels than the free simulation does. Above the first level the
+bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of its
+predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
 """
 
 from __future__ import annotations
@@ -83,10 +83,13 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     """Search level by level, and store the fit in `best`. begin: called with the name of each level."""
     # Far from the solution, staircase commands might fit better by chance.
     problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
-    x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
+    begun = x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(LEVELS if problem.observes else ()), 0.0):
         begin(_name(level))
         first = level == LEVELS[0]
+        if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
+            # Where short predictions show little, they led away from a good start.
+            x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
             if not follows(problem, x):
@@ -104,9 +107,12 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         best.take(problem, x)
     free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
-    followed = follows(free.problem, free.x)
+    most, followed = _followed(free.problem, free.x), follows(free.problem, free.x)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
+        return
+    # Where short predictions show little, they may lead to parameters with which the robot moves otherwise.
+    if most > max(_followed(*fit) for fit in found[:-1]):
         return
     best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
     kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
@@ -139,6 +145,12 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
 def follows(problem: FitProblem, x: Array) -> bool:
     """Whether predictions explain half of the variance of each channel."""
     return all(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded) for part, left in differences(problem, x))
+
+
+def _followed(problem: FitProblem, x: Array) -> int:
+    """Number of channels of which a free simulation with these estimates explains half of the variance."""
+    found = differences(problem.observed(0.0), x)
+    return sum(bool(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded)) for part, left in found)
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:

@@ -179,6 +179,10 @@ class Track:
                 [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
                 f"{drive.name}.initial_position",
             )
+            if drive.motor_positions and any(f"{name}.offset" in freed for name in names if name in sensors):
+                # The scenario's positions were copied from sensors with unknown zeros.
+                self.motors[drive.name] = [self.initial[link]] * len(names)
+                continue
             known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
             channels = [channel for channel in known if channel.time[0] <= SOON]
             if not names or len(channels) < len(names):
@@ -269,8 +273,15 @@ class Track:
         own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))
         return Start(
             parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
-            velocities=velocities, motors=self.motors,
+            velocities=velocities, motors=self.motors, motor_velocities=self.motor_velocities(velocities),
         )  # fmt: skip
+
+    def motor_velocities(self, velocities: Mapping[str, float]) -> dict[str, list[float]]:
+        """Velocities of motors at time 0, by joint, rad/s: a motor moves with a link that moves as the recording begins."""
+        return {
+            drive.name: [speed] * drive.dynamic_motors for drive in self.door.drives
+            if drive.dynamic_motors and not drive.motor_velocities and (speed := velocities.get(drive.name, 0.0))
+        }  # fmt: skip
 
     def start(self, joint: str, values: Mapping[str, float]) -> tuple[float, float]:
         """Position and velocity of a link at time 0, rad and rad/s."""

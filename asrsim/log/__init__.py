@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.log.reader import Log, LogReader, open_log, read_log
+from asrsim.log.reader import Log, LogReader, open_log, read_log, read_origin
 from asrsim.log.writer import LogWriter
 
-__all__ = ["Log", "LogReader", "LogWriter", "open_log", "read_log"]
+__all__ = ["Log", "LogReader", "LogWriter", "open_log", "read_log", "read_origin"]

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 """First bytes of a message: little-endian CDR."""
+_NAN = struct.pack("<d", math.nan)
 
 
 class MessageColumn(NamedTuple):
@@ -80,16 +81,16 @@ class CdrBuilder:
 
     def float64(self, column: MessageColumn | None) -> CdrBuilder:
         """Add a variable number; without a source it remains NaN."""
-        self._align(8)
-        if column is not None:
-            self._floats.append((len(self._data), column))
-        self._data += struct.pack("<d", math.nan)
-        return self
+        return self.numbers([column])
 
     def numbers(self, columns: Iterable[MessageColumn | None]) -> CdrBuilder:
         """Add variable numbers one after another."""
-        for column in columns:
-            self.float64(column)
+        for number, column in enumerate(columns):
+            if not number:
+                self._align(8)
+            if column is not None:
+                self._floats.append((len(self._data), column))
+            self._data += _NAN
         return self
 
     def float64s(self, columns: Sequence[MessageColumn | None]) -> CdrBuilder:

@@ -44,7 +44,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
         "metadata": dict(info.metadata),
     }
     files = {
-        _RESOLVED: ("application/json", json.dumps(dict(info.resolved), indent=1).encode()),
+        _RESOLVED: ("application/json", json.dumps(dict(info.resolved)).encode()),
     }
     if info.urdf:
         files[_URDF] = ("application/xml", info.urdf.encode())
@@ -52,7 +52,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
     # run.json is the last attachment: a truncated file that contains run.json contains all attachments.
-    files[_RUN] = ("application/json", json.dumps(run, indent=1).encode())
+    files[_RUN] = ("application/json", json.dumps(run).encode())
     return files
 
 
@@ -68,6 +68,34 @@ def info_metadata(info: RunInfo) -> dict[str, str]:
 
 def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     """RunInfo of a log. Raises LogError if another program or a newer asrsim wrote the log."""
+    run = _run_of(attachments)
+    joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
+    names = [joint.name for joint in joints]
+    if len(set(names)) < len(names):
+        raise _damaged(f"{_RUN} lists a joint twice")
+    try:
+        urdf, scenario = (attachments.get(name, b"").decode() for name in (_URDF, _SCENARIO))
+    except UnicodeDecodeError as error:
+        raise _damaged(str(error)) from error
+    return RunInfo(
+        **{name: run[name] for name in _COPIED},
+        joints=joints,
+        urdf=urdf,
+        scenario=scenario,
+        resolved=_json(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
+        metadata=run["metadata"],
+        attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
+    )
+
+
+def origin_from(attachments: Mapping[str, bytes]) -> tuple[str, str]:
+    """Scenario file and variant of a log; errors as for `info_from`, which reads the rest, too."""
+    run = _run_of(attachments)
+    return run["scenario_path"], run["variant"]
+
+
+def _run_of(attachments: Mapping[str, bytes]) -> Any:
+    """Description of the run without what stands in files of its own. Raises LogError."""
     if _RUN not in attachments:
         raise LogError(
             "this MCAP file was not written by asrsim, or ends before its description",
@@ -86,23 +114,7 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
     _fit(_RUN, run, _RUN_SHAPE)
     if not 0 < run["step"] < 1e300 or run["log_every"] < 1:
         raise _damaged(f"{_RUN}: step and log_every must be larger than 0")
-    joints = tuple(JointInfo(**{**joint, "quantities": tuple(joint["quantities"])}) for joint in run["joints"])
-    names = [joint.name for joint in joints]
-    if len(set(names)) < len(names):
-        raise _damaged(f"{_RUN} lists a joint twice")
-    try:
-        urdf, scenario = (attachments.get(name, b"").decode() for name in (_URDF, _SCENARIO))
-    except UnicodeDecodeError as error:
-        raise _damaged(str(error)) from error
-    return RunInfo(
-        **{name: run[name] for name in _COPIED},
-        joints=joints,
-        urdf=urdf,
-        scenario=scenario,
-        resolved=_json(_RESOLVED, attachments.get(_RESOLVED, b"{}"), _RESOLVED_SHAPE),
-        metadata=run["metadata"],
-        attachments={name.removeprefix(_FOLDER): data for name, data in attachments.items() if name.startswith(_FOLDER)},
-    )
+    return run
 
 
 def _json(name: str, data: bytes, shape: Structure) -> Any:

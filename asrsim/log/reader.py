@@ -15,7 +15,7 @@ from mcap.exceptions import McapError
 from asrsim.errors import LogError, Problem
 from asrsim.log.cdr import MessageColumn
 from asrsim.log.columns import ColumnReader
-from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from
+from asrsim.log.description import RESULT_METADATA, RUN_METADATA, info_from, origin_from
 from asrsim.log.structure import ChunkPlace, Structure, corrupt, read_chunk, read_structure
 from asrsim.quantities import QUANTITIES
 from asrsim.samples import Array, Command, RunInfo, Samples, WrenchCommand, concatenate
@@ -201,6 +201,11 @@ class LogReader:
 def open_log(path: str | os.PathLike[str]) -> LogReader:
     """Reader of a log, opened without reading its samples. Raises LogError if the file is damaged or no log."""
     return LogReader(path)
+
+
+def read_origin(path: Path) -> tuple[str, str]:
+    """Scenario file and variant of a log, in less time than `open_log`. Raises LogError if the file is damaged or no log."""
+    return origin_from(read_structure(path).attachments)
 
 
 def read_log(path: str | os.PathLike[str], **selection: Unpack[Selection]) -> Log:

@@ -27,9 +27,12 @@ _HINTS = (
 """Patterns of texts that are no numbers, and what to write instead."""
 
 
+_BLANKS = re.compile(f"[{BLANKS}]+")
+
+
 def words(text: str) -> list[str]:
     """Words of an attribute, separated by the white space of XML."""
-    return [word for word in re.split(f"[{BLANKS}]+", text) if word]
+    return [word for word in _BLANKS.split(text) if word]
 
 
 def beyond_a_turn(angles: Sequence[float]) -> bool:

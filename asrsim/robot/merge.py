@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -51,6 +53,14 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
 
     origin: origin of the base's frame in the frame of the root link, m.
     """
+    merged = _merged(robot.links, robot.joints, robot.loops, origin)
+    return replace(merged, robot=replace(robot, links=merged.robot.links, joints=merged.robot.joints, loops=merged.robot.loops))
+
+
+# A run needs the merged robot when the robot is read, for the dynamics, and for the engine.
+@lru_cache(maxsize=2)
+def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: tuple[Loop, ...], origin: Vector) -> MergedRobot:
+    robot = Robot(name="", path=Path(), text="", actuators=(), links=all_links, joints=all_joints, loops=loops)
     base = Pose(position=-np.array(origin), rotation=np.eye(3))
     links = {link.name: link for link in robot.links}
     moving = robot.moving_joints
@@ -65,8 +75,8 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
         bodies[name] = _body(links[name], members)
     joints = tuple(_moved(joint, places[joint.parent]) for joint in moving)
     ordered = tuple(bodies[link.name] for link in robot.links if link.name in bodies)
-    loops = tuple(_carried(loop, places) for loop in robot.loops)
-    return MergedRobot(robot=replace(robot, links=ordered, joints=joints, loops=loops), places=places)
+    carried = tuple(_carried(loop, places) for loop in loops)
+    return MergedRobot(robot=replace(robot, links=ordered, joints=joints, loops=carried), places=places)
 
 
 def _carried(loop: Loop, places: Mapping[str, LinkPlacement]) -> Loop:

@@ -225,7 +225,11 @@ class Robot:
 
     def joint(self, name: str) -> Joint:
         """Joint with this name. Raises KeyError if no joint has the name."""
-        return {joint.name: joint for joint in self.joints}[name]
+        return self._by_name[name]
+
+    @cached_property
+    def _by_name(self) -> Mapping[str, Joint]:
+        return {joint.name: joint for joint in self.joints}
 
     @cached_property
     def couplings(self) -> Couplings:

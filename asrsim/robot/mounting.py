@@ -133,7 +133,11 @@ def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
     moved = {joint.name: inertia(joint) for joint in robot.moving_joints}
     if all(joint.armature == moved.get(joint.name, 0.0) for joint in robot.joints):
         return robot
-    return replace(robot, joints=tuple(replace(joint, armature=moved.get(joint.name, 0.0)) for joint in robot.joints))
+    return replace(robot, joints=tuple(_with_armature(joint, moved.get(joint.name, 0.0)) for joint in robot.joints))
+
+
+def _with_armature(joint: Joint, armature: float) -> Joint:
+    return joint if joint.armature == armature else replace(joint, armature=armature)
 
 
 def drive_of(block: ActuatorBlock) -> Drive:

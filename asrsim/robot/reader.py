@@ -121,6 +121,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
         actuators=blocks,
         unread=unread, contact_words=contact_words, locked=tuple(locked),
     )  # fmt: skip
+    robot = with_rotors(robot, {})
     if whole:
         robot = with_loops(findings, root, without_massless_joints(findings, robot))
     faults = tuple(sorted(findings.errors, key=lambda problem: problem.line or 0))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,7 +38,7 @@ def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
     """
     uses: dict[tuple[str, str], list[_Use]] = {}
     contact: dict[str, None] = {}
-    for parent, name, word, element, place in _walk(findings, root, "robot", ""):
+    for parent, name, word, element, place in _walk(findings, root):
         effect = word.effect(element, value_of(element, name)) if word.effect else None
         if effect is not None:
             use = _Use(effect=effect, element=element, place=place, hint=word.hint)
@@ -59,13 +58,23 @@ def value_of(element: Any, name: str) -> str:
     return text.strip()
 
 
-def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[tuple[str, str, Word, Any, str]]:
-    """Known words below an element: parent, name, word, element, place. Unknown and repeated words get warnings."""
+_Known = tuple[str, str, Word, Any, str]
+"""A known word: parent, name, word, element, place."""
+
+
+def _walk(findings: Findings, root: Any) -> list[_Known]:
+    """Known words of a robot. Unknown and repeated words get warnings."""
+    found: list[_Known] = []
+    _add_words(found, findings, root, "robot", "")
+    return found
+
+
+def _add_words(found: list[_Known], findings: Findings, element: Any, kind: str, place: str) -> None:
     for attribute in element.attrib:
         name = f"@{_local(element, str(attribute))}"
         word = _word(kind, name)
         if word is not None:
-            yield kind, name, word, element, place
+            found.append((kind, name, word, element, place))
         else:
             shown = name.removeprefix("@")
             _unknown(findings, element, "attribute", shown, kind, f"{place}.{shown}" if place else shown)
@@ -86,11 +95,11 @@ def _walk(findings: Findings, element: Any, kind: str, place: str) -> Iterator[t
             plugin = _plugin(child)
             if plugin is not None:
                 shared = "plugin" if plugin is UNKNOWN_PLUGIN else name_of(child, "filename")
-                yield kind, shared, plugin, child, name_of(child) or "plugin"
+                found.append((kind, shared, plugin, child, name_of(child) or "plugin"))
         else:
-            yield kind, name, word, child, inner
+            found.append((kind, name, word, child, inner))
             if word.inside is not None:
-                yield from _walk(findings, child, word.inside, inner)
+                _add_words(found, findings, child, word.inside, inner)
 
 
 def _word(kind: str, name: str) -> Word | None:

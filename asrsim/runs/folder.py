@@ -199,12 +199,11 @@ def _kind(name: str) -> str:
 
 def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
     """Scenario file and variant of the results in the folder (None if unknown), and why they are unknown."""
-    from asrsim.log import open_log
+    from asrsim.log import read_origin
 
     if (folder / LOG).is_file() and (folder / LOG).stat().st_size:
         try:
-            info = open_log(folder / LOG).info
+            return read_origin(folder / LOG), ""
         except AsrsimError:
             return None, f"{LOG} cannot be read"
-        return (info.scenario_path, info.variant), ""
     return recorded_origin(folder / SUMMARY), f"neither {LOG} nor {SUMMARY} names its scenario"

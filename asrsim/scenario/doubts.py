@@ -113,6 +113,14 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Warnings: references beyond the limits of joints, motors and springs."""
+    # Joints may share a signal.
+    known: dict[int, tuple[float, float]] = {}
+
+    def ends(signal: Signal) -> tuple[float, float]:
+        if id(signal) not in known:
+            known[id(signal)] = extremes(scenario, signal)
+        return known[id(signal)]
+
     for block in robot.actuators:
         mode, actuator, joint = MODES[block.mode], ACTUATORS.get(block.actuator), robot.joint(block.joint)
         given, values = scenario.references_of(block.joint), block.values()
@@ -126,20 +134,20 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield from _outside(robot, key[names[0]], block.joint, (min(equilibria), max(equilibria)))
         elif mode.units[0] == "rad" and not motors and mode.references[0] in key:
             first = mode.references[0]
-            yield from _outside(robot, key[first], block.joint, extremes(scenario, given[first]))
+            yield from _outside(robot, key[first], block.joint, ends(given[first]))
         for motor, name in enumerate(mode.references_of(actuator.motors) if mode.units[0] == "N m" else (), start=1):
             if name not in given:
                 continue
             limited, limit = "the joint's effort limit", joint.effort
             if mode.motor:
                 limited, limit = f"motor {motor}'s largest torque", values.get(f"motor_{motor}_max_torque")
-            low, high = extremes(scenario, given[name])
+            low, high = ends(given[name])
             if limit and max(-low, high) > limit * (1.0 + ROUNDING):
                 message = f"is clipped to {limited}, {limit:g} N m"
                 yield Problem(message, key=key[name], value=f"{low:g} to {high:g} N m", code="reference-limits")
         limit = values.get("max_deflection", math.inf)
         if "stiffness_preset" in key and actuator.motors > 1 and not actuator.adjuster:
-            largest = max(map(abs, extremes(scenario, given["stiffness_preset"])))
+            largest = max(map(abs, ends(given["stiffness_preset"])))
             if largest > limit:
                 message = f"is beyond the deflection limit of the springs, {limit:g} rad: they are clipped there"
                 yield Problem(message, key=key["stiffness_preset"], value=largest, code="large-preset")
@@ -148,7 +156,7 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             signal = for_joint(table, joint.name)
             if signal is not None:
                 where = f"{section}.{joint.name if joint.name in table else '*'}"
-                yield from _outside(robot, where, joint.name, extremes(scenario, signal))
+                yield from _outside(robot, where, joint.name, ends(signal))
 
 
 def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> Iterator[Problem]:

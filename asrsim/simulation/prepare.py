@@ -56,10 +56,10 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
 
 
 def _start_fault(drive: SteppedJoint | None, what: str, value: Any) -> str:
-    """Fault of a start value of a joint; empty if there is none. what: `initial`, `velocities` or `motors`."""
+    """Fault of a start value of a joint; empty if there is none. what: key of `started`."""
     if drive is None:
         return "the robot has no moving joint of this name"
-    if what == "motors":
+    if what.startswith("motor"):
         if np.ndim(value) != 1 or not all(map(_is_finite, value)):
             return "must be a list of finite numbers, one for each motor"
         if len(value) > drive.motors:
@@ -99,6 +99,8 @@ class Start:
     """Velocity of each joint's link, by joint, rad/s (m/s)."""
     motors: Mapping[str, Sequence[float]] = field(default_factory=dict)
     """Positions of each joint's motors, by joint, rad; motors without an entry start at their link's position."""
+    motor_velocities: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    """Velocities of each joint's motors, by joint, rad/s; motors without an entry start as the scenario states."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,7 +199,10 @@ class Prepared:
 
     def started(self, start: Start) -> Prepared:
         """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
-        given = {"initial": start.positions, "velocities": start.velocities, "motors": start.motors}
+        given = {
+            "initial": start.positions, "velocities": start.velocities, "motors": start.motors,
+            "motor_velocities": start.motor_velocities,
+        }  # fmt: skip
         if not any(given.values()):
             return self
         joints = {drive.name: drive for drive in self.drives}
@@ -215,6 +220,7 @@ class Prepared:
                 initial_position=float(start.positions.get(drive.name, drive.initial_position)),
                 initial_velocity=float(start.velocities.get(drive.name, drive.initial_velocity)),
                 motor_positions=tuple(map(float, start.motors.get(drive.name, ()))) or drive.motor_positions,
+                motor_velocities=tuple(map(float, start.motor_velocities.get(drive.name, ()))) or drive.motor_velocities,
             )
             for drive in self.drives
         )

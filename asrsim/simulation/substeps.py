@@ -147,7 +147,7 @@ def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, in
         except (OverflowError, ZeroDivisionError):
             return math.inf
         if not isinstance(values, tuple):
-            values = (values,)
+            return float(abs(values)) if math.isfinite(values) else math.inf
         return float(max(map(abs, values))) if all(map(math.isfinite, values)) else math.inf
 
     def torque_at(deflection: float) -> float:

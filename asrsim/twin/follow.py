@@ -130,7 +130,7 @@ def follow_recording(
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():
         measured[:, names.index(joint)] = resample(column.time - clock_offset, column.values, time)
-    notes = [*plan.remarks]
+    notes = [*read.doubts, *plan.remarks]
     notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
     ready = ready.with_references(_commands(ready, plan, time, notes))
     if any(one.slot == 0 for one in plan.played):

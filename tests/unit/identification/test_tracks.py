@@ -74,6 +74,15 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
                 assert problem.layout.entries[1].high == np.inf
 
 
+def test_a_fit_says_what_is_doubtful_in_its_recording(tmp_path):
+    goal = 0.3 * np.sin(9.0 * TIME)
+    link = np.where(np.arange(len(TIME)) % 400 == 30, 0.0, 1.0 + goal + noise(len(TIME)))
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": link}
+    with ExitStack() as stack:
+        (track,) = prepared(stack, tmp_path, columns, ["joint_1.damping"]).tracks
+    assert any("falls to exactly 0 and back" in remark for remark in track.data.remarks)
+
+
 @pytest.mark.parametrize("seen", [True, False])
 def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
     swing = 0.2 * np.sin(10.0 * np.maximum(TIME - 0.2, 0.0))
@@ -155,3 +164,25 @@ def test_derivatives_by_a_parameter_of_the_second_recording_are_zero_in_the_firs
         slopes = jacobian(problem, np.zeros(len(keys)), columns=[column])[:, 0]
         assert not slopes[problem.rows(0)].any()
         assert slopes[problem.rows(1)].any()
+
+
+def test_a_motor_before_its_gear_is_not_compared_and_another_zero_is_estimated(tmp_path):
+    """The motor's sensor has another zero than the two others, and in the second recording another scale."""
+    time = np.arange(0.0, 3.0, 2e-3)
+    link, bent = np.sin(4.0 * time), 0.05 * np.cos(4.0 * time)
+    names = ("reference_1", "link_position", "deflection", "motor_1_position")
+    header = ",".join(["time [s]", *(f"joint_1.{name} [rad]" for name in names)])
+    for gear in (1.0, 100.0):
+        recording = save(tmp_path / f"{gear}.csv", header, time, link, link, bent, gear * (link + bent + 0.4))
+        with ExitStack() as stack:
+            problem = set_up(
+                task_of(write(tmp_path, "lab", {**SEA, "mode": 6}), [recording], free=["joint_1.damping"]), stack
+            ).problem
+        remarks, compared = problem.tracks[0].data.remarks, {channel.quantity for channel in problem.tracks[0].channels}
+        if gear == 1.0:
+            assert problem.layout.table(np.zeros(len(problem.layout)), 0)["joint_1.motor_1_position.offset"] == pytest.approx(
+                0.4
+            )
+        else:
+            assert "motor_1_position" not in compared
+            assert any("moves 100.1 times as far as the link" in text for text in remarks), remarks
