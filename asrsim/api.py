@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from asrsim.errors import SimulationError, did_you_mean
 from asrsim.log.derived import DERIVED_FUNCTIONS
+from asrsim.progress import Stop, Tell
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.folder import folder_problems
 from asrsim.runs.lock import owned
@@ -181,8 +182,8 @@ def run(
     keep: bool = True,
     certify: bool = False,
     cross_check: bool = False,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
 ) -> Result:
     """Simulate one variant of a scenario and return its result.
 
@@ -198,7 +199,7 @@ def run(
         certify: Repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also does
             `cross_check` if another engine is installed.
         cross_check: Repeat the run in another engine; the differences are in `.summary.cross_check`.
-        progress: Called with the simulated time in s.
+        progress: Called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
         stop: Called every few thousand substeps; True ends the run cleanly.
 
     Returns:
@@ -237,9 +238,11 @@ def run_variants(
         return Path(out or "") / one.variant
 
     plans = examine_all(
-        scenario, overrides=overrides, plugins=plugins,
+        scenario,
+        overrides=overrides,
+        plugins=plugins,
         beside=None if out is None else lambda own: folder_problems(own, folder, overwrite=overwrite),
-    )  # fmt: skip
+    )
     return {
         plan.scenario.variant: _run_one(plan, out and folder(plan.scenario), overwrite=overwrite, keep=keep) for plan in plans
     }
@@ -247,7 +250,7 @@ def run_variants(
 
 def _run_one(
     plan: Plan, out: str | Path | None, *, overwrite: bool, keep: bool, certify: bool = False,
-    cross_check: bool = False, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    cross_check: bool = False, progress: Tell | None = None, stop: Stop | None = None,
 ) -> Result:  # fmt: skip
     folder = None if out is None else Path(out)
     with nullcontext() if folder is None else owned(folder):

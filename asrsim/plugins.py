@@ -74,10 +74,12 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     found, stages = _classes(module, Actuator), _classes(module, Stage)
     if not (found or stages) and Registry.added == before:
         raise ActuatorError(
-            "adds nothing to asrsim", file=path, code="empty-plugin",
+            "adds nothing to asrsim",
+            file=path,
+            code="empty-plugin",
             hint="Derive a class from asrsim.actuators.Actuator or asrsim.actuators.stages.Stage, or add to SIGNALS, MEASURES, "
             "READERS or ENGINES",
-        )  # fmt: skip
+        )
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
         # The parameters of these stages belong to the actuators, too.

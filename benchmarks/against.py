@@ -52,9 +52,9 @@ class Marks:
         self.times: list[tuple[float, float]] = []
         """Pairs (simulated time, CPU time), s."""
 
-    def add(self, simulated: float) -> None:
-        """Add the end of a part at the simulated time, s."""
-        self.times.append((simulated, time.process_time()))
+    def add(self, told: object) -> None:
+        """Add the end of a part at the simulated time, s. told: `Progress`; in versions before 0.2 the time itself."""
+        self.times.append((getattr(told, "time", told), time.process_time()))
 
     def write(self, samples: object) -> None:
         """Discard the samples."""

@@ -36,7 +36,7 @@ ROBOTS = {
     "qbmove": (["spring_a_1", "spring_k_1"], {}, {"deflection": 0.5, PRESET: [0.1, 0.45]}, {PRESET: 0.25}),
     "bavs": (["spring_k", "spring_exponent"], {}, {"deflection": 0.2, PRESET: [0.02, 0.2]}, {PRESET: 0.08}),
     "awas_ii": (["spring_stiffness"], {}, {"deflection": 0.28, PRESET: [0.004, 0.02]}, {PRESET: 0.01}),
-}  # fmt: skip
+}
 """Robots by name: free spring parameters, fixed parameters, limits in addition to the common ones, references."""
 SECONDS = 4.0
 """Duration of the motions, s."""

@@ -43,7 +43,7 @@ def whole(path: str) -> float:
     """CPU time per step of a run that records every quantity, without its start, s."""
     (loaded,) = load_scenario(path)
     marks: list[tuple[float, float]] = []
-    simulate(loaded, sinks=[Discard()], keep=False, progress=lambda t: marks.append((t, time.process_time())))
+    simulate(loaded, sinks=[Discard()], keep=False, progress=lambda now: marks.append((now.time, time.process_time())))
     (first, begin), (last, end) = marks[0], marks[-1]
     return (end - begin) / ((last - first) / loaded.step)
 
@@ -237,9 +237,10 @@ def measures(folder: Path) -> dict[str, Measure]:
     found: dict[str, Measure] = {}
     cases: dict[str, tuple[Path, int, float]] = {
         **{str(n): (chain(folder, n), 1, 10.0) for n in (1, 2, 5)},
-        "v2": (humanoid(folder, 14, 48), 5, 1.5), "v3": (humanoid(folder, 20, 55), 5, 1.5),
+        "v2": (humanoid(folder, 14, 48), 5, 1.5),
+        "v3": (humanoid(folder, 20, 55), 5, 1.5),
         "v3_stops": (humanoid(folder, 20, 55, reach=0.2), 5, 1.5),
-    }  # fmt: skip
+    }
     for name, (robot, substeps, duration) in cases.items():
         # With `auto`, short runs are compiled only if an earlier row has loaded Numba.
         options: Any = {"duration": duration, "substeps": substeps, "extra": "compiled: true\n"}
@@ -254,10 +255,12 @@ def measures(folder: Path) -> dict[str, Measure]:
     short = scenario(two, duration=1.0)
     fast = scenario(two, duration=1.0, extra="compiled: true\n")
     many, one = (
-        [scenario(chain(folder, n, friction=0.01), engine=engine, duration=d, amplitude=a, extra="gravity: [0, 0, 0]\n")
-         for engine in ("mujoco", "bullet")]
+        [
+            scenario(chain(folder, n, friction=0.01), engine=engine, duration=d, amplitude=a, extra="gravity: [0, 0, 0]\n")
+            for engine in ("mujoco", "bullet")
+        ]
         for n, d, a in ((80, 3.0, 0.02), (1, 10.0, 0.3))
-    )  # fmt: skip
+    )
     found |= {
         f"joints_{engine}": lambda i=i: whole(many[i]) / whole(one[i])  # type: ignore[misc]
         for i, engine in enumerate(("mujoco", "bullet"))

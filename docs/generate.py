@@ -211,10 +211,11 @@ def stages() -> str:
     from asrsim.actuators.stages import STAGES
 
     return "\n\n".join(
-        f"**{stage.title}**" + (f", logs `{stage.quantities[0].name}`" if stage.quantities else "")
+        f"**{stage.title}**"
+        + (f", logs `{stage.quantities[0].name}`" if stage.quantities else "")
         + f"\n\n{_parameters(stage.parameters, source=False)}"
         for stage in STAGES.loaded()
-    )  # fmt: skip
+    )
 
 
 def engines() -> str:

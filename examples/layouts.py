@@ -29,11 +29,9 @@ def curves(log: Path) -> dict[str, list[tuple[str, str, str]]]:
             *(("/joint_states", joint.name, "position") for joint in joints),
             *((f"{paths[joint.name]}/{name}", "", "data") for joint, names in first for name in names),
         ],
-        "motor 1, rad": [
-            (f"{paths[joint.name]}/motor_1_state", joint.name, "position") for joint in joints if joint.motors
-        ],
+        "motor 1, rad": [(f"{paths[joint.name]}/motor_1_state", joint.name, "position") for joint in joints if joint.motors],
         "torque, N m": [("/joint_states", joint.name, "effort") for joint in joints],
-    }  # fmt: skip
+    }
 
 
 def write_foxglove(log: Path) -> Path:

@@ -55,7 +55,7 @@ class MotorsAtRest:
 
     def __init__(
         self, drives: Sequence[Drive], references: Array, *, limited: bool = True, tolerance: float | None = None
-    ) -> None:  # fmt: skip
+    ) -> None:
         """drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference
         map, rad. limited: whether the motors' largest torques and position stops apply. tolerance: error of the positions in
         rad with which many similar searches end, each of which begins where the last one ended; None: each search is as exact

@@ -140,9 +140,11 @@ def _finite(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
     for (memory, _, x, v), torque in zip(trial.kicks(), trial.torque, strict=True):
         found = (
-            stage.place(memory, own, x), stage.torque(memory, own, x, v), stage.limit(memory, own, abs(torque)),
+            stage.place(memory, own, x),
+            stage.torque(memory, own, x, v),
+            stage.limit(memory, own, abs(torque)),
             stage.energy(memory, own),
-        )  # fmt: skip
+        )
         yield float(not np.isfinite(found).all())
 
 

@@ -22,9 +22,7 @@ from asrsim.tables import TableColumn, from_rows
 if TYPE_CHECKING:
     from asrsim.recordings import Recording
 
-STYLES = {
-    "bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36",
-}  # fmt: skip
+STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36"}
 """ANSI escape code of each text style."""
 MOST = 40
 """Largest number of lines printed for an error."""

@@ -61,6 +61,7 @@ def datasheet(
     """
     from asrsim.cli.progress import FractionBar
     from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
+    from asrsim.progress import Progress
 
     if inertia is not None and not 0.0 < inertia < 1e6:
         raise typer.BadParameter("must be positive", param_hint="--inertia")
@@ -74,7 +75,7 @@ def datasheet(
     sheets = []
     with FractionBar(show=not quiet) as bar:
         for i, source in enumerate(sources):
-            bar.update(source.name, i / len(sources))
+            bar.update(Progress(task=source.name, fraction=i / len(sources)))
             measured = [] if experiment is None else [measured_curve(source, experiment, mapping or (), rate=rate)]
             sheets.append(make_sheet(source, presets=presets, inertia=inertia, measured=measured))
     files = write_sheets(sheets, out, compare=compare, formats=formats or ("png",))
@@ -83,12 +84,14 @@ def datasheet(
         for sheet in sheets:
             say(f"{styled(sheet.title, 'bold cyan')}  {sheet.origin}")
             rows = sheet.entries
-            say_table([
-                TableColumn("quantity", [one.words for one in rows]),
-                TableColumn("value", [f"{one.value:.4g}" if one.known else "" for one in rows], right=True),
-                TableColumn("unit", [one.unit if one.known else "" for one in rows]),
-                TableColumn("how", [one.how for one in rows]),
-            ])  # fmt: skip
+            say_table(
+                [
+                    TableColumn("quantity", [one.words for one in rows]),
+                    TableColumn("value", [f"{one.value:.4g}" if one.known else "" for one in rows], right=True),
+                    TableColumn("unit", [one.unit if one.known else "" for one in rows]),
+                    TableColumn("how", [one.how for one in rows]),
+                ]
+            )
             say(f"repeat the simulations, in {out}/: {sheet.command}")
         say_written(files)
 

@@ -66,7 +66,7 @@ def design(
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
             scenario, limits, duration=duration, experiments=experiment or (), robust=robust, seed=seed, stop=interruption.stop,
-            progress=lambda share: bar.update("search", share),
+            progress=bar.update,
             **{name: value for name, value in options.items() if value not in (None, [])},
         )  # fmt: skip
         files = write_design(found, out, plot=plot)
@@ -79,7 +79,9 @@ def design(
 
     intervals = {name: dict(zip(found.keys, halves.tolist(), strict=True)) for name, halves in found.intervals.items()}
     data = {
-        "ok": not found.interrupted, "files": files,
-        "findings": [{"message": remark} for remark in found.remarks], "intervals": mapped(intervals, finite_or_none),
-    }  # fmt: skip
+        "ok": not found.interrupted,
+        "files": files,
+        "findings": [{"message": remark} for remark in found.remarks],
+        "intervals": mapped(intervals, finite_or_none),
+    }
     return Done(data=data, text=text, code=INTERRUPTED if found.interrupted else 0)

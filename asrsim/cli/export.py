@@ -48,9 +48,8 @@ def export(
     from asrsim.exports import export as exported
 
     found = exported(
-        scenario, out, variant=variant, overrides=overrides or (), program=program, knots=knots, step=step, fit=fit,
-        plot=plot,
-    )  # fmt: skip
+        scenario, out, variant=variant, overrides=overrides or (), program=program, knots=knots, step=step, fit=fit, plot=plot
+    )
     replay = found.replay
 
     def text() -> None:

@@ -143,9 +143,8 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, dur
         FitBar(task.name, show=not quiet) as progress,
     ):
         result = identify(
-            task, progress=progress.update, stop=interruption.stop, check=check,
-            accept=accept, adopt=adopt, duration=duration,
-        )  # fmt: skip
+            task, progress=progress.update, stop=interruption.stop, check=check, accept=accept, adopt=adopt, duration=duration
+        )
     if result.status == "interrupted":
         return result, INTERRUPTED
     return result, 0 if result.fits or result.status == "checked" else 1

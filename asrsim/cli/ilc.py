@@ -67,9 +67,7 @@ def ilc(
     return _learn(plan, folder, plugin, resume, overwrite, plot, quiet=quiet)
 
 
-def _learn(
-    plan: Plan, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool
-) -> Done:  # fmt: skip
+def _learn(plan: Plan, folder: Path, plugins: list[Path], resume: bool, overwrite: bool, plot: bool, *, quiet: bool) -> Done:
     from asrsim.learning.session import learn, session_data
     from asrsim.plugins import command_line
 
@@ -99,9 +97,7 @@ def _learn(
     return Done(data={"ok": good, "folder": str(folder), **session_data(session)}, always=text, code=code)
 
 
-def _next(
-    plant: Plant, folder: Path, recording: Path, mapping: list[str] | None, lag: LagChoice
-) -> Done:  # fmt: skip
+def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None, lag: LagChoice) -> Done:
     from asrsim.learning.hardware import NEXT, next_input
     from asrsim.learning.session import trial_data
     from asrsim.plain import finite_or_none

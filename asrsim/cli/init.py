@@ -98,9 +98,7 @@ def init(
     return _done(made.files, [*made.recording.findings, *remarks], hints, recording=made.recording)
 
 
-def _done(
-    files: Sequence[Path], notes: Sequence[Problem], hints: Sequence[str], *, recording: Recording | None = None
-) -> Done:  # fmt: skip
+def _done(files: Sequence[Path], notes: Sequence[Problem], hints: Sequence[str], *, recording: Recording | None = None) -> Done:
     def text() -> None:
         if recording is not None:
             say(f"{recording.path}: {recording.format}, {len(recording.time)} samples", "bold")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +12,7 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say
 from asrsim.cli.interrupt import Interruption
 from asrsim.cli.options import Overrides, Overwrite, Scenario, Texts, Variant, View, into_folder, option
+from asrsim.progress import Stop
 
 if TYPE_CHECKING:
     from asrsim.scenario import Scenario as LoadedScenario
@@ -106,23 +106,22 @@ def live(
     )
 
 
-def _shown(
-    plan: Any, folder: Path, settings: Any, stop: Callable[[], bool], *, overwrite: bool, line: Any, quiet: bool
-) -> tuple[Any, Any]:  # fmt: skip
+def _shown(plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: bool, line: Any, quiet: bool) -> tuple[Any, Any]:
     """Run in real time on a page; returns the last run and its summary."""
     from asrsim.cli.view import show_page
     from asrsim.viewer.live import LiveView
 
     show, summary = show_page(
-        lambda page: LiveView(page, [plan], out=folder, overwrite=overwrite, settings=settings, tell=line.tell), stop,
+        lambda page: LiveView(page, [plan], out=folder, overwrite=overwrite, settings=settings, tell=line.tell),
+        stop,
         quiet=quiet,
-    )  # fmt: skip
+    )
     return show.session, summary
 
 
 def _follow(
     plan: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
-) -> Done:  # fmt: skip
+) -> Done:
     """Run a twin beside a robot."""
     from asrsim.twin.live import LiveTwin
 

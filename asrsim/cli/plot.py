@@ -90,7 +90,7 @@ def plot(
     Example: asrsim plot --experiment examples/recordings/two_joints.csv --bode --input joint_1.reference_1
 
     Example: asrsim plot out/step_2dof/soft/log.mcap --experiment examples/recordings/two_joints.csv --align start -o compared
-    """  # fmt: skip
+    """
     from asrsim.cli.progress import FractionBar
     from asrsim.plots.job import PlotJob
     from asrsim.plots.job import plot as draw

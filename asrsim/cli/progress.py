@@ -12,6 +12,7 @@ from asrsim.errors import printable
 
 if TYPE_CHECKING:
     from asrsim.identification import FitProgress
+    from asrsim.progress import Progress
     from asrsim.sweeps.run import StudyProgress
 
 PATIENCE = 0.4
@@ -52,11 +53,12 @@ class Bar:
             return
         if self._bar is None:
             from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+            from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+            from rich.progress import Progress as Columns
 
             texts = [TextColumn("{task." + name + "}", markup=False) for name in ("description", "fields[note]")]
             time = TimeElapsedColumn() if fraction is None else TimeRemainingColumn()
-            self._bar = Progress(texts[0], BarColumn(), texts[1], time, console=Console(stderr=True), transient=True)
+            self._bar = Columns(texts[0], BarColumn(), texts[1], time, console=Console(stderr=True), transient=True)
             self._bar.add_task("", total=None if fraction is None else 1.0, note="")
             self._bar.start()
         (task,) = self._bar.task_ids
@@ -72,9 +74,9 @@ class Bar:
 class FractionBar(Bar):
     """Progress bar of work in several tasks whose completed fraction is known."""
 
-    def update(self, what: str, fraction: float) -> None:
-        """Show the completed fraction (0 to 1) of the task `what`."""
-        self.draw(fraction, f"{100.0 * fraction:3.0f} %", what)
+    def update(self, progress: Progress) -> None:
+        """Show the completed fraction of the present task."""
+        self.draw(progress.fraction, f"{100.0 * progress.fraction:3.0f} %", progress.task)
 
 
 class RunBar(Bar):
@@ -89,8 +91,12 @@ class RunBar(Bar):
         """Begin to measure the simulation speed; called when the simulation loop begins."""
         self._began = clock.perf_counter()
 
-    def update(self, simulated: float) -> None:
-        """Show that the run has reached the simulated time `simulated`, s."""
+    def update(self, progress: Progress) -> None:
+        """Show the simulated time of the run, or of another run of the scenario, which has a `task`."""
+        if progress.task != self._part:
+            self._part = progress.task
+            self.start()
+        simulated = progress.time
         speed = simulated / max(clock.perf_counter() - self._began, 1e-9)
         note = f"{simulated:.2f} of {self._duration:g} s, {speed:.3g} x real time"
         # The log of a killed run may contain no time at all.
@@ -100,13 +106,6 @@ class RunBar(Bar):
             f"{self._title}, {self._part}" if self._part else None,
         )
 
-    def update_part(self, part: str, simulated: float) -> None:
-        """Show that another run of the scenario, named `part`, has reached the simulated time `simulated`, s."""
-        if part != self._part:
-            self._part = part
-            self.start()
-        self.update(simulated)
-
 
 class FitBar(Bar):
     """Progress bar of a fit: task, cost and evaluations."""
@@ -115,7 +114,7 @@ class FitBar(Bar):
         """Show stage, cost, number of evaluations and remaining time of the fit."""
         cost = f"cost {progress.cost:.4g}, " if math.isfinite(progress.cost) else ""
         left = f", about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
-        self.draw(None, f"{progress.stage}: {cost}{progress.evaluations} evaluations{left}")
+        self.draw(None, f"{progress.task}: {cost}{progress.evaluations} evaluations{left}")
 
 
 class SweepBar(Bar):
@@ -126,4 +125,4 @@ class SweepBar(Bar):
         from asrsim.sweeps.table import shares
 
         runs = f"{progress.done}/{progress.total}, {progress.rate:.3g} runs/s"
-        self.draw(progress.done / max(progress.total, 1), f"{runs} {shares(progress.statuses)}")
+        self.draw(progress.fraction, f"{runs} {shares(progress.statuses)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from pathlib import Path
 from typing import Annotated
 
@@ -58,8 +57,7 @@ def render(
                 files.append(write_strip(film, folder / "filmstrip.png", count=6 if frames is None else frames))
             for wanted, name, write in ((mp4, "motion.mp4", write_mp4), (gif, "motion.gif", write_gif)):
                 if wanted:
-                    shown = functools.partial(progress.update, name)
-                    files.append(write(film, folder / name, speed=speed, progress=shown, **rates))
+                    files.append(write(film, folder / name, speed=speed, progress=progress.update, **rates))
     notes = list(dict.fromkeys(note for film in films for note in film.notes))
 
     def text() -> None:

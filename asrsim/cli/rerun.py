@@ -51,7 +51,7 @@ def rerun(
             with RunBar(one.name, open_log(one).duration, show=not quiet) as progress:
                 repetition = rerun(
                     one, plugins=plugins or [], trust_plugins=trust_plugins, progress=progress.update, stop=interruption.stop
-                )  # fmt: skip
+                )
             repetitions.append(repetition)
             if not json:
                 _print(repetition, quiet=quiet)

@@ -54,7 +54,7 @@ def run(
     Example: asrsim run examples/scenarios/step_2dof.yaml
 
     Example: asrsim run examples/scenarios/step_2dof.yaml --variant soft --set references.joint_1.stiffness_preset=0.3
-    """  # fmt: skip
+    """
     from asrsim.cli.progress import RunBar
     from asrsim.cli.report import print_run
     from asrsim.errors import AsrsimError
@@ -85,7 +85,6 @@ def run(
                         executed = execute(
                             plan, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
                             started=progress.start, progress=progress.update, stop=interruption.stop,
-                            certifying=progress.update_part,
                         )  # fmt: skip
                     # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
                     done.append(write_summary(executed))

@@ -51,7 +51,7 @@ def twin(
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
 
         def work(**more: Any) -> Followed:
-            return follow_recording(scenario, experiment, progress=lambda share: bar.update("twin", share), **options, **more)
+            return follow_recording(scenario, experiment, progress=bar.update, **options, **more)
 
         def done(found: Followed) -> None:
             written.extend(write(found, out, plot=plot))
@@ -73,15 +73,19 @@ def twin(
             " or ".join(dict.fromkeys(found.units[field])) for field in ("external_torque", "stiffness", "residual")
         )
         heads = {
-            f"external torque\nrms, {torque}": "external_torque_rms", f"largest\n{torque}": "largest", "at\ns": "largest_at",
+            f"external torque\nrms, {torque}": "external_torque_rms",
+            f"largest\n{torque}": "largest",
+            "at\ns": "largest_at",
             f"residual\nrms, {length}": "residual_rms",
-        }  # fmt: skip
-        say_table([
-            TableColumn("joint", [row["joint"] for row in rows]),
-            *(TableColumn(head, [f"{row[key]:.3g}" for row in rows], right=True) for head, key in heads.items()),
-            TableColumn("alarms", [str(len(row["alarms"])) for row in rows], right=True),
-            TableColumn(f"stiffness\n{stiffness}", [_range(row["stiffness"]) for row in rows], right=True),
-        ])  # fmt: skip
+        }
+        say_table(
+            [
+                TableColumn("joint", [row["joint"] for row in rows]),
+                *(TableColumn(head, [f"{row[key]:.3g}" for row in rows], right=True) for head, key in heads.items()),
+                TableColumn("alarms", [str(len(row["alarms"])) for row in rows], right=True),
+                TableColumn(f"stiffness\n{stiffness}", [_range(row["stiffness"]) for row in rows], right=True),
+            ]
+        )
         for note in found.notes[:20]:
             say(note)
         if len(found.notes) > 20:

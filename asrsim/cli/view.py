@@ -28,6 +28,7 @@ from asrsim.cli.options import (
     option,
     pairs,
 )
+from asrsim.progress import Stop
 
 PORT = 8080
 """Port of the page."""
@@ -87,9 +88,7 @@ def view(
     return Done(data={"ok": summary.ok, "runs": [summary.as_dict()]}, text=text, code=int(not summary.ok))
 
 
-def show_page(
-    make: Callable[[Any], Any], stop: Callable[[], bool], *, port: int = 0, browser: bool = True, quiet: bool
-) -> tuple[Any, Any]:
+def show_page(make: Callable[[Any], Any], stop: Stop, *, port: int = 0, browser: bool = True, quiet: bool) -> tuple[Any, Any]:
     """Open a page, say where it is, and work until `stop` returns True. Returns what was shown, and its result.
 
     make: function that returns what the page shows.

@@ -13,9 +13,11 @@ def limit(seconds: float, memory: int) -> None:
     except ImportError:
         return
     for kind, bound in (
-        (resource.RLIMIT_CPU, int(seconds) + 1), (resource.RLIMIT_AS, memory), (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CPU, int(seconds) + 1),
+        (resource.RLIMIT_AS, memory),
+        (resource.RLIMIT_FSIZE, 0),
         (resource.RLIMIT_CORE, 0),
-    ):  # fmt: skip
+    ):
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (bound if hard == resource.RLIM_INFINITY else min(bound, hard), hard))
 

@@ -37,7 +37,7 @@ def sheet_page(sheet: Sheet) -> str:
         section("Published", table(beside, published, long=(1, 2, 3))) if published else "",
         section("Repeat the simulations", f"<p>{escape(about)}</p><pre>{escape(sheet.command)}</pre>"),
         f"<section><details class='part'><summary><b>Parameters</b></summary>{parameters}</details></section>",
-    ]  # fmt: skip
+    ]
     head = f"<p>Values: {escape(sheet.origin)}. Law: {escape(sheet.source)}</p><pre class='law'>{escape(sheet.law)}</pre>"
     data = page_data([*zip(HEADS, sheet.rows, strict=True)])
     return page_html(f"Data sheet: {sheet.title}", sections, head=head, data=data)
@@ -54,7 +54,7 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
         section("Numbers", table(heads, rows)),
         section("Curves", HINT + shown + NO_SCRIPT),
         section("Sheets", f"<ul>{links}</ul>"),
-    ]  # fmt: skip
+    ]
     data = page_data([*zip(HEADS, common_charts(sheets), strict=False)])
     return page_html("Data sheets side by side", sections, data=data)
 

@@ -81,13 +81,15 @@ def _torques(statics: Statics) -> Iterator[Entry]:
     )  # fmt: skip
     product = f"{LAW}: largest product of torque and speed of the third chart"
     largest = (
-        ("power", "largest output power"), ("power_torque", "torque at largest power"),
+        ("power", "largest output power"),
+        ("power_torque", "torque at largest power"),
         ("power_speed", "speed at largest power"),
-    )  # fmt: skip
+    )
     nominal = (
-        ("nominal_power", "nominal (continuous) output power"), ("nominal_power_torque", "torque at nominal power"),
+        ("nominal_power", "nominal (continuous) output power"),
+        ("nominal_power_torque", "torque at nominal power"),
         ("nominal_speed", "nominal speed, at nominal power"),
-    )  # fmt: skip
+    )
     for one, how, names in ((most, product, largest), (lasting, heat, nominal)):
         best = one.best_power() if one is not None and math.isfinite(one.top_speed) else (None, None, None)
         for (key, words), unit, value in zip(names, ("W", "N m", "rad/s"), best, strict=True):
@@ -100,7 +102,7 @@ def _springs(source: Source, statics: Statics) -> Iterator[Entry]:
     for key, words, value, preset in (
         ("stiffness_min", "least stiffness", low, statics.softest),
         ("stiffness_max", "largest stiffness", high, statics.stiffest),
-    ):  # fmt: skip
+    ):
         at = f" at preset {preset:.4g} {unit}" if statics.adjustable else ""
         yield Entry(key=key, words=words, unit="N m/rad", value=value, how=f"{LAW}: unloaded{at}")
     yield Entry(
@@ -185,8 +187,9 @@ def _stated(source: Source) -> Iterator[Entry]:
         else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
     )  # fmt: skip
     for key, words, name, unit in (
-        ("voltage", "largest voltage", "motor_1_max_voltage", "V"), ("current", "largest current", "motor_1_max_current", "A"),
-    ):  # fmt: skip
+        ("voltage", "largest voltage", "motor_1_max_voltage", "V"),
+        ("current", "largest current", "motor_1_max_current", "A"),
+    ):
         value = _finite(values[name])
         how = "not stated" if value is None else "stated"
         yield Entry(key=key, words=words, unit=unit, value=value, how=f"{how}: <{tags[name]}>")
@@ -222,7 +225,7 @@ def _laws(statics: Statics, measured: Sequence[MeasuredCurve]) -> tuple[Chart, .
         Chart(
             words="stiffness", unit="N m/rad", across="torque", across_unit="N m", lines=stiffnesses, logarithmic=logarithmic
         ),
-    )  # fmt: skip
+    )
 
 
 def _limits(statics: Statics) -> tuple[Chart, ...]:
@@ -231,8 +234,9 @@ def _limits(statics: Statics) -> tuple[Chart, ...]:
     both = [("largest", statics, style.BLUE), ("nominal", statics.lasting, style.VERMILION)]
     torques = [
         Line(label=label, x=speed, y=np.maximum(one.driving_torque(speed), 0.0), colour=colour)
-        for label, one, colour in both if one is not None
-    ]  # fmt: skip
+        for label, one, colour in both
+        if one is not None
+    ]
     powers = [replace(one, y=speed * one.y) for one in torques]
     motors = np.maximum(statics.motor_torque(speed), 0.0)
     if (motors > 1.001 * statics.peak_torque).any():

@@ -107,10 +107,12 @@ def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -
         sensors = first.sensor_imperfections.get(joint) or first.sensor_imperfections.get("*")
         found.append(
             replace(
-                source, name=_named(path, joint), origin=f"{path.name}, joint {joint}",
+                source,
+                name=_named(path, joint),
+                origin=f"{path.name}, joint {joint}",
                 resolution=(sensors.quantum if sensors else 0.0) or None,
             )
-        )  # fmt: skip
+        )
     return found
 
 
@@ -126,8 +128,9 @@ def sources_in(robot: Robot, joints: Sequence[str] = (), plugins: tuple[Path, ..
         raise InputError("has no actuators", file=path, hint=hint, code="no-actuator")
     unknown = [
         Problem("has no actuator", file=path, key=name, choices=tuple(blocks), meant=name, code="no-actuator")
-        for name in joints if name not in blocks
-    ]  # fmt: skip
+        for name in joints
+        if name not in blocks
+    ]
     if unknown:
         raise InputError(unknown)
     chosen = [blocks[name] for name in joints] or list(blocks.values())

@@ -34,9 +34,11 @@ class DesignLimits:
         doc="`joint.parameter` -> values to choose from; `sensors` -> list of additional quantities that could be recorded",
     )
     noise: Mapping[str, float] = declare(
-        MapOf(of=POSITIVE, noun="quantity", star=False), default={}, shown="1 mrad on the positions of link and motors",
+        MapOf(of=POSITIVE, noun="quantity", star=False),
+        default={},
+        shown="1 mrad on the positions of link and motors",
         doc="quantity, or `joint.quantity` -> standard deviation of its noise; all but the sensors of `choose` are recorded",
-    )  # fmt: skip
+    )
     rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="sampling rate of the recording")
 
     @property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import product
@@ -19,6 +19,7 @@ from asrsim.errors import InputError, Problem
 from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of
 from asrsim.identification.problem import FitProblem, jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
+from asrsim.progress import Progress, Stop, Tell, never, tell_nobody
 from asrsim.quantities import each_motor
 from asrsim.renamed import renamed
 from asrsim.robot.model import Robot
@@ -76,8 +77,8 @@ def design(
     robust: int = 0,
     rounds: int = ROUNDS,
     seed: int = 0,
-    progress: Callable[[float], None] = lambda _: None,
-    stop: Callable[[], bool] = lambda: False,
+    progress: Tell = tell_nobody,
+    stop: Stop = never,
     **options: Any,
 ) -> Design:
     """Design of the motion, within limits, that gives the smallest intervals of the free parameters.
@@ -89,7 +90,7 @@ def design(
         experiments: Recordings of earlier experiments.
         robust: Number of further robots for which the motion is designed, too; their parameters differ by up to a factor of 2.
         rounds, seed: Length and random seed of the search.
-        progress: Receives the finished fraction.
+        progress: Called with the finished fraction.
         stop: Called often; True ends the search with the best motion so far.
         options: Options of `asrsim.identification.task_of`.
 
@@ -152,9 +153,10 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
     known = parameters_of(
-        robot, [f"{joint}.{name}" for joint in joints for name in each_motor("reference_{}")],
+        robot,
+        [f"{joint}.{name}" for joint in joints for name in each_motor("reference_{}")],
         {f"{joint}.{name}": "" for joint in joints for name in ("link_position", *each_motor("motor_{}_position"))},
-    )  # fmt: skip
+    )
     free, ties = free_parameters(task, known)
     own = [one.key for one in free if one.own or one.key == CLOCK or one.key.rpartition(".")[2] in NOT_THE_ROBOTS]
     free = [one for one in free if one.key not in own]
@@ -212,17 +214,18 @@ def _probe(search: Search) -> None:
         raise InputError([Problem(message, key=key, hint=hint, code="no-effect") for key in none])
 
 
-def _searched(searches: Sequence[Search], rounds: int, progress: Callable[[float], None]) -> tuple[Search, Found, list[str]]:
+def _searched(searches: Sequence[Search], rounds: int, progress: Tell) -> tuple[Search, Found, list[str]]:
     """Search with the best gains, its best motion, and a remark about each choice of gains. Raises InputError."""
     several, remarks = len(searches) > 1, []
     for i, one in enumerate(searches if several else []):
         one.run(rounds // 5)
-        progress(0.5 * (i + 1) / len(searches))
+        progress(Progress(task="search", fraction=0.5 * (i + 1) / len(searches)))
         if one.best is not None:
             named = ", ".join(f"{key} = {value:g}" for key, value in one.plant.gains.items())
             remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % in the mean")
     search = min(searches, key=lambda one: np.inf if one.best is None else one.rank(one.best))
-    best = search.run(rounds, lambda share: progress(0.5 + 0.5 * share if several else share))
+    begin = 0.5 if several else 0.0
+    best = search.run(rounds, lambda told: progress(replace(told, fraction=begin + (1.0 - begin) * told.fraction)))
     if best is None:
         message = "no motion that was tried keeps the limits with reliable information"
         hint = "Widen the limits, free fewer parameters, or add damping to the scenario"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from asrsim.designs.motion import Piece, chirp, fresh, step, varied
 from asrsim.designs.plant import DesignPlant
+from asrsim.progress import Progress, Stop, Tell, never, tell_nobody
 from asrsim.samples import Array
 
 LENGTH, MOST = 2.0, 8
@@ -68,7 +69,7 @@ class Search:
     known: Array
     """Fisher matrix (n, n) of earlier recordings."""
     generator: np.random.Generator
-    stop: Callable[[], bool] = lambda: False
+    stop: Stop = never
     motions: dict[str, Found] = field(default_factory=dict)
     """Best whole motions by name: `design`, chirps and one step."""
     best: Found | None = None
@@ -261,7 +262,7 @@ class Search:
         elif self.joined:
             self.picked = list(self.joined)
 
-    def run(self, rounds: int, progress: Callable[[float], None] = lambda _: None) -> Found | None:
+    def run(self, rounds: int, progress: Tell = tell_nobody) -> Found | None:
         """Best motion after a number of rounds, or when the search is stopped; None if no confirmed motion keeps the limits."""
         if not self.library:
             self.start()
@@ -272,7 +273,7 @@ class Search:
             for part in range(BATCH):
                 if self.stop():
                     break
-                progress((number + part / BATCH) / rounds)
+                progress(Progress(task="search", fraction=(number + part / BATCH) / rounds))
                 self.vary()
             self.join()
             if self.stop():

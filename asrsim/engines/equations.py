@@ -29,7 +29,7 @@ class EquationEngine(RigidEngine):
         count = len(self.joints)
         room = make_room(
             robot, qpos=np.zeros(count), qvel=np.zeros(count), joint_q=range(count), joint_v=range(count), free=False
-        )  # fmt: skip
+        )
         super().__init__(room, np.zeros(count), scenario=scenario)
 
     def mass_matrix(self, positions: Array) -> ArrayLike:

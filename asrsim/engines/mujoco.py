@@ -87,8 +87,10 @@ class MujocoEngine(RigidEngine):
         gravity = np.array(scenario.gravity)
         self._floats = [
             (self._body(link.name), np.array(centre), mass * gravity)
-            for link in merged.robot.links for mass, centre in [link.weightless] if mass
-        ]  # fmt: skip
+            for link in merged.robot.links
+            for mass, centre in [link.weightless]
+            if mass
+        ]
         """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
         self._hand = mujoco_step.empty_hand(len(self._places))
         """Wrenches that are held; all records share them."""

@@ -639,11 +639,10 @@ class RigidEngine(Engine):
         forces[:] = 0.0
         loads = [
             (one.link, one.point, one.frame == "world", wrenches[:, index])
-            for index, one in enumerate(self._wrenches) if wrenches[:, index].any()
-        ]  # fmt: skip
-        loads += [
-            (one.body, one.point, True, np.tile([*one.force, *one.torque], (len(forces), 1))) for one in self._held
-        ]  # fmt: skip
+            for index, one in enumerate(self._wrenches)
+            if wrenches[:, index].any()
+        ]
+        loads += [(one.body, one.point, True, np.tile([*one.force, *one.torque], (len(forces), 1))) for one in self._held]
         if self._make_model is None or not loads:
             return
         room, model = self._room, self._make_model()

@@ -15,9 +15,7 @@ from asrsim.simulation.quantities import recorded_quantities
 from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
-_MOTORS = {
-    f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")
-}  # fmt: skip
+_MOTORS = {f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")}
 """Quantities of the motors at the present time: field of the observation, and index of the motor. The positions of ideal motors
 are those of the last step."""
 _STEP = (

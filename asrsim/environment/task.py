@@ -64,9 +64,7 @@ class Episode:
 class ControlTask:
     """A scenario as a learning task; see `asrsim.environment.make_env`."""
 
-    def __init__(
-        self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None
-    ) -> None:  # fmt: skip
+    def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None) -> None:
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
         None: that of the scenario."""
         self._random, self._start, self._goal, self._push = (
@@ -143,8 +141,10 @@ class ControlTask:
             low, high = np.full_like(low, -np.inf), np.full_like(high, np.inf)
         parts: list[list[Any]] = [[low, ends[0], *[low] * past, -ones], [high, ends[1], *[high] * past, ones]]
         bounds = [np.clip(np.concatenate(part), -LARGEST, LARGEST) for part in parts]
-        rounded = [np.nextafter(bound.astype(np.float32), side, dtype=np.float32) for bound, side in zip(
-            bounds, (np.float32(-LARGEST), np.float32(LARGEST)), strict=True)]  # fmt: skip
+        rounded = [
+            np.nextafter(bound.astype(np.float32), side, dtype=np.float32)
+            for bound, side in zip(bounds, (np.float32(-LARGEST), np.float32(LARGEST)), strict=True)
+        ]
         return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def draw(self, chance: np.random.Generator) -> Episode:

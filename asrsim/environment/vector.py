@@ -51,8 +51,10 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP
         self.task = task = ControlTask(scenario, options, engine=engine)
         self.metadata = {
-            **self.metadata, "autoreset_mode": AUTORESET[autoreset], "render_fps": max(1, round(options["control_rate"]))
-        }  # fmt: skip
+            **self.metadata,
+            "autoreset_mode": AUTORESET[autoreset],
+            "render_fps": max(1, round(options["control_rate"])),
+        }
         self.num_envs = num_envs
         self.worlds = Worlds(
             task.prepared,

@@ -146,6 +146,4 @@ def export(
     if len(result.time) < len(run["link_position"]):
         remarks.append(f"the replay has the first {result.time[-1]:g} s of the scenario")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}
-    return Export(
-        files=(path, *files), remarks=tuple(remarks), made_for=target.name, replay=result, spring_errors=errors
-    )  # fmt: skip
+    return Export(files=(path, *files), remarks=tuple(remarks), made_for=target.name, replay=result, spring_errors=errors)

@@ -27,7 +27,7 @@ from asrsim.exports.motors import (
     set_limits,
     springs_of,
     starts_of,
-)  # fmt: skip
+)
 from asrsim.exports.springs import Spline
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
@@ -131,8 +131,10 @@ def model_of(
                 raise ScenarioError(
                     f"joint '{drive.joint}' is in mode {drive.mode.number} ({drive.mode.name}), in which motors reach their "
                     "references at once: MuJoCo has no such motor",
-                    key=f"modes.{drive.joint}", hint="Take mode 5 or 6: --set modes=6", code="export-mode",
-                )  # fmt: skip
+                    key=f"modes.{drive.joint}",
+                    hint="Take mode 5 or 6: --set modes=6",
+                    code="export-mode",
+                )
             count = drive.actuator.motors
             deflections = positions[:count] - run["link_position"][:, j]
             reach = max(MARGIN * float(np.abs(deflections).max()), LEAST_REACH)
@@ -145,8 +147,9 @@ def model_of(
                 raise ScenarioError(
                     f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which has no construct that "
                     "this program steps right",
-                    key=drive.joint, code="export-construct",
-                )  # fmt: skip
+                    key=drive.joint,
+                    code="export-construct",
+                )
             if moving:
                 add_adjustable_spring(spec, drive)
         elif drive is not None:
@@ -226,7 +229,7 @@ def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
 
 def _lacks(
     prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], positions: Array, speeds: Array
-) -> Iterator[str]:  # fmt: skip
+) -> Iterator[str]:
     """Sentences about parts of a joint that the model lacks. positions, speeds: of its motors in the run (motors, n)."""
     joint, drive = stepped.joint, stepped.drive
     largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)

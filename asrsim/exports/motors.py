@@ -79,7 +79,7 @@ def refused(stepped: SteppedJoint, constructs: Constructs) -> Iterator[str]:
 
 def springs_of(
     drive: Drive, reach: float, adjuster: Array, knots: int | None = None, *, curved: bool = True
-) -> tuple[Spline, ...]:  # fmt: skip
+) -> tuple[Spline, ...]:
     """Splines of the springs of a drive, one for each motor. adjuster: position of the adjuster, if the actuator has one;
     curved: whether the pieces are cubic, else they are linear. Raises ScenarioError for a law that depends on more than each
     motor's own deflection.
@@ -99,8 +99,9 @@ def springs_of(
             raise ScenarioError(
                 f"the springs of '{actuator.name}' on joint '{drive.joint}' depend on more than each motor's own deflection; "
                 "springs of MuJoCo cannot",
-                key=drive.joint, code="export-law",
-            )  # fmt: skip
+                key=drive.joint,
+                code="export-law",
+            )
     limit = drive.max_deflection
     return tuple(spline_of(partial(torque, i), reach=reach, limit=limit, knots=knots, curved=curved) for i in range(count))
 
@@ -173,11 +174,13 @@ def add_servo(
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_dcmotor(
-        motorconst=[1.0, 0.0], resistance=spec.option.timestep / (BRAKE * inertia),
+        motorconst=[1.0, 0.0],
+        resistance=spec.option.timestep / (BRAKE * inertia),
         saturation=[limit if math.isfinite(limit) else 0.0, 0.0, 0.0],
-        controller=[proportional, integral, derivative, 0.0, 0.0, fastest if math.isfinite(fastest) else 0.0], lugre=friction,
+        controller=[proportional, integral, derivative, 0.0, 0.0, fastest if math.isfinite(fastest) else 0.0],
+        lugre=friction,
         ctrlspec=int(mujoco.mjtCtrlInput.mjINPUT_POS if gains else mujoco.mjtCtrlInput.mjINPUT_FF),
-    )  # fmt: skip
+    )
     return actuator
 
 

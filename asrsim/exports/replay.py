@@ -147,10 +147,12 @@ def charts(found: Replay) -> list[list[Chart]]:
         ]
         error = Line(label=f"{title} minus asrsim", x=found.time, y=found.error[:, j], colour=style.PURPLE)
         rms = f"RMS {found.rms[j]:.3g} {unit}"
-        rows.append([
-            Chart(head=joint, words="link position", unit=unit.removeprefix("m") if unit != "mm" else "m", lines=both),
-            Chart(words="difference", unit=unit, lines=[error], note=rms),
-        ])  # fmt: skip
+        rows.append(
+            [
+                Chart(head=joint, words="link position", unit=unit.removeprefix("m") if unit != "mm" else "m", lines=both),
+                Chart(words="difference", unit=unit, lines=[error], note=rms),
+            ]
+        )
     return rows
 
 

@@ -182,9 +182,7 @@ def spectrum_chart(one: ChannelCurves) -> Chart:
         Line(label="residuals", x=one.frequency, y=np.maximum(one.density, 1e-300), colour=style.PURPLE),
         Line(label="noise, if white", x=one.frequency, y=level, colour=style.GREY, dash=1, width=0.9),
     ]
-    return Chart(
-        words="spectrum", unit=f"{unit}/√Hz", across="frequency", across_unit="Hz", lines=lines, logarithmic="xy"
-    )  # fmt: skip
+    return Chart(words="spectrum", unit=f"{unit}/√Hz", across="frequency", across_unit="Hz", lines=lines, logarithmic="xy")
 
 
 def _held_out(one: ChannelCurves, *, span: tuple[float, float], **more: Any) -> Chart:

@@ -155,7 +155,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
             file=recording.path, code="no-command",
             hint=f"Name the column: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )  # fmt: skip
-    remarks = [*plan.remarks]
+    remarks = [*recording.doubts, *plan.remarks]
     channels = tuple(_channels(task, plan, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"

@@ -23,17 +23,7 @@ from asrsim.simulation.shape import shape_of
 from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 
-__all__ = [
-    "EXTERNAL",
-    "Door",
-    "Numbers",
-    "Observer",
-    "Start",
-    "SteppedJoint",
-    "Substeps",
-    "comparable",
-    "examine",
-]  # fmt: skip
+__all__ = ["EXTERNAL", "Door", "Numbers", "Observer", "Start", "SteppedJoint", "Substeps", "comparable", "examine"]
 
 SOURCES = ("link_position", *each_motor("motor_{}_position"))
 """Quantities from which derived quantities are computed."""
@@ -82,9 +72,7 @@ class Door:
                 prepared = replace(prepared, resolution=resolution).vary({})
             known = comparable()
             names = [name for name in columns_of(shape_of(self.drives)) if name in known]
-            found = Worlds(
-                prepared, AT_ONCE, names=names, watched=False, expected_substeps=OFTEN, threads=AT_ONCE
-            )  # fmt: skip
+            found = Worlds(prepared, AT_ONCE, names=names, watched=False, expected_substeps=OFTEN, threads=AT_ONCE)
         while len(self._made) >= ENGINES_KEPT:
             self._made.pop(next(iter(self._made))).close()
         self._made[substeps] = found

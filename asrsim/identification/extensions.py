@@ -198,7 +198,7 @@ def extended(
                 left = residuals(one.problem, there)
                 trial = Extended(
                     (*found.chosen, one.extension), one.problem, there, huber(left), max(independent_samples(left), 2.0)
-                )  # fmt: skip
+                )
                 if trial.cost < found.cost:
                     named.append(one.problem.layout.named(there))
                 if one.extension.accepts(found.cost, trial.cost, trial.samples):

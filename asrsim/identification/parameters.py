@@ -165,7 +165,7 @@ def make_layout(
         separate = [
             _near(parameter, known, far).of_recording(i, names)
             for i, (known, far) in enumerate(zip(starts, within, strict=True))
-        ]  # fmt: skip
+        ]
         entries += separate if parameter.own and separate else [parameter]
     return Layout(tuple(entries), tuple(ties))
 
@@ -253,9 +253,10 @@ def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list
         # A pattern matches parameters without a finite value only if a start is given.
         given = wish.start is not None
         keys = [
-            key for key, one in known.items()
+            key
+            for key, one in known.items()
             if key == pattern or (fnmatchcase(key, pattern) and (given or math.isfinite(one.start)))
-        ]  # fmt: skip
+        ]
         free |= {key: _wished(known[key], wish) for key in keys}
         problems += [fault for key in keys for fault in _faults(free[key])] if keys else [_unknown(pattern, known)]
     ties: list[Tie] = []

@@ -37,16 +37,16 @@ from asrsim.identification.task import Task, task_of
 from asrsim.identification.transfer import failed_predictions
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.metrics.values import root_mean_square
+from asrsim.progress import Progress, Stop
 from asrsim.renamed import renamed
 from asrsim.samples import Array
 from asrsim.workers import one_thread
 
 
-@dataclass(frozen=True)
-class FitProgress:
-    """Progress of a running fit."""
+@dataclass(frozen=True, kw_only=True)
+class FitProgress(Progress):
+    """Progress of a running fit; `task` is its stage."""
 
-    stage: str
     cost: float
     """Smallest mean square residual so far, relative to the noise."""
     evaluations: int
@@ -72,7 +72,7 @@ class Watch(Meter):
     progress: Callable[[FitProgress], None] | None = None
     seconds: float = math.inf
     """Time limit of the search."""
-    stop: Callable[[], bool] | None = None
+    stop: Stop | None = None
     """Function by which the user stops the fit; None: the fit cannot be stopped."""
     limited: bool = False
     """Whether the present computation ends when the time is over."""
@@ -116,7 +116,8 @@ class Watch(Meter):
             cost, wanted = min(self.best.cost, self.cost), (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
             missing = max(self._before + wanted - self.evaluations, 0)
             left = min(missing * elapsed / max(self.evaluations, 1), max(self.seconds - elapsed, 0.0))
-        self.progress(FitProgress(self._stage, cost, self.evaluations, elapsed, left))
+        told = FitProgress(task=self._stage, cost=cost, evaluations=self.evaluations, elapsed=elapsed, remaining=left)
+        self.progress(told)
 
 
 @renamed(seconds="duration")
@@ -125,7 +126,7 @@ def identify(
     experiments: Sequence[str | Path] = (),
     *,
     progress: Callable[[FitProgress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     check: bool = False,
     accept: bool = False,
     adopt: bool = False,

@@ -88,7 +88,7 @@ def _written_commands(
 
 def _delays_not_written(
     result: FitResult | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
-) -> Iterator[str]:  # fmt: skip
+) -> Iterator[str]:
     """Sentences on estimated delays that no file states."""
     for joint in dict.fromkeys(one.joint for one in result.replay.commands):
         late = [one for one in result.replay.commands if one.joint == joint and one.late]
@@ -148,7 +148,7 @@ def _scenario_text(
 
 def _as_played(
     result: FitResult | Resumed, references: Mapping[str, Any], shifts: Mapping[str, tuple[float, str]]
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """References of the scenario, in which playbacks repeat the commands as the fit played them."""
     found = {joint: {**own} if isinstance(own, Mapping) else own for joint, own in references.items()}
     for one in result.replay.commands:

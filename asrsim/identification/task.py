@@ -80,16 +80,17 @@ class Task:
         doc="recordings that are predicted but not fitted",
     )
     free: Mapping[str, Wish] = declare(
-        _FREE, default={},
-        doc="key or pattern -> nothing, a start, or `start`, `low`, `high`, `own`",
-    )  # fmt: skip
+        _FREE, default={}, doc="key or pattern -> nothing, a start, or `start`, `low`, `high`, `own`"
+    )
     ties: tuple[Tie, ...] = declare(
         MapOf(of=Text(), noun="key", star=False), default=(), doc="key -> `other key`, or `0.5 * other key`"
     )
     noise: Mapping[str, float] = declare(
-        MapOf(of=Number(above=0.0), noun="joint.quantity", star=False), default={}, shown="estimated",
+        MapOf(of=Number(above=0.0), noun="joint.quantity", star=False),
+        default={},
+        shown="estimated",
         doc="standard deviation of a channel's noise, in its unit",
-    )  # fmt: skip
+    )
     hold_out: float = declare(
         Number(minimum=0.0, maximum=0.9),
         default=0.25,

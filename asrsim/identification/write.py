@@ -34,10 +34,12 @@ def fit_data(result: FitResult) -> dict[str, Any]:
     rows, entries = result.estimates, result.layout.entries
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
-        i for i, one in enumerate(rows)
-        if one.track is None and numbers_of({one.key: one.value})
+        i
+        for i, one in enumerate(rows)
+        if one.track is None
+        and numbers_of({one.key: one.value})
         and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not entries[i].logarithmic))
-    ]  # fmt: skip
+    ]
     # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entries[i].logarithmic for i in drawn]
     means = [math.log(rows[i].value) if entries[i].logarithmic else rows[i].value for i in drawn]

@@ -195,12 +195,14 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
         raise ScenarioError(
             [
                 Problem(
-                    f"the motion is out of reach: {demand}", key=f"references.{demand.joint}", code="spring-too-weak",
+                    f"the motion is out of reach: {demand}",
+                    key=f"references.{demand.joint}",
+                    code="spring-too-weak",
                     hint="a stiffer spring or preset, or a slower motion",
                 )
                 for demand in unheld
             ]
-        )  # fmt: skip
+        )
     inputs = inverse.inputs_at(time, [arm.delay(joint) for joint in joints])
     return {joint: _signals(time, {names[joint]: column}) for joint, column in zip(joints, inputs.T, strict=True)}
 

@@ -24,9 +24,9 @@ def learning_charts(problem: LearningProblem, result: LearningResult, settings: 
     rows = []
     for column, joint in enumerate(problem.joints):
         unit = (problem.units or ["rad"] * len(problem.joints))[column]
-        rows.append([
-            _errors(problem, result, settings, column, head=joint), *_motions(problem, result, settings, column, unit=unit)
-        ])  # fmt: skip
+        rows.append(
+            [_errors(problem, result, settings, column, head=joint), *_motions(problem, result, settings, column, unit=unit)]
+        )
     return rows
 
 

@@ -125,9 +125,10 @@ class Linearised:
         """Index pairs (joint, motor) of the motors that have states, in the order of the states."""
         return [
             (joint, motor)
-            for joint, drive in enumerate(self.drives) if drive.mode.controller and drive.mode.spring
+            for joint, drive in enumerate(self.drives)
+            if drive.mode.controller and drive.mode.spring
             for motor in range(len(drive.motor_inertia))
-        ]  # fmt: skip
+        ]
 
 
 def _rho(drive: Drive) -> Array:

@@ -128,7 +128,9 @@ def make_plant(plan: Plan) -> Plant:
     reference = np.column_stack([for_joint(trajectory, joint, Constant(value=0.0)).values(time) for joint in joints])
     # The scenario's claims are about its own references, not about learned inputs.
     played = plan.on(
-        expect=(), log_every=1, desired=trajectory,
+        expect=(),
+        log_every=1,
+        desired=trajectory,
         inverse_dynamics={**scenario.inverse_dynamics, **dict.fromkeys(joints, False)},
         references={
             **scenario.references,
@@ -140,7 +142,7 @@ def make_plant(plan: Plan) -> Plant:
                 for block, column in zip(blocks, reference.T, strict=True)
             },
         },
-    )  # fmt: skip
+    )
     return Plant(
         scenario=scenario, robot=plan.source, learning=learning, prepared=build(played), joints=joints, time=time,
         reference=reference,

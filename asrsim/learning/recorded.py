@@ -13,13 +13,15 @@ from asrsim.learning.plant import Plant
 from asrsim.recordings.align import LagChoice, align, resample
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
-from asrsim.recordings.suspicions import beside
+from asrsim.recordings.suspicions import beside, interchanged
 from asrsim.samples import Array
 
 MISSING = 0.02
 """Largest fraction of the motion that may be missing at its ends; the nearest values are repeated there."""
 BRIDGED = 0.1
 """Longest gap within the motion that is interpolated, s."""
+DANGEROUS = ("suspected-marker", "suspected-lost", "suspected-turns")
+"""Codes of suspicions about numbers that would go into the robot's next input."""
 OFF, BETTER = 0.05, 0.5
 """Conditions for a note about the clock: smallest offset in s, larger than any robot's delay, and largest fraction of the error
 that remains after the clock is shifted.
@@ -44,8 +46,8 @@ class RecordedTrial:
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTrial:
     """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError for a
-    recording that is too short, lacks a joint, or has columns with implausible units or signs, unless the user stated units and
-    signs.
+    recording that is too short, lacks a joint, or has columns with implausible numbers, units, signs or joints, unless the user
+    stated the columns.
     """
     pairing = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}
@@ -61,7 +63,11 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTria
         unit = wrong_unit(column, joint, prismatic=plant.unit(joint) == "m")
         wrong += [] if unit is None else [unit]
         odd = [replace(one, key=column.source) for one in beside(wanted, values, column, joint, than="the desired motion")]
+        odd += [one for one in recording.findings if one.code in DANGEROUS and one.key == column.source]
         (findings if column.given else wrong).extend(odd)
+    desired, seen, sources = (dict(zip(plant.joints, of, strict=True)) for of in (plant.reference.T, outputs.T, columns))
+    swapped = [*interchanged(desired, seen, sources, than="the desired motion")]
+    (findings if all(column.given for column in columns) else wrong).extend(swapped)
     if wrong:
         raise RecordingError(replace(problem, file=recording.path) for problem in wrong)
     if lag in ("off", "start"):

@@ -23,6 +23,7 @@ from asrsim.learning.state import LearningState, load_state, save_state, simulat
 from asrsim.learning.trial import LearningResult, Trial, iterate
 from asrsim.outfile import check_output, csv_text, make_folder, remove_ours, write_json, write_text
 from asrsim.plain import finite_or_none
+from asrsim.progress import Stop, never
 from asrsim.runs.folder import inputs_of, recorded_origin, require_same
 from asrsim.runs.lock import owned
 from asrsim.samples import Array
@@ -69,7 +70,7 @@ def learn(
     plugins: Sequence[str | Path] = (),
     on_start: Callable[[PreparedLearning], None] | None = None,
     on_trial: Callable[[Trial], None] | None = None,
-    stop: Callable[[], bool] = lambda: False,
+    stop: Stop = never,
     resume: bool = False,
     overwrite: bool = False,
     picture: bool = True,
@@ -110,7 +111,7 @@ def learn(
 
         result = iterate(
             prepared.problem, plant.outputs, prepared.settings, ended, law=prepared.law, finished=trials, stop=stop
-        )  # fmt: skip
+        )
         replaced = ""
         if earlier and not going_on:
             plural = "s" * (len(earlier) != 1)
@@ -244,9 +245,11 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
     # A parameter of this entry that every joint replaces would have no effect.
     missed = {
         name
-        for drive in plant.prepared.drives if drive.mode
-        for name in drive.mode.references if name not in references.get(drive.name, {})
-    }  # fmt: skip
+        for drive in plant.prepared.drives
+        if drive.mode
+        for name in drive.mode.references
+        if name not in references.get(drive.name, {})
+    }
     left = {name: signal for name, signal in common.items() if name in missed}
     return ({"*": left} if left else {}) | references
 

@@ -70,9 +70,11 @@ def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> No
     make_folder(path.parent)
     with written(path, "learning state") as file:
         np.savez(
-            file, head=np.array(json.dumps(head)), inputs=np.array([trial.inputs for trial in state.trials]),
+            file,
+            head=np.array(json.dumps(head)),
+            inputs=np.array([trial.inputs for trial in state.trials]),
             outputs=np.array([trial.outputs for trial in state.trials]),
-        )  # fmt: skip
+        )
         file.flush()
         os.fsync(file.fileno())
 
@@ -95,7 +97,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
     trials = (problem.trial(number, *row) for number, row in rows)
     return LearningState(
         trials=tuple(trials), recordings=tuple(head["recordings"]), start=head["start"], changes=head["changes"]
-    )  # fmt: skip
+    )
 
 
 def _fault(path: Path, why: str) -> InputError:

@@ -15,6 +15,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from asrsim.metrics.values import root_mean_square, root_mean_squares
+from asrsim.progress import Stop, never
 from asrsim.quantities import shown
 from asrsim.samples import Array
 from asrsim.scenario.goals import Learning
@@ -202,7 +203,7 @@ def iterate(
     *,
     law: Law,
     finished: Sequence[Trial] = (),
-    stop: Callable[[], bool] = lambda: False,
+    stop: Stop = never,
 ) -> LearningResult:
     """Result of learning inputs whose outputs follow the reference.
 

@@ -135,9 +135,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
     lowest = np.append(np.full(len(groups), -np.inf), -1e-9)
-    found = least_squares(
-        weighted, begin, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1
-    )  # fmt: skip
+    found = least_squares(weighted, begin, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1)
     residual, before = (root_mean_square(misfit(x)) for x in (found.x, np.zeros(len(priors))))
     jacobian = found.jac[: measured.size] * (NOISE / max(NOISE, residual))
     root = np.linalg.inv(np.linalg.cholesky(np.asarray(jacobian.T @ jacobian + np.diag(priors**-2))))
@@ -175,6 +173,7 @@ def _body(robot: Robot, joint: str) -> Group:
         waiting += fixed
     return {
         (link.name, name): value
-        for link in robot.links if link.name in body and link.mass is not None and link.inertia is not None
+        for link in robot.links
+        if link.name in body and link.mass is not None and link.inertia is not None
         for name, value in (("mass", link.mass), *zip(INERTIAS, link.inertia, strict=True))
-    }  # fmt: skip
+    }

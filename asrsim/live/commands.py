@@ -82,7 +82,7 @@ class CommandInput:
 
     def listen(
         self, messages: Iterable[Received], simulation: Simulation | Worlds, time: float, ahead: float
-    ) -> dict[Target, float]:  # fmt: skip
+    ) -> dict[Target, float]:
         """New values of references: the last received value, or the value of a trajectory `ahead` s after `time`."""
         values: dict[Target, float] = {}
         for message in messages:

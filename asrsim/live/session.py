@@ -5,7 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -19,6 +19,7 @@ from asrsim.live.transport import Access, Interface, Tell, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import encoded, topic_of
 from asrsim.outfile import write_json
+from asrsim.progress import Stop
 from asrsim.runs.described import LIVE, as_run
 from asrsim.runs.execute import judged, result_metadata
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -116,7 +117,7 @@ class Session:
         """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
         self._said_slow = False
 
-    def run(self, *, stop: Callable[[], bool]) -> RunSummary:
+    def run(self, *, stop: Stop) -> RunSummary:
         """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
 
         stop: called in each tick. Raises AsrsimError; files written so far stay readable.

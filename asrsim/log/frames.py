@@ -30,9 +30,7 @@ class FrameMessages:
         self._axes = axes + 2.0 * (scalar * across + np.cross(vector, across))
         """Axis (frames, 3) of each joint in the frame of the parent link."""
         still = [frame for frame in frames if not frame.joint]
-        self.static_topic = Topic(
-            name="/tf_static", message="tf2_msgs/TFMessage", template=_template(still), canonical=False
-        )  # fmt: skip
+        self.static_topic = Topic(name="/tf_static", message="tf2_msgs/TFMessage", template=_template(still), canonical=False)
         poses = np.array([(*frame.position, *frame.rotation) for frame in still]).reshape(1, -1, 7)
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
         """Message with the fixed frames; None where there are none."""

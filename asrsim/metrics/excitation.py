@@ -44,8 +44,9 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     if not inside.any() or not power[inside].max() > 0:
         raise RecordingError(
             f"nothing is resolved between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
-            code="nothing-excited", hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz",
-        )  # fmt: skip
+            code="nothing-excited",
+            hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz",
+        )
     lines = _lines(np.abs(np.fft.rfft((u - np.mean(u)) * np.hanning(n))) ** 2, inside)
     if lines is not None:
         return float(f[lines[0]]), float(f[lines[-1]]), lines

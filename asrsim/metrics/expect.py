@@ -107,9 +107,10 @@ def evaluate_expectation(
     series = columns.get(expectation.quantity)
     if series is None:
         raise _error(
-            expectation, f"'{expectation.quantity}' is not recorded for {expectation.joint or expectation.body}",
+            expectation,
+            f"'{expectation.quantity}' is not recorded for {expectation.joint or expectation.body}",
             choices=tuple(columns),
-        )  # fmt: skip
+        )
     if expectation.reference is not None:
         reference = columns[expectation.reference]
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
@@ -176,9 +177,11 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
         problems = _unmeasurable(expectation)
     if problems:
         raise ScenarioError(
-            [Problem(p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
-             for p in problems]
-        )  # fmt: skip
+            [
+                Problem(p.message, key=p.key, choices=p.choices, hint=p.hint, code=p.code, line=expectation.line)
+                for p in problems
+            ]
+        )
     if measurable is not None:
         measurable.add(subject)
 

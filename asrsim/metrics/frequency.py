@@ -82,9 +82,10 @@ def frequency_response(
         raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
     if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
-            f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves", code="constant-excitation",
+            f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
+            code="constant-excitation",
             hint="Expected a chirp, multisine or noise",
-        )  # fmt: skip
+        )
     # Judge each signal on its own scale: a few micrometres may be a large motion of a stiff spring.
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:

@@ -71,9 +71,11 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
     return Lag(
-        seconds=float(lags[peak]) + shift * step, correlation=min(correlation, 1.0), ambiguous=ambiguous,
+        seconds=float(lags[peak]) + shift * step,
+        correlation=min(correlation, 1.0),
+        ambiguous=ambiguous,
         at_limit=at_limit and limit > 0,
-    )  # fmt: skip
+    )
 
 
 def _summit(rho: Array, peak: int) -> int:

@@ -77,8 +77,10 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
     return Spectra(
         frequency=np.asarray(f[bins], dtype=np.float64),
         response=np.asarray(response * (size_y / size_u)[:, 0], dtype=np.complex128),
-        coherence=1 / (1 + freedom * relative), deviation=np.sqrt(relative), freedom=freedom,
-    )  # fmt: skip
+        coherence=1 / (1 + freedom * relative),
+        deviation=np.sqrt(relative),
+        freedom=freedom,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

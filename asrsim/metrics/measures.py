@@ -209,10 +209,12 @@ def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
     known = _options_of(found.function)
     choices = (*known, "start", "end")
     problems = [
-        Problem("is not an option of this measure", key=f"{found.name}.{name}", choices=choices,
-                meant=name, code="unknown-option")
-        for name in options if name not in known
-    ]  # fmt: skip
+        Problem(
+            "is not an option of this measure", key=f"{found.name}.{name}", choices=choices, meant=name, code="unknown-option"
+        )
+        for name in options
+        if name not in known
+    ]
     problems += [
         Problem("must be given", key=f"{found.name}.{name}", code="missing-option")
         for name, default in known.items()

@@ -43,9 +43,11 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
     start, end = max(pairwise(edges), key=lambda pair: t[pair[1] - 1] - t[pair[0]])
     if end - start < len(t):
         findings.append(
-            Problem(f"the record has gaps; its longest segment without gaps, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
-                    code="gaps")
-        )  # fmt: skip
+            Problem(
+                f"the record has gaps; its longest segment without gaps, {t[start]:.4g} to {t[end - 1]:.4g} s, is used",
+                code="gaps",
+            )
+        )
     t, u, y = t[start:end], u[start:end], y[start:end]
     steps = np.diff(t)
     if len(steps) and float(np.ptp(steps)) > 0.01 * step:

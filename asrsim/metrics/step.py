@@ -51,8 +51,9 @@ def overshoot(time: Array, values: Array, *, initial: float | None = None, targe
     return 0.0 if beyond <= ROUNDING else beyond
 
 
-def settling(time: Array, values: Array, *, band: float = 0.02,
-             initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
+def settling(
+    time: Array, values: Array, *, band: float = 0.02, initial: float | None = None, target: float | None = None
+) -> float:
     """Time from the window's start until the value stays within +-`band` (2 %) of the step's height around the steady state.
 
     Undefined without a step, or if the value is outside the band in the last tenth (not settled).

@@ -89,11 +89,13 @@ class CurveSource:
         taken = {joint.name for joint in self.reader.info.joints}
         self.bodies = tuple(
             JointInfo(
-                name=f"{name} (body)" if name in taken else name, actuator="", mode=None,
+                name=f"{name} (body)" if name in taken else name,
+                actuator="",
+                mode=None,
                 quantities=TASK_TIP if name == TIP else OBJECT,
             )
             for name in self._origins
-        )  # fmt: skip
+        )
         self.columns = [(joint.name, name) for name in self._names for joint in self.joints]
         """Joint or body, and quantity, of each column of the matrix."""
         self.columns += [(body.name, name) for body in self.bodies for name in body.quantities]
@@ -127,9 +129,11 @@ class CurveSource:
             window = self._start is not None or self._end is not None
             ended = "The run ended before its first chunk was written" if self.reader.truncated else None
             raise LogError(
-                "the log contains no samples" + (" in that time" if window else ""), file=self.reader.path, code="empty-log",
+                "the log contains no samples" + (" in that time" if window else ""),
+                file=self.reader.path,
+                code="empty-log",
                 hint=f"It lasts {self.reader.duration:g} s" if window and not ended else ended,
-            )  # fmt: skip
+            )
 
     def _moved(self, name: str, part: Samples) -> Array:
         """Values (n, quantities) of a body; NaN where the log lacks the body."""

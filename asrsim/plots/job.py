@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -21,11 +21,11 @@ from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
 from asrsim.plots.responses import Response, ResponseExperiment, recorded_responses, responses
+from asrsim.progress import Progress, Tell
 from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
 from asrsim.scenario.carried import unknown_actuators
 
-Progress = Callable[[str, float], None]
 """Callback that receives the current task and the fraction done, 0 to 1."""
 
 
@@ -122,7 +122,7 @@ class PlotResult:
         }  # fmt: skip
 
 
-def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
+def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     """Draw the pictures and return the result. progress: called with the current task and the fraction done.
 
     Raises InputError (logs, recordings, options) before anything is written, and OutputError.
@@ -165,7 +165,7 @@ def plot(job: PlotJob, progress: Progress | None = None) -> PlotResult:
     return _written(job, result, formats)
 
 
-def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
+def _read_runs(job: PlotJob, progress: Tell | None) -> list[RunCurves]:
     alone = not job.experiments and not job.bode
     runs = []
     for number, path in enumerate(job.logs):
@@ -176,7 +176,7 @@ def _read_runs(job: PlotJob, progress: Progress | None) -> list[RunCurves]:
             )
         )  # fmt: skip
         if progress is not None:
-            progress("reading", (number + 1) / len(job.logs))
+            progress(Progress(task="reading", fraction=(number + 1) / len(job.logs)))
     return distinct_labels(runs)
 
 

@@ -31,10 +31,9 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
     unknown = [name for name in formats if name not in FORMATS]
     if unknown:
         raise InputError(
-            Problem(f"no picture format is called '{name}'", key="format", choices=FORMATS,
-                    meant=name, code="unknown-format")
+            Problem(f"no picture format is called '{name}'", key="format", choices=FORMATS, meant=name, code="unknown-format")
             for name in unknown
-        )  # fmt: skip
+        )
     return tuple(dict.fromkeys(formats))
 
 

@@ -82,9 +82,10 @@ class ResponseExperiment:
         column = self.column(quantity, joint)
         if column is None:
             raise RecordingError(
-                f"the recording has no {quantity} of {joint}", code="no-quantity",
+                f"the recording has no {quantity} of {joint}",
+                code="no-quantity",
                 hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
-            )  # fmt: skip
+            )
         return column
 
 

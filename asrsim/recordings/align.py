@@ -255,9 +255,10 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
         raise RecordingError(
             "no overlap in time: the simulation lasts from "
             f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
-            f"{time_recording[-1] - lag:g} s", code="no-overlap",
+            f"{time_recording[-1] - lag:g} s",
+            code="no-overlap",
             hint="Align the first samples with --align start, or set the lag with --align SECONDS",
-        )  # fmt: skip
+        )
     return start, end
 
 

@@ -23,8 +23,8 @@ _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
 LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
-NAMES = ("name", "names", "joint_names")
-"""Message fields that name the entries of the other arrays in the message."""
+NAMES = ("name", "names", "joint_names", "interface_names")
+"""Message fields that name the entries of the other arrays in the message, and of those in its parts without names."""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
@@ -70,11 +70,16 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, bool | int | float | np.number | np.bool_)
 
 
-def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
-    """Labels and values of all numbers in a message or JSON object. Raises NoSignal."""
+def flatten(
+    message: Any, prefix: str = "", names: Sequence[str] = (), joint: str | None = None
+) -> Iterator[tuple[Label, float]]:  # fmt: skip
+    """Labels and values of all numbers in a message or JSON object. Raises NoSignal.
+
+    names, joint: names of the entries of arrays, and the joint, which the message around this part states.
+    """
     members = _members(message)
     named = [members[key] for key in NAMES if isinstance(members.get(key), list)]
-    names: Sequence[str] = next((entries for entries in named if entries and isinstance(entries[0], str)), [])
+    names = next((entries for entries in named if entries and isinstance(entries[0], str)), names)
     for key, value in members.items():
         if key in ("header", "layout") or (key in ("stamp", "timestamp") and not _is_number(value)):
             continue
@@ -82,13 +87,14 @@ def flatten(message: Any, prefix: str = "") -> Iterator[tuple[Label, float]]:
         array = isinstance(value, np.ndarray | list | tuple)
         if array and len(value) > LONGEST:
             raise NoSignal
-        fitting = array and len(names) == len(value)
+        fitting = array and 0 < len(names) == len(value)
         items = [(f"{path}[{names[i] if fitting else i}]", item) for i, item in enumerate(value)] if array else [(path, value)]
         for i, (place, item) in enumerate(items):
+            owner = str(names[i]) if fitting and joint is None else joint
             if _is_number(item):
-                yield (place, str(names[i]) if fitting else None), float(item)
+                yield (place, owner), float(item)
             else:
-                yield from flatten(item, f"{place}.")
+                yield from flatten(item, f"{place}.", () if fitting else names, owner)
 
 
 def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[str | None, str | None]:
@@ -101,6 +107,8 @@ def understand(topic: str, kind: str, label: str, joint: str | None) -> tuple[st
         motor = re.search(r"motor_([1-8])(?!\d)", topic.lower())
         side = motor[0] if motor else "link"
         return joint, f"{side}_{_JOINT_STATE[name]}"
+    if kind.endswith("/DynamicJointState") and (interface := re.search(r"\[(position|velocity|effort)\]$", label)):
+        return joint, f"link_{_JOINT_STATE[interface[1]]}"
     if label in ("data", "value") and last in TOPICS and len(parts) > 1:
         return parts[-2], TOPICS[last]
     if last in ("link_state", "details") and len(parts) > 1 and (quantity := LINK_STATE_FIELDS.get(name, name)) in QUANTITIES:

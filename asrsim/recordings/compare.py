@@ -24,7 +24,7 @@ from asrsim.recordings.align import (
 )  # fmt: skip
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
-from asrsim.recordings.suspicions import beside, condense
+from asrsim.recordings.suspicions import beside, condense, interchanged
 from asrsim.samples import Array, JointInfo, Samples
 
 
@@ -137,6 +137,12 @@ def compare(
     findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
+    for quantity in {one.quantity: None for one in series}:
+        alike = [one for one in series if one.quantity == quantity]
+        alike = [one for one in alike if np.array_equal(one.time, alike[0].time)]
+        expected, measured = {one.joint: one.simulation for one in alike}, {one.joint: one.recording for one in alike}
+        swapped = interchanged(expected, measured, {one.joint: columns[one.joint, quantity] for one in alike})
+        findings += [replace(one, file=recording.path) for one in swapped]
     return Comparison(recording=recording.path, series=series, alignment=alignment, findings=tuple(findings))
 
 

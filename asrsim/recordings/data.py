@@ -23,6 +23,11 @@ LARGEST = 1e30
 """Largest magnitude of a measured value, SI units; squares and slopes of larger values would overflow."""
 
 
+_LOST = ("wrapped", "unsigned", "missing-numbers", "not-a-number", "ragged-row", "dropped-samples", "falling-time",
+         "repeated-time", "bad-time", "restarted-clock", "two-time-bases", "truncated", "broken-message")  # fmt: skip
+"""Codes of findings about samples that were changed, are missing, or contradict themselves."""
+
+
 def places_text(noun: str, numbers: Iterable[int]) -> str:
     """Numbers as text, such as `lines 3, 11`."""
     words = [*map(str, numbers)]
@@ -175,6 +180,12 @@ class Recording:
     def asked(self) -> tuple[Column, ...]:
         """Unused columns that may be a joint's quantity, but whose names are ambiguous."""
         return tuple(column for column in self.channels.values() if column.question)
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Sentences on numbers and times that are lost, or that are suspected to be wrong."""
+        found = [one for one in self.findings if one.code.startswith("suspected-") or one.code in _LOST]
+        return tuple(f"{one.key}: {one.message}".removeprefix("None: ") + f". {one.hint}" * bool(one.hint) for one in found)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -26,9 +26,10 @@ def joined(folder: Path, read: Callable[[Path], Content], suffixes: Collection[s
         suffixes: Endings of the names of recordings.
     """
     files = [
-        file for file in sorted(folder.iterdir())
+        file
+        for file in sorted(folder.iterdir())
         if file.suffix.lower() in suffixes and file.is_file() and not file.is_symlink() and not file.name.startswith(".")
-    ]  # fmt: skip
+    ]
     if not files:
         hint = f"Expected metadata.yaml (a ROS 2 bag), or a file for each quantity with one of {listed(sorted(suffixes), 8)}"
         raise RecordingError("is a folder without recordings", hint=hint, code="no-bag")

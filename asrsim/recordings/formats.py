@@ -49,20 +49,14 @@ _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)
 """Classes in the answer of the child process, by name."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 _OURS = {
-    "text": Reader(
-        suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
-    "json": Reader(
-        suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, magic=(b'{"', b"[{"), confined=False),
-    "excel": Reader(
-        suffixes=(".xlsx", ".xlsm", ".xls", ".ods"), read=read_excel, magic=(b"\xd0\xcf\x11\xe0",)),
-    "matlab": Reader(
-        suffixes=(".mat", ".h5", ".hdf5"), read=read_matlab, magic=(b"MATLAB ", b"\x89HDF")),
+    "text": Reader(suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
+    "json": Reader(suffixes=(".json", ".jsonl", ".ndjson"), read=read_json, magic=(b'{"', b"[{"), confined=False),
+    "excel": Reader(suffixes=(".xlsx", ".xlsm", ".xls", ".ods"), read=read_excel, magic=(b"\xd0\xcf\x11\xe0",)),
+    "matlab": Reader(suffixes=(".mat", ".h5", ".hdf5"), read=read_matlab, magic=(b"MATLAB ", b"\x89HDF")),
     "numpy": Reader(suffixes=(".npz", ".npy"), read=read_numpy, magic=(b"\x93NUMPY",)),
-    "arrow": Reader(
-        suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
-    "bag": Reader(
-        suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
-}  # fmt: skip
+    "arrow": Reader(suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
+    "bag": Reader(suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
+}
 """asrsim's readers by name; all others are users'."""
 for _name, _reader in _OURS.items():
     READERS.add(_name, _reader)

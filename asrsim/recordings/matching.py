@@ -22,10 +22,12 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
     doubt = next((f"; {one.source}: {one.question}" for one in recording.asked), "")
     raise RecordingError(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
-        f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}", file=recording.path, code="no-common-joint",
+        f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}",
+        file=recording.path,
+        code="no-common-joint",
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, in the document beside the file or with "
         f"--map '{column.source}={joint}.{column.quantity or 'link_position'} [{column.unit or 'unit'}]'",
-    )  # fmt: skip
+    )
 
 
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:

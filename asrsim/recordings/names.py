@@ -32,6 +32,17 @@ _QUANTITIES = {
     for words in spellings.split(",")
 }  # fmt: skip
 """Quantity for the sorted words of a column's name."""
+_ERRORS = {"error", "errors", "err"}
+_NOT_MEASURED = {
+    word
+    for words in (
+        "covariance covariances variance std stddev deviation limit limits tolerance tolerances min max minimum maximum",
+        "initial offset offsets bias previous prev last predicted prediction integral derivative delta difference residual",
+        "residuals output outputs gain gains nominal points",
+    )
+    for word in words.split()
+}
+"""Words above a quantity in a path, such as `output.effort` or the `points` of a trajectory, which act later."""
 _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
 """Words of an ambiguous name about which the user is asked."""
 
@@ -58,9 +69,11 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     """
     known, plain = column_quantities(), split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
-    if dot and ALIASES.get(last, last) in known and (last in known or not is_command([*re.split(r"[./]", head), file])):
-        return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)
     joint, rest = find_joint(plain, joints or ())
+    about = _words_above(rest)
+    stated = dot and ALIASES.get(last, last) in known and not about & _ERRORS
+    if stated and (last in known or not is_command([*re.split(r"[./]", head), file])):
+        return _joint_called(head, joints), _fitting(ALIASES.get(last, last), unit)
     elsewhere, file = find_joint(file, joints or ()) if file else (None, "")
     joint = joint or elsewhere
     parts = [part for part in re.split(r"[./]", rest) if tokens_of(part)]
@@ -76,6 +89,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         words = [word for word in (*words, *said) if word != "field"]
     if words and REFERENCE not in words and (is_command(above) or (REFERENCE in said and not unsure)):
         words.append(REFERENCE)  # for example knee.command.effort, desired.positions
+    if about & _ERRORS:
+        words.append("error")  # for example error.positions, the error of a controller
     named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
     if named and unit is not None and unit.si == "rad":
         words.append("position")  # for example hub1_rad, Joint 1 [deg], elbow [deg]
@@ -130,6 +145,21 @@ def _commanded(parts: Sequence[str], words: Sequence[str], unit: Unit | None, *,
             raise CommandDoubtError(f"its name means {what}, but '{unknown[0]}' is not a known word")
         return None
     return "reference_1"
+
+
+def check_path(name: str, joint: str | None, joints: Sequence[str] | None) -> None:
+    """Raise DoubtError for a column whose path says that it may not hold what was measured or commanded at its times.
+
+    joint: joint that the file states for the column.
+    """
+    rest = find_joint(split_header(name)[0], joints or ([joint] if joint else ()))[1]
+    if unsure := _words_above(rest) & _NOT_MEASURED:
+        raise DoubtError(f"'{min(unsure)}' in its name may mean something else than what was measured or commanded then")
+
+
+def _words_above(path: str) -> set[str]:
+    """Words of a path without its last part."""
+    return {word for part in re.split(r"[./]", path)[:-1] for word in tokens_of(part)}
 
 
 def within_joint(name: str) -> str:

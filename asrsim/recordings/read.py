@@ -22,7 +22,7 @@ from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recordin
 from asrsim.recordings.folders import require_one_recording
 from asrsim.recordings.formats import content_of
 from asrsim.recordings.matching import matching_name
-from asrsim.recordings.names import find_raw, meaning_of, stated_unit, within_joint
+from asrsim.recordings.names import check_path, find_raw, meaning_of, stated_unit, within_joint
 from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
@@ -210,6 +210,7 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
     unit = stated_unit(name)
     if choices := unsure_units(name):
         raise DoubtError(f"its unit may be {' or '.join(choices)}")
+    check_path(name, raw.joint, joints)
     if raw.quantity is not None:
         place = re.search(r"\[(\d+)\]$", name)
         return raw.joint or joint_of(int(place[1]) if place else None, joints, indexed=True), raw.quantity

@@ -64,11 +64,13 @@ class ColumnMap:
     def _as_text(self) -> str:
         """Text that `parse_meaning` reads as this meaning."""
         parts = [
-            "" if self.scale == 1.0 else f"{self.scale:.10g}*", f"{self.joint}.{self.quantity}",
-            f" [{self.unit.symbol}]" if self.unit else "", " unwrapped" if self.unwrapped else "",
+            "" if self.scale == 1.0 else f"{self.scale:.10g}*",
+            f"{self.joint}.{self.quantity}",
+            f" [{self.unit.symbol}]" if self.unit else "",
+            " unwrapped" if self.unwrapped else "",
             f" {'-' if self.offset < 0.0 else '+'} {abs(self.offset):.10g}" if self.offset else "",
             f" late {self.late:.10g}" if self.late else "",
-        ]  # fmt: skip
+        ]
         return "".join(parts)
 
 
@@ -79,13 +81,13 @@ class TimeKeys:
     column: str | tuple[str, ...] | None = declare(
         Either((ListOf(of=Text(text="name of a column"), minimum=1), Text(text="name of a column"))),
         doc="column of the time, by header or number from 1; a list of two columns that are added: seconds and nanoseconds, "
-        "a date and a time of day; for messages `header` or `received`", default=None,
-    )  # fmt: skip
+        "a date and a time of day; for messages `header` or `received`",
+        default=None,
+    )
     unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the header's")
     rate: float | None = declare(
-        Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz",
-        default=None,
-    )  # fmt: skip
+        Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz", default=None
+    )
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -119,25 +121,29 @@ class Reading:
         Text(), doc="text: the encoding, such as utf-8, latin-1, shift_jis", default=None, shown="detected"
     )
     header: int | None = declare(
-        Integer(minimum=0), doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
-        default=None, shown="detected",
-    )  # fmt: skip
+        Integer(minimum=0),
+        doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
+        default=None,
+        shown="detected",
+    )
     sheet: str | None = declare(
         Text(text="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
     )
     joint: str | None = declare(
-        Text(text="name of a column"), doc="text and sheets: column that names the joint of each row, if the rows of several "
-        "joints take turns", default=None, shown="none",
-    )  # fmt: skip
-    missing: float | None = declare(
-        NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None,
+        Text(text="name of a column"),
+        doc="text and sheets: column that names the joint of each row, if the rows of several joints take turns",
+        default=None,
         shown="none",
-    )  # fmt: skip
+    )
+    missing: float | None = declare(
+        NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None, shown="none"
+    )
     window: tuple[float, ...] | None = declare(
         ListOf(of=NUMBER, names=("start", "end")),
         doc="start and end of the part that is kept, on the recording's clock",
-        unit="s", default=None,
-    )  # fmt: skip
+        unit="s",
+        default=None,
+    )
     columns: Mapping[str, str] | None = declare(
         MapOf(of=Text(text="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
         doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",

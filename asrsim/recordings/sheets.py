@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from datetime import date, time, timedelta
@@ -78,20 +78,23 @@ def _loaded(text: str) -> Any:
         return records
 
 
-def _flat(data: Any, prefix: str) -> Iterator[tuple[str, str]]:
-    """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`."""
+def _flat(data: Any, prefix: str, around: Sequence[Any] = ()) -> Iterator[tuple[str, str]]:
+    """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`.
+
+    around: names of the entries of lists, which the record around this part states.
+    """
     if isinstance(data, dict):
         start = f"{prefix}." if prefix else ""
-        names: list[Any] = next((data[key] for key in NAMES if isinstance(data.get(key), list)), [])
+        names: Sequence[Any] = next((data[key] for key in NAMES if isinstance(data.get(key), list)), around)
         for key, value in data.items():
-            if isinstance(value, list) and len(value) == len(names) <= LONGEST and value is not names:
+            if isinstance(value, list) and 0 < len(value) == len(names) <= LONGEST and value is not names:
                 for name, item in zip(names, value, strict=True):
                     yield from _flat(item, f"{start}{name}.{key}")
             else:
-                yield from _flat(value, f"{start}{key}")
+                yield from _flat(value, f"{start}{key}", names)
     elif isinstance(data, list):
         for i, value in enumerate(data if len(data) <= LONGEST else ()):
-            yield from _flat(value, f"{prefix}[{i}]")
+            yield from _flat(value, f"{prefix}[{i}]", around)
     else:
         yield prefix, "" if data is None else str(int(data)) if isinstance(data, bool) else str(data)
 

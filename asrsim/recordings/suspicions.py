@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
@@ -21,6 +22,8 @@ _NEAR, _FAR = 1.5, 10.0
 """Distance from all other numbers, relative to their range, above which a number is suspected to mark missing values."""
 _LIMITS = (2.0**15, 2.0**15 - 1, 2.0**16 - 1, 2.0**31, 2.0**31 - 1, 2.0**32 - 1)
 """Limits of integers, which stand for no value in some files."""
+_OTHERS = 0.3
+"""Error with two columns interchanged, relative to the error as they are, below which they are suspected to be so."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 
@@ -62,6 +65,26 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
         found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
     return found
+
+
+def interchanged(
+    expected: Mapping[str, Array], measured: Mapping[str, Array], columns: Mapping[str, Column], than: str = "the simulation"
+) -> Iterator[Problem]:  # fmt: skip
+    """Pairs of columns of one quantity that fit the other's joint far better than their own.
+
+    expected, measured: values (n,) by joint, at equal times. columns: column of each joint.
+    """
+
+    def error(a: str, b: str) -> float:
+        return float(np.nanmean(np.square(expected[a] - measured[b])))
+
+    for a, b in combinations(columns, 2):
+        own, other = error(a, a) + error(b, b), error(a, b) + error(b, a)
+        if other < _OTHERS**2 * own:
+            message = f"fits '{b}' of {than}, and '{columns[b].source}' fits '{a}': are the two columns interchanged?"
+            items = f"{columns[a].source}={b}.{columns[a].quantity}", f"{columns[b].source}={a}.{columns[b].quantity}"
+            cure = "If so: " + " ".join(f"--map '{item}'" for item in items)
+            yield Problem(message, key=columns[a].source, hint=cure, code="suspected-joint")
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:

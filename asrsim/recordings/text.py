@@ -287,9 +287,11 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
     if place and not fitting and reading.header is None and len(rows[place - 1][1]) not in (1, 2, columns):
         line, names = rows[place - 1]
         raise RecordingError(
-            f"the header has {len(names)} names, but the rows have {columns} fields", line=line, code="header-misfit",
+            f"the header has {len(names)} names, but the rows have {columns} fields",
+            line=line,
+            code="header-misfit",
             hint="Repair that line, or state `header: 0` in the document beside the file and name the columns by their numbers",
-        )  # fmt: skip
+        )
     members = map(Counter, zip(*(kind for kind in kinds[place:] if len(kind) == columns), strict=True))
     common = [max(("number", "stamp", "text"), key=counts.__getitem__) for counts in members]
     if not header:

@@ -147,9 +147,10 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
     places = [place for place in stated.values() if place is not None] or _time_columns(columns, named)
     if not places:
         raise RecordingError(
-            f"none of the columns is a time: {listed(names, 20)}", code="no-time",
+            f"none of the columns is a time: {listed(names, 20)}",
+            code="no-time",
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
-        )  # fmt: skip
+        )
     if len(named) > 1 and len(places) == 1 and not stated:
         _check_second_time(names, named[0], named[1], findings)
     alone = len(places) == 1

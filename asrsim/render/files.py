@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,13 +12,13 @@ import numpy as np
 from asrsim.errors import InputError, OutputError
 from asrsim.extras import library
 from asrsim.outfile import is_ours, written
+from asrsim.progress import Progress, Tell
 from asrsim.render.motion import Film, FilmFrame, even_times, telling_times
 
 if TYPE_CHECKING:
     from PIL.Image import Image as Picture
     from PIL.ImageFont import FreeTypeFont
 
-Progress = Callable[[float], None]
 GIF_FPS, GIF_FRAMES = 15.0, 240
 """Frames per second of a GIF, and its largest number of frames: a longer run gets fewer frames per second."""
 MP4_FPS = 30.0
@@ -65,7 +65,7 @@ def _font(size: int) -> FreeTypeFont:
     return ImageFont.truetype(str(Path((folders or ["."])[0]) / "mpl-data/fonts/ttf/DejaVuSans.ttf"), size)
 
 
-def _stamped(film: Film, times: Sequence[float], progress: Progress | None) -> Iterator[Picture]:
+def _stamped(film: Film, times: Sequence[float], progress: Tell | None, name: str) -> Iterator[Picture]:
     """Pictures of the film at the times (s), with the time in a corner and a faint robot at its equilibrium."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
@@ -77,7 +77,7 @@ def _stamped(film: Film, times: Sequence[float], progress: Progress | None) -> I
         ImageDraw.Draw(picture).text((0.5 * size, 0.3 * size), f"{frame.time:.2f} s", fill="#4a4a4a", font=_font(size))
         yield picture
         if progress is not None:
-            progress(number / len(times))
+            progress(Progress(task=name, fraction=number / len(times)))
 
 
 def strip_of(film: Film, *, count: int = ROW) -> Picture:
@@ -100,16 +100,14 @@ def write_strip(film: Film, path: str | Path, *, count: int = ROW) -> Path:
     return path
 
 
-def write_gif(
-    film: Film, path: str | Path, *, speed: float = 1.0, fps: float = GIF_FPS, progress: Progress | None = None
-) -> Path:
+def write_gif(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = GIF_FPS, progress: Tell | None = None) -> Path:
     """Write an endless GIF and return the file. speed: 2 plays the run twice as fast; fps: frames per second. Raises
     OutputError.
     """
     from PIL import Image as Pictures
 
     times = _times(film, speed, fps, most=GIF_FRAMES)
-    pictures = list(_stamped(film, times, progress))
+    pictures = list(_stamped(film, times, progress, Path(path).name))
     # All frames share one palette: otherwise colours would flicker.
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
@@ -123,9 +121,7 @@ def write_gif(
     return path
 
 
-def write_mp4(
-    film: Film, path: str | Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Progress | None = None
-) -> Path:
+def write_mp4(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Tell | None = None) -> Path:
     """Write an MP4 (H.264) with imageio-ffmpeg and return the file. Raises InputError if it is missing, and OutputError."""
     imageio_ffmpeg = library("imageio_ffmpeg", "video")
     times = _times(film, speed, fps)
@@ -137,7 +133,7 @@ def write_mp4(
         )  # fmt: skip
         try:
             writer.send(None)
-            for picture in _stamped(film, times, progress):
+            for picture in _stamped(film, times, progress, Path(path).name):
                 writer.send(np.ascontiguousarray(picture))
         finally:
             with suppress(OSError):

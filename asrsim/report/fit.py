@@ -74,9 +74,7 @@ def profile_chart(one: Profile, estimates: Sequence[Estimate]) -> Chart:
     ]
     top = max(9.0, float(np.nanmax(one.rise, initial=0.0)))
     words = style.in_words(one.name)
-    return Chart(
-        words=words, across=words, across_unit=unit, lines=lines, span=(-0.05 * top, 1.05 * top)
-    )  # fmt: skip
+    return Chart(words=words, across=words, across_unit=unit, lines=lines, span=(-0.05 * top, 1.05 * top))
 
 
 def _badge(text: str, grade: str) -> str:

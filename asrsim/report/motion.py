@@ -32,9 +32,11 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
         runs.append({"label": label, "scene": scenes.index(shapes), "ground": film.scene.ground, **_motion(film)})
     first = films[0]
     camera = {
-        "eye": first.camera.eye.tolist(), "target": first.camera.target.tolist(), "field": first.camera.field,
+        "eye": first.camera.eye.tolist(),
+        "target": first.camera.target.tolist(),
+        "field": first.camera.field,
         "aspect": first.width / first.height,
-    }  # fmt: skip
+    }
     return {"scenes": scenes, "runs": runs, "camera": camera}
 
 

@@ -44,9 +44,7 @@ class TimeGrid:
 
     def as_dict(self) -> dict[str, Any]:
         """Grid as data for the page; margin: time before the first point and after the last point, s."""
-        return {
-            "start": self.start, "step": self.step, "count": self.count, "margin": 0.5 * self.step if self.thinned else 0.0,
-        }  # fmt: skip
+        return {"start": self.start, "step": self.step, "count": self.count, "margin": 0.5 * self.step if self.thinned else 0.0}
 
 
 def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[TimeGrid, list[RunCurves]]:

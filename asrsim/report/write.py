@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from asrsim.errors import Problem
 from asrsim.outfile import check_output, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.curves import distinct_labels
+from asrsim.progress import Progress, Tell, tell_nobody
 from asrsim.report.content import Films, find_comparison, read_content, read_films, recorded_curves
 from asrsim.report.plots import joint_sections, page_quantities
 from asrsim.report.runs import runs_page
@@ -24,7 +25,7 @@ def write_report(
     path: str | os.PathLike[str] | None = None,
     *,
     film: bool = True,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Tell | None = None,
 ) -> Path:
     """Write a self-contained page about the results in a folder.
 
@@ -43,8 +44,8 @@ def write_report(
     """
     place = Path(folder)
     page = Path(path) if path is not None else (place.parent if place.is_file() else place) / PAGE
-    tell = progress or (lambda what, fraction: None)
-    tell("reading", 0.1)
+    tell = progress or tell_nobody
+    tell(Progress(task="reading", fraction=0.1))
     home, kind = _kind(place)
     if kind is not None:
         check_output(page, "page", inputs=[home / kind])
@@ -93,10 +94,10 @@ def _other_page(folder: Path, kind: str) -> str:
     return twin_page(folder)
 
 
-def _runs_page(place: Path, logs: Sequence[Path], *, film: bool, tell: Callable[[str, float], None]) -> str:
+def _runs_page(place: Path, logs: Sequence[Path], *, film: bool, tell: Tell) -> str:
     grid, runs = read_runs(logs, quantities=page_quantities())
     labels = [run.label for run in distinct_labels(runs)]
-    tell("reading", 0.5)
+    tell(Progress(task="reading", fraction=0.5))
     contents = [read_content(log) for log in logs]
     beside = place if place.is_dir() else place.parent
     data = {
@@ -104,6 +105,6 @@ def _runs_page(place: Path, logs: Sequence[Path], *, film: bool, tell: Callable[
         "runs": [{"label": label, "colour": style.variant_colour(n)} for n, label in enumerate(labels)],
         "groups": joint_sections(runs, recorded_curves(beside, labels), grid.time),
     }
-    tell("film strip", 0.9)
+    tell(Progress(task="film strip", fraction=0.9))
     films = read_films(logs, labels) if film else Films(strips={})
     return runs_page(contents, labels, data=data, films=films, compared=find_comparison(beside))

@@ -176,9 +176,11 @@ class FigureOutcome:
     def as_dict(self) -> dict[str, Any]:
         """Results as data for JSON."""
         return {
-            "ok": self.holds, "page": str(self.page), "wall_time": self.seconds,
+            "ok": self.holds,
+            "page": str(self.page),
+            "wall_time": self.seconds,
             "figures": [figure.as_dict() for figure in self.figures],
-        }  # fmt: skip
+        }
 
 
 @cache

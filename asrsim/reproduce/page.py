@@ -61,10 +61,12 @@ def _part(part: FigurePart, *, folded: bool) -> str:
     claims = table(heads, [_claim(claim) for claim in part.claims], raw=(0, 3), long=(0,))
     body = "\n".join(
         [
-            f"<p>{escape(part.text)}</p>", *map(_picture, part.pictures), claims if part.claims else "",
+            f"<p>{escape(part.text)}</p>",
+            *map(_picture, part.pictures),
+            claims if part.claims else "",
             *map(_table, part.tables),
         ]
-    )  # fmt: skip
+    )
     if not folded:
         return f"<h3>{escape(part.title)}</h3>\n{body}"
     counted = f' <span class="note">{_count(part.claims)} claims hold</span>' if part.claims else ""

@@ -129,6 +129,4 @@ def work_space(bodies: int, base: Any) -> dict[str, Any]:
     """Work space of a chain with this number of moving bodies on a base with this pose (4, 4)."""
     poses = np.zeros((bodies + 1, 4, 4))
     poses[0] = base
-    return {
-        "poses": poses, "turned": np.zeros((bodies, 4, 4)), "carried": np.zeros((bodies, 4, 4)), "room": np.zeros((4, 4)),
-    }  # fmt: skip
+    return {"poses": poses, "turned": np.zeros((bodies, 4, 4)), "carried": np.zeros((bodies, 4, 4)), "room": np.zeros((4, 4))}

@@ -141,9 +141,7 @@ def _no_actuators(robot: Robot) -> Iterator[Problem]:
         yield Problem(message, code="no-actuators", file=robot.path, key=robot.name, hint=hint)
 
 
-ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (
-    _no_inertial, _sizes, _limits, _passive, _no_actuators,
-)  # fmt: skip
+ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (_no_inertial, _sizes, _limits, _passive, _no_actuators)
 
 
 # -- actuators ---------------------------------------------------------------------------------------------------------

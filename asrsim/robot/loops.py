@@ -416,8 +416,9 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         master = order[next(iter(masters), own)]
         ties = tuple(
             MimicJoint(follower=j, leader=order[moving[j].mimic], ratio=moving[j].multiplier, offset=moving[j].offset)
-            for j in sorted(members) if moving[j].mimic
-        )  # fmt: skip
+            for j in sorted(members)
+            if moving[j].mimic
+        )
         lengths = [float(np.linalg.norm(one)) for number in inside for one in (*paths[number].origins, paths[number].ends)]
         linkage = Linkage(
             joints=(master, *sorted(members - {master})), loops=tuple(inside), paths=tuple(paths[k] for k in inside), ties=ties,

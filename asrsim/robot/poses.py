@@ -81,9 +81,7 @@ def roll_pitch_yaw(rotation: Array) -> Vector:
 def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
     """Unit quaternion (x, y, z, w) of roll, pitch, yaw in rad."""
     (sr, cr), (sp, cp), (sy, cy) = ((sin(0.5 * angle), cos(0.5 * angle)) for angle in rpy)
-    return (
-        sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy
-    )  # fmt: skip
+    return (sr * cp * cy - cr * sp * sy, cr * sp * cy + sr * cp * sy, cr * cp * sy - sr * sp * cy, cr * cp * cy + sr * sp * sy)
 
 
 def rotation_of(quaternion: Sequence[float]) -> Array:

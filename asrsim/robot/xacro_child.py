@@ -100,9 +100,10 @@ class _Guards:
         path = Path(filename).resolve()
         if not any(path.is_relative_to(root) for root in self._request["roots"]):
             raise RefusedError(
-                f"{filename} lies outside the file's folder and the known packages", code="path-outside",
+                f"{filename} lies outside the file's folder and the known packages",
+                code="path-outside",
                 hint="Name the package's folder if you trust it",
-            )  # fmt: skip
+            )
         if not path.is_file():
             raise RefusedError(f"{filename} does not exist", code="missing-file")
         with path.open("rb") as stream:
@@ -147,9 +148,10 @@ class _Guards:
                     if candidate.is_dir():
                         return str(candidate)
         raise RefusedError(
-            f"package '{name}' is not known", code="unknown-package",
+            f"package '{name}' is not known",
+            code="unknown-package",
             hint=f"Give its folder: --package {name}=FOLDER, or packages in the scenario",
-        )  # fmt: skip
+        )
 
     def environment(self, name: str) -> str:
         raise RefusedError(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from asrsim.errors import DivergenceError, InputError
 from asrsim.log import LogWriter
 from asrsim.outfile import write_json
+from asrsim.progress import Stop, Tell
 from asrsim.quantities import LIMITS
 from asrsim.runs.described import as_run
 from asrsim.runs.folder import LOG, SUMMARY, new_log, open_folder
@@ -54,9 +55,8 @@ def execute(
     certify: bool = False,
     cross_check: bool = False,
     started: Callable[[RunInfo], None] | None = None,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
-    certifying: Callable[[str, float], None] | None = None,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
 ) -> Executed:
     """Simulate one variant and write its log into `folder`, if given. `write_summary` writes the summary.
 
@@ -71,9 +71,8 @@ def execute(
         certify: Estimate the numerical error by runs with finer steps (and in another engine, if there is one).
         cross_check: Run in another engine too, and write the differences to the summary.
         started: Called with the description of the run when it is built.
-        progress: As in `asrsim.simulation.run.simulate`.
+        progress: As in `asrsim.simulation.run.simulate`; the additional runs have a `task`.
         stop: As in `asrsim.simulation.run.simulate`.
-        certifying: Progress of the additional runs.
 
     Raises:
         InputError, SimulationError: The run cannot be built.
@@ -105,7 +104,7 @@ def execute(
                 raise
             error, run = caught, caught.run
         if certify and run.status == "complete":
-            certificate = accuracy.certify(plan, run, progress=certifying, stop=stop)
+            certificate = accuracy.certify(plan, run, progress=progress, stop=stop)
         for writer in writers:
             certified = {"certificate": json.dumps(certificate)} if certificate else {}
             writer.close(result_metadata(run, error) | certified)
@@ -115,7 +114,7 @@ def execute(
     files = {} if log is None else {"log": log}
     summary = replace(summary, certificate=certificate, files=files, replaced=earlier)
     if run.status == "complete" and other is not None and (cross_check or certify):
-        summary = replace(summary, cross_check=accuracy.cross_check(plan, run, other, progress=certifying))
+        summary = replace(summary, cross_check=accuracy.cross_check(plan, run, other, progress=progress))
     return Executed(run=run, summary=summary, folder=folder, log=log, error=error)
 
 

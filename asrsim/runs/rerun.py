@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -15,6 +15,7 @@ from asrsim.errors import ActuatorError, DivergenceError, InputError, LogError
 from asrsim.log import LogReader, open_log
 from asrsim.plain import one_or_more
 from asrsim.plugins import load_plugin_file
+from asrsim.progress import Stop, Tell
 from asrsim.robot import Robot, load_robot
 from asrsim.runs.compare import Comparer, Difference
 from asrsim.runs.described import LIVE, UNREPEATABLE
@@ -76,8 +77,8 @@ def rerun(
     *,
     plugins: Sequence[str | Path] = (),
     trust_plugins: bool = False,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
 ) -> Repetition:
     """Repeat the run of a log, and compare every sample.
 
@@ -88,7 +89,7 @@ def rerun(
         path: The log.
         plugins: Users' Python files, instead of those in the log.
         trust_plugins: Run the Python files in the log.
-        progress: Called with the simulated time, s.
+        progress: Called with the simulated time.
         stop: Called now and then; the comparison ends early when it returns True.
 
     Raises:

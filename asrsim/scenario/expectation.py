@@ -43,13 +43,16 @@ class Expectation:
         shown="all",
     )
     reference: str | None = declare(
-        Text(text="name of a quantity"), default=None, shown="the joint's own",
+        Text(text="name of a quantity"),
+        default=None,
+        shown="the joint's own",
         doc="another quantity of the same joint to compare with, for measures of two series",
-    )  # fmt: skip
+    )
     against: Path | None = declare(
-        File(noun="recording", folder=True, beside=".yaml"), default=None,
+        File(noun="recording", folder=True, beside=".yaml"),
+        default=None,
         doc="a recording to compare with, for measures of a difference",
-    )  # fmt: skip
+    )
     options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
     line: int | None = field(default=None, compare=False)
 

@@ -45,9 +45,8 @@ class CartesianTask:
     )
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="the point on the path, in the link's frame")
     joints: tuple[str, ...] = declare(
-        ListOf(of=JOINT), default=(), doc="joints that move",
-        shown="all actuated ones between base and link",
-    )  # fmt: skip
+        ListOf(of=JOINT), default=(), doc="joints that move", shown="all actuated ones between base and link"
+    )
     gain: float = declare(POSITIVE, default=10.0, unit="1/s", doc="gain of the closed loop")
     damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="damping of the least squares")
     interpolation: str = declare(Choice(("minimum_jerk", "linear")), default="minimum_jerk", doc="between the poses")
@@ -56,9 +55,8 @@ class CartesianTask:
     )
     motor_droop: bool = declare(Boolean(), default=False, doc="compensate the motors' steady-state error under load too")
     preset: Mapping[str, float] = declare(
-        MapOf(of=NUMBER, bare=True), default={}, unit="rad",
-        doc="stiffness preset of the joints, where `references` give none",
-    )  # fmt: skip
+        MapOf(of=NUMBER, bare=True), default={}, unit="rad", doc="stiffness preset of the joints, where `references` give none"
+    )
     tolerance: float = declare(
         POSITIVE, default=1e-3, unit="m", doc="largest distance from the path; beyond, the path is unreachable"
     )
@@ -91,9 +89,10 @@ class Learning:
 
     trajectory: Mapping[str, Signal] = declare(SIGNALS_BY_JOINT, unit="rad", doc="desired link positions")
     law: LawName = declare(
-        Choice(("auto", "paper")), default="auto",
+        Choice(("auto", "paper")),
+        default="auto",
         doc="auto: norm-optimal, needs no tuning; paper: equation 13 with fixed gains",
-    )  # fmt: skip
+    )
     gain: float = declare(POSITIVE, default=0.5, unit="1", doc="K of K exp(-n / gain_decay), the weight of the last error")
     gain_decay: float | None = declare(
         Either((Null("none"), POSITIVE)), default=10.0, unit="iterations", doc="decay of the gain; `none`: it is constant"
@@ -105,13 +104,15 @@ class Learning:
         block_of(Filter, "zero-phase filter"), default=None, doc="zero-phase filter on what is learned", shown="none"
     )
     first_guess: FirstGuess | None = declare(
-        Choice(("zero", "reference", "inverse_dynamics")), default=None,
+        Choice(("zero", "reference", "inverse_dynamics")),
+        default=None,
         doc="first input: zero, the trajectory, or inverse dynamics through the springs",
         shown="law auto: inverse_dynamics; else zero",
-    )  # fmt: skip
+    )
     tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it")
     max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many")
     patience: int = declare(
-        Integer(minimum=1), default=3,
+        Integer(minimum=1),
+        default=3,
         doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
-    )  # fmt: skip
+    )

@@ -56,9 +56,11 @@ class Imperfections:
     )
     quantum: float = declare(NOT_NEGATIVE, default=0.0, unit="signal's", doc="step of quantisation")
     noise: float = declare(
-        NOT_NEGATIVE, default=0.0, unit="signal's",
+        NOT_NEGATIVE,
+        default=0.0,
+        unit="signal's",
         doc="standard deviation of Gaussian noise, a new draw each tick (or step), by the scenario's seed",
-    )  # fmt: skip
+    )
 
     @property
     def active(self) -> bool:

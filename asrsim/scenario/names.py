@@ -71,9 +71,10 @@ def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
         return bool(joints) and all(joint in entries for joint in joints)
     name = parts[place + 1]
     users = [
-        block.joint for block in robot.actuators
+        block.joint
+        for block in robot.actuators
         if name in (reference_names(block) if parts[0] == "references" else block.values())
-    ]  # fmt: skip
+    ]
     return bool(joints) and all(name in entries.get(joint, {}) for joint in users or joints)
 
 

@@ -288,12 +288,15 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
             f"it has a command of {', '.join(undriven)}, which has no actuator in the robot", file=recording.path,
             hint=f"Put one there: --actuator {undriven[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
         )  # fmt: skip
-    columns = ", ".join(f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source
-                        for c in list(recording.channels.values())[:30])  # fmt: skip
+    columns = ", ".join(
+        f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source for c in list(recording.channels.values())[:30]
+    )
     torques = [c.source for c in recording.channels.values() if c.quantity == "link_torque"]
     rigid = f"--mode 0 plays the torque of '{torques[0]}' on the rigid link, without motor and spring. " if torques else ""
     return RecordingError(
-        f"no column is a command that could be played; its columns: {columns}", file=recording.path, code="no-command",
+        f"no column is a command that could be played; its columns: {columns}",
+        file=recording.path,
+        code="no-command",
         hint=f"{rigid}Name the command's column: --map COLUMN={robot.actuators[0].joint}.reference_1, or .motor_1_position for "
         "springs on a bench. `asrsim plot LOG --experiment FILE` compares a recording without commands with a run",
-    )  # fmt: skip
+    )

@@ -61,9 +61,11 @@ class LoopClosure:
         ListOf(of=POSITION, names=("first", "second")), unit="m", doc="the points that coincide, in the frames of the links"
     )
     master: str | None = declare(
-        Either((Null(), JOINT)), default=None, shown="its driven joint, or the first",
+        Either((Null(), JOINT)),
+        default=None,
+        shown="its driven joint, or the first",
         doc="the joint that the other joints of the loop follow",
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,19 +80,20 @@ class WorldObject:
     mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
     mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
     inertia: Vector | None = declare(
-        ListOf(of=POSITIVE, names=("xx", "yy", "zz")), default=None, unit="kg m^2",
+        ListOf(of=POSITIVE, names=("xx", "yy", "zz")),
+        default=None,
+        unit="kg m^2",
         doc="principal moments; default: those of the solid shape; a mesh that moves needs them; the centre of mass is the "
         "shape's middle, of a mesh its origin",
-    )  # fmt: skip
+    )
     friction: float = declare(
         NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"
     )
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
     colour: tuple[float, float, float, float] = declare(
-        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0),
-        doc="for pictures",
-    )  # fmt: skip
+        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0), doc="for pictures"
+    )
 
     @property
     def solid(self) -> Shape:
@@ -140,9 +143,8 @@ class World:
     """Surroundings of the robot: ground and objects."""
 
     ground: bool = declare(
-        Either((_GROUND, Boolean())), default=False,
-        doc="a level ground at height 0, or one with friction and height",
-    )  # fmt: skip
+        Either((_GROUND, Boolean())), default=False, doc="a level ground at height 0, or one with friction and height"
+    )
     ground_friction: float = 1.0
     ground_height: float = 0.0
     """Height z of the ground's surface, m."""

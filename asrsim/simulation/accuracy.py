@@ -6,7 +6,7 @@ The runs that are compared advance together, so that no motion is stored.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import combinations
 from typing import Any
@@ -17,6 +17,7 @@ from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, DivergenceError, SimulationError
 from asrsim.plain import finite_or_none
 from asrsim.plugins import blame_plugins
+from asrsim.progress import Progress, Stop, Tell
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
 from asrsim.simulation.prepare import Prepared, Start, build
@@ -90,13 +91,13 @@ def certify(
     plan: Plan,
     run: Run,
     *,
-    progress: Callable[[str, float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
 ) -> dict[str, Any]:
     """Estimate of the numerical error of `run` by Richardson extrapolation, from runs with a half and a quarter of its step.
 
-    plan: the examined scenario of the run. progress: function that receives a text and the simulated time. stop: function that
-    is called regularly; if `stop` returns True, the result is empty. Returns plain values for JSON: stepping and its order, the
+    plan: the examined scenario of the run. progress, stop: as in `simulate`; if `stop` returns True, the
+    result is empty. Returns plain values for JSON: stepping and its order, the
     substep of the run in s, and for each joint the largest and the root-mean-square error of position (rad, m) and torque (N m,
     N) and the measured order of convergence of the position (None where the error is at rounding level). Raises SimulationError
     if a finer run fails.
@@ -105,7 +106,7 @@ def certify(
     comparison = RunDifferences([build(_finer(plan, run, finer)) for finer in (1, 2, 4)])
     for time in comparison:
         if progress is not None:
-            progress("finer steps", time)
+            progress(Progress(task="finer steps", fraction=time / scenario.duration, time=time))
         if stop is not None and stop():
             return {}
     joints: dict[str, dict[str, float | None]] = {}
@@ -159,11 +160,11 @@ def cross_check(
     run: Run,
     other: str,
     *,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Tell | None = None,
 ) -> dict[str, Any]:
     """Repeat a run in the engine `other` and compare the motions.
 
-    plan: the examined scenario of the run. progress: function that receives the name of the engine and its simulated time.
+    plan: the examined scenario of the run. progress: as in `simulate`.
     Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
     of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
     empty if the engines agree or may differ; `note`: explanation of the differences.
@@ -211,12 +212,12 @@ def cross_check(
     }  # fmt: skip
 
 
-def _differences(one: Prepared, other: Prepared, title: str, progress: Callable[[str, float], None] | None) -> Array:
+def _differences(one: Prepared, other: Prepared, title: str, progress: Tell | None) -> Array:
     """Differences (joints, `MEASURES`) between two runs. Raises DivergenceError."""
     comparison = RunDifferences([one, other])
     for time in comparison:
         if progress is not None:
-            progress(title, time)
+            progress(Progress(task=title, fraction=time / one.scenario.duration, time=time))
     return np.asarray(comparison.measures[0])
 
 

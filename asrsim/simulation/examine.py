@@ -184,9 +184,11 @@ def findings(
         return None, tuple(errors), warnings_of(source)
     model = model_of(scenario, robot)
     warnings = (
-        *map(scenario.placed, warnings_of(robot)), *doubts(scenario, robot), *loop_warnings(scenario, source, robot),
+        *map(scenario.placed, warnings_of(robot)),
+        *doubts(scenario, robot),
+        *loop_warnings(scenario, source, robot),
         *(() if model is None else weight_warnings(scenario, robot, model, propose=propose)),
-    )  # fmt: skip
+    )
     plan = Plan(
         scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, model=model,
         warnings=warnings,

@@ -238,9 +238,9 @@ def link_of_row(
     link.drives = [filled(MotorConstants, rest) for _ in range(motors)]
     link.law = [next(rest) for _ in range(parameters)]
     for stage in stages:
-        link.stages.append([
-            own if acts else None for acts, own in ((next(rest), filled(stage.Constants, rest)) for _ in range(springs))
-        ])  # fmt: skip
+        link.stages.append(
+            [own if acts else None for acts, own in ((next(rest), filled(stage.Constants, rest)) for _ in range(springs))]
+        )
     return link
 
 

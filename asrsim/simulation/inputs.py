@@ -84,9 +84,7 @@ class Inputs:
             self._mapped[rows] = True
         self._signals = signals_of(scenario, drives)
         listed = [signal for row in (*self._signals, *self._wrenches) for signal in row if type(signal) is not Constant]
-        self._jumping: dict[int, Signal | Sensor] = {
-            id(one): one for one in (*listed, *self._sensors) if one is not None
-        }  # fmt: skip
+        self._jumping: dict[int, Signal | Sensor] = {id(one): one for one in (*listed, *self._sensors) if one is not None}
         """Signals and sensors that may jump, without repetitions."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)

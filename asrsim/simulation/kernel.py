@@ -105,9 +105,7 @@ def run(
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]
 
 
-def stride_of(
-    states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool
-) -> int:  # fmt: skip
+def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
     """Stride of a world at a whole step: at once a shorter one if a spring may become too stiff for the present one, and a
     longer one after `PATIENCE` steps in which it was possible. whole: whether the whole step belongs to the call."""
     longest = len(common.sizes) - 1 if whole else 0
@@ -139,7 +137,7 @@ def stride_of(
 
 def observe(
     states: Any, constants: Any, kinds: Any, scheme: Scheme, x: Any, corrections: Corrections, place: int, step: int
-) -> None:  # fmt: skip
+) -> None:
     """Move positions and velocities of a world towards measured positions at a whole step, and replace these by the errors
     before the correction. x: state of the engine; place: number of the world in the measured positions."""
     measured, gains, coordinates = corrections.measured[place], corrections.gains, corrections.coordinates

@@ -253,9 +253,11 @@ def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: ty
     own, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
     law, place = columns(JointKind)["law"], len(columns(JointKind)) + number
     return StageAccess(
-        acts=_part_at(None, law, first, own), own=_part_at(stage.Constants, law, first + 1, own),
-        memory=_part_at(stage.Memory, place, 1, memory), lose=_adding_at(place),
-    )  # fmt: skip
+        acts=_part_at(None, law, first, own),
+        own=_part_at(stage.Constants, law, first + 1, own),
+        memory=_part_at(stage.Memory, place, 1, memory),
+        lose=_adding_at(place),
+    )
 
 
 def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int, apart: int) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from asrsim.compiled.compiling import numba_available
 from asrsim.errors import DivergenceError, Problem
 from asrsim.plugins import blame_plugins
+from asrsim.progress import Progress, Stop, Tell
 from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
@@ -53,8 +54,8 @@ def simulate(
     *,
     sinks: Sequence[Sink] | Callable[[RunInfo], Sequence[Sink]] = (),
     keep: bool = True,
-    progress: Callable[[float], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
     commands: Iterable[Command | WrenchCommand] = (),
     duration: float | None = None,
     alike: int = 1,
@@ -66,7 +67,7 @@ def simulate(
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
         keep: Collect all samples in the result.
-        progress: Called with the simulated time, s.
+        progress: Called with the simulated time and its fraction.
         stop: Called every few thousand substeps; the run ends when it returns True.
         commands: References and wrenches that are set during the run, in the order of time.
         duration: Duration in s, instead of the scenario's.
@@ -89,7 +90,7 @@ def simulate(
 
 
 def run_to_end(
-    simulation: Simulation, *, progress: Callable[[float], None] | None = None, stop: Callable[[], bool] | None = None,
+    simulation: Simulation, *, progress: Tell | None = None, stop: Stop | None = None,
     commands: Iterable[Command | WrenchCommand] = (),
 ) -> Run:  # fmt: skip
     """Result of running a simulation to the end of its scenario's duration; arguments and errors as for `simulate`."""
@@ -107,7 +108,8 @@ def run_to_end(
             until = simulation.total if command is None else min(simulation.total, command.substep)
             simulation.advance_to(simulation.next_chunk(until))
             if progress is not None:
-                progress(min(simulation.substep, simulation.last) * simulation.prepared.substep)
+                reached = min(simulation.substep, simulation.last)
+                progress(Progress(fraction=reached / simulation.last, time=reached * simulation.prepared.substep))
         simulation.flush()
     except DivergenceError as error:
         error.run = run_of(simulation, "diverged", wall_time=clock.perf_counter() - began, message=str(error))

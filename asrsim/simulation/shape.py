@@ -76,7 +76,9 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
         motors=max(drive.positions for drive in drives),
         # Other parameters may shorten the delay of a sensor.
         ring=ring if before is None else before.ring,
-        stages=tuple(stages), kept=kept, constants=0,
-    )  # fmt: skip
+        stages=tuple(stages),
+        kept=kept,
+        constants=0,
+    )
     sizes = (len(drive.elastic) + columns_of_stages(own, drive.motors) for drive, own in zip(drives, stages, strict=True))
     return replace(shape, constants=shape.law + max(sizes))

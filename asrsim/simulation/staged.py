@@ -121,7 +121,7 @@ def _nothing(joint: Any, link: Any, kind: Any, i: int, deflection: float, veloci
 
 def _no_memory(
     joint: Any, link: Any, kind: Any, i: int, deflection: float, velocity: float, torque: float, step: float
-) -> None:  # fmt: skip
+) -> None:
     pass
 
 

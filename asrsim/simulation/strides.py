@@ -109,9 +109,10 @@ def _resolves(prepared: Prepared, substeps: int, share: float) -> bool:
     except UnresolvedSpringError:
         return False
     return (
-        free.substeps <= substeps and fixed.motor_substeps == full.motor_substeps == 1
+        free.substeps <= substeps
+        and fixed.motor_substeps == full.motor_substeps == 1
         and fixed.link_implicitness == full.link_implicitness
-    )  # fmt: skip
+    )
 
 
 def _safe_deflection(drive: SteppedJoint, stiffness: float) -> float:

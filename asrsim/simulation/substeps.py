@@ -82,7 +82,7 @@ class Resolution:
 
 def resolution_of(
     scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, *, softer: float = 1.0
-) -> Resolution:  # fmt: skip
+) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient.
     softer: fraction of the stiffness that the springs can reach that is to be resolved."""
     sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))

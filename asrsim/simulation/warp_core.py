@@ -28,9 +28,7 @@ from asrsim.simulation.shape import shape_of
 from asrsim.simulation.warp_step import LOADS, law_of, program
 from asrsim.warping.program import loaded_warp
 
-INERTIALS = (
-    "body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0",
-)  # fmt: skip
+INERTIALS = ("body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0")
 """Fields of a model that follow from the inertials of the links."""
 NO_STOP = 1e6
 """Position of a stop that does not exist, rad or m."""

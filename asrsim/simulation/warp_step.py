@@ -82,7 +82,7 @@ def shortened(joint: JointState, scheme: Scheme, fraction: float, velocity: floa
 NUMBERS, WHOLE_NUMBERS = Row(FLOAT), Row(INT)
 STATE, CONSTANTS, KIND, SCHEME = (
     Row(INT if one is JointKind else FLOAT, record=one) for one in (JointState, JointConstants, JointKind, Scheme)
-)  # fmt: skip
+)
 
 
 Law = tuple[Any, int, tuple[type[Stage], ...]]

@@ -295,9 +295,7 @@ def _sagging(scenario: Scenario, robot: Robot) -> list[ActuatorBlock]:
     ]
 
 
-def weight_warnings(
-    scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False
-) -> tuple[Problem, ...]:  # fmt: skip
+def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False) -> tuple[Problem, ...]:
     """Warnings about joints that sag or fall in a valid scenario; see `sizing`. A robot with closed chains is not checked.
 
     model: model of the robot. propose: propose parameters for the weak joints, which takes some time.

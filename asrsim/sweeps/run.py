@@ -14,6 +14,7 @@ from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import InputError, Problem, SimulationError
 from asrsim.extras import library
 from asrsim.plugins import check_named
+from asrsim.progress import Progress, Stop
 from asrsim.renamed import renamed
 from asrsim.runs.execute import execute, write_summary
 from asrsim.runs.lock import owned
@@ -31,7 +32,7 @@ from asrsim.workers.local import Processes
 
 
 @dataclass(frozen=True, kw_only=True)
-class StudyProgress:
+class StudyProgress(Progress):
     """Progress of a study."""
 
     done: int
@@ -53,7 +54,7 @@ def sweep(
     resume: bool = False,
     overwrite: bool = False,
     progress: Callable[[StudyProgress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
+    stop: Stop | None = None,
     **options: Any,
 ) -> Table:
     """Run a study and return its table: all of `asrsim sweep` except the pictures.
@@ -102,7 +103,9 @@ def sweep(
                         statuses[row[status]] += 1
                     if progress is not None:
                         rate = sum(statuses.values()) / (clock.monotonic() - began)
-                        progress(StudyProgress(done=int(store.done.sum()), total=store.total, rate=rate, statuses=statuses))
+                        done = int(store.done.sum())
+                        share = done / max(store.total, 1)
+                        progress(StudyProgress(fraction=share, done=done, total=store.total, rate=rate, statuses=statuses))
         finally:
             # Write the rows that have arrived, even if an error or Ctrl-C ended the study.
             store.finish()

@@ -83,9 +83,10 @@ class Study:
     samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
-        File(noun="fit"), default=None,
+        File(noun="fit"),
+        default=None,
         doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
-    )  # fmt: skip
+    )
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),

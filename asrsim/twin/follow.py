@@ -16,6 +16,7 @@ from asrsim.outfile import csv_text, make_folder, write_text
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.charts import save_charts
+from asrsim.progress import Progress, Stop, Tell, never, tell_nobody
 from asrsim.quantities import linear_unit
 from asrsim.recordings import read_recording, resample
 from asrsim.samples import Array
@@ -88,7 +89,7 @@ class Followed:
 def follow_recording(
     scenario: Path, recording: Path, *, bandwidth: float | None = None, mapping: Any = None, rate: float | None = None,
     clock_offset: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
-    progress: Callable[[float], None] = lambda share: None, stop: Callable[[], bool] = lambda: False,
+    progress: Tell = tell_nobody, stop: Stop = never,
     watch: Callable[[float, Array, TwinStep], None] = lambda time, positions, found: None,
 ) -> Followed:  # fmt: skip
     """Estimates of a twin that follows a recording of positions and commands.
@@ -101,7 +102,7 @@ def follow_recording(
         mapping, rate: As for `read_recording`.
         clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s.
         variant, overrides: As for `asrsim.run`.
-        progress: Receives the finished fraction of the recording.
+        progress: Called with the finished fraction of the recording.
         stop: Ends the work early when it returns True.
         watch: Receives the time in s, the measured positions (n,) and the estimates of each step as they are found.
 
@@ -130,7 +131,7 @@ def follow_recording(
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():
         measured[:, names.index(joint)] = resample(column.time - clock_offset, column.values, time)
-    notes = [*plan.remarks]
+    notes = [*read.doubts, *plan.remarks]
     notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
     ready = ready.with_references(_commands(ready, plan, time, notes))
     if any(one.slot == 0 for one in plan.played):
@@ -139,7 +140,7 @@ def follow_recording(
     with Twin(ready, bandwidth=min(8.0, 0.05 / ready.scenario.step) if bandwidth is None else bandwidth) as twin:
         for row, at in zip(measured, time.tolist(), strict=True):
             if len(rows) % 200 == 0:
-                progress(len(rows) / len(time))
+                progress(Progress(task="twin", fraction=len(rows) / len(time)))
                 # The files of an interrupted run need at least some steps.
                 if rows and stop():
                     break

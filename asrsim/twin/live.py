@@ -17,6 +17,7 @@ from asrsim.live.commands import CommandInput
 from asrsim.live.pace import Pace
 from asrsim.live.publisher import APPLIED
 from asrsim.live.transport import Access, Interface, LiveTopic, Received, Transport, opened, prefix_of
+from asrsim.progress import Stop
 from asrsim.samples import Array
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
 from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
@@ -74,7 +75,7 @@ class LiveTwin:
         """Time that the twin has followed the robot, s."""
         return self.steps * self._step
 
-    def run(self, *, stop: Callable[[], bool]) -> None:
+    def run(self, *, stop: Stop) -> None:
         """Follow the robot until `stop` returns True or the duration is over. Raises InputError if a transport is missing."""
         pace = Pace(1.0)
         with self._twin, opened(self._names, self.interface, self._access, self._tell) as transports:

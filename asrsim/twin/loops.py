@@ -93,9 +93,7 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     )  # fmt: skip
 
 
-def compare(
-    t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any,
-) -> int:  # fmt: skip
+def compare(t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:
     """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
 
     positions: measured positions (n,), which become those that the twin can follow; links: of the simulations (w, n), rad;

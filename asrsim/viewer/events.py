@@ -49,9 +49,7 @@ def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: 
     return sorted(found)
 
 
-def limit_events(
-    samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]
-) -> Iterator[Event]:  # fmt: skip
+def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]) -> Iterator[Event]:
     """Times at which a link reached a stop or an effort limit, a motor its largest torque, a spring its largest deflection.
 
     parameters: values of the actuators by joint.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time as clock
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from asrsim.errors import AsrsimError
 from asrsim.live.session import Session, Settings
 from asrsim.live.transport import Tell
+from asrsim.progress import Stop
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
@@ -75,7 +76,7 @@ class LiveView:
         self._numbers: Numbers = {}
         """Numbers that could be tuned in the run before."""
 
-    def run(self, stop: Callable[[], bool]) -> RunSummary | None:
+    def run(self, stop: Stop) -> RunSummary | None:
         """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; those of
         later ones are shown on the page, and the run before starts again."""
         with Painter(self._draw, self._page.lock) as painter:
@@ -89,7 +90,7 @@ class LiveView:
         if self._present is not None:
             self._present.show()
 
-    def _runs(self, stop: Callable[[], bool]) -> RunSummary | None:
+    def _runs(self, stop: Stop) -> RunSummary | None:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
@@ -154,12 +155,14 @@ class LiveView:
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
         subject = Subject(
-            title=variant, joints=run.info.joints, scene=RenderScene(robot, run.scenario),
+            title=variant,
+            joints=run.info.joints,
+            scene=RenderScene(robot, run.scenario),
             history=History(run.info.joints, run.samples),
-        )  # fmt: skip
+        )
         return as_companion(subject, variant)
 
-    def _wait(self, desk: Desk, summary: RunSummary, stop: Callable[[], bool]) -> None:
+    def _wait(self, desk: Desk, summary: RunSummary, stop: Stop) -> None:
         """After a divergence, wait for a reset."""
         desk.ended(summary)
         while desk.wish is None and not stop():
@@ -179,7 +182,7 @@ def _numbered(folder: Path) -> Iterator[Path]:
     yield from (folder.with_name(f"{folder.name}_{number}") for number in itertools.count(2))
 
 
-def _ends(desk: Desk, stop: Callable[[], bool]) -> bool:
+def _ends(desk: Desk, stop: Stop) -> bool:
     return stop() or desk.wish is not None
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from asrsim.errors import InputError
 from asrsim.live.session import Settings
 from asrsim.log import open_log
+from asrsim.progress import Stop
 from asrsim.recordings.align import LagChoice
 from asrsim.runs.folder import find_logs
 from asrsim.samples import RunInfo, Samples
@@ -43,7 +44,7 @@ HEIGHT = 640
 class Show(Protocol):
     """What a page shows, until it shall stop."""
 
-    def run(self, stop: Callable[[], bool]) -> Any:
+    def run(self, stop: Stop) -> Any:
         """Show it until `stop` returns True."""
 
 
@@ -67,7 +68,7 @@ class View:
         """Address of the page."""
         return self.server.address
 
-    def run(self, stop: Callable[[], bool]) -> Any:
+    def run(self, stop: Stop) -> Any:
         """Work in the caller's thread until `stop` returns True, and close the page."""
         with self.server:
             return self.show.run(stop)
@@ -177,7 +178,7 @@ def maker(
 
 def _playback(
     path: Path, others: list[Companion], experiments: Sequence[str | Path], speed: float, recordings: dict[str, Any]
-) -> Callable[[Page], Show]:  # fmt: skip
+) -> Callable[[Page], Show]:
     """Playback of a log, or of the first of a folder's logs, with the others as ghosts."""
     logs = find_logs(path)[0]
     subject = logged(logs[0])

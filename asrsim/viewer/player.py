@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from html import escape
 from typing import Any
 
+from asrsim.progress import Stop
 from asrsim.viewer.events import Event
 from asrsim.viewer.page import FRAME, Page, by_hand, on_click
 from asrsim.viewer.subject import Companion, Subject
@@ -62,7 +63,7 @@ class Player:
         if self.playing and self.time >= self.end:
             self.time = self.start
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Stop) -> None:
         """Play until `stop` returns True."""
         before = clock.perf_counter()
         while not stop():

@@ -144,9 +144,8 @@ class Plot:
             self._plot.remove()
         with self._folder:
             self._plot = self._gui.add_uplot(
-                data, lines, scales=scales, height=HEIGHT, axes=axes, legend={"show": True},
-                padding=(8, 12, 0, 0),
-            )  # fmt: skip
+                data, lines, scales=scales, height=HEIGHT, axes=axes, legend={"show": True}, padding=(8, 12, 0, 0)
+            )
 
 
 def _hex(colour: tuple[int, int, int]) -> str:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import time as clock
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from asrsim.progress import Stop
 from asrsim.quantities import linear_unit
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
@@ -34,10 +34,11 @@ class PoseView:
         scenario = scenario or make_scenario(key, duration=1.0)  # type: ignore[arg-type]
         shown, notes = drawable(robot, reading.get("package_paths"))
         joints = tuple(
-            JointInfo(name=joint.name, actuator="rigid", mode=None, prismatic=joint.kind == "prismatic",
-                      quantities=("link_position",))
+            JointInfo(
+                name=joint.name, actuator="rigid", mode=None, prismatic=joint.kind == "prismatic", quantities=("link_position",)
+            )
             for joint in robot.moving_joints
-        )  # fmt: skip
+        )
         self._values = dict.fromkeys((joint.name for joint in joints), 0.0)
         self._began = clock.perf_counter()
         scene = RenderScene(shown, scenario)
@@ -65,7 +66,7 @@ class PoseView:
 
         on_click(zero, reset)
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Stop) -> None:
         """Show the robot until `stop` returns True."""
         while not stop():
             self.draw()

@@ -54,5 +54,5 @@ def recorded(
         rows = slice(*np.searchsorted(column.time - shift, (start, end)).tolist())
         return column.time[rows] - shift, column.values[rows]
 
-    clock = f"{path.name}: lag {shift:.4g} s ({alignment.how})"
-    return Companion(label=path.name, curve=curve, history=history, notes=(clock, *(p.message for p in alignment.findings)))
+    notes = (f"{path.name}: lag {shift:.4g} s ({alignment.how})", *recording.doubts, *(p.message for p in alignment.findings))
+    return Companion(label=path.name, curve=curve, history=history, notes=notes)

@@ -31,9 +31,10 @@ def _own(drive: SteppedJoint) -> dict[str, float]:
     if drive.actuator is not None:
         declared = {parameter.name: parameter for parameter in ACTUATORS.get(drive.actuator.name).all_parameters()}
         found = {
-            name: value for name, value in drive.values.items()
+            name: value
+            for name, value in drive.values.items()
             if math.isfinite(value) and name in declared and not declared[name].unused and not declared[name].optional
-        }  # fmt: skip
+        }
     return {**found, "damping": drive.joint.damping, "friction": drive.joint.friction}
 
 

@@ -8,6 +8,7 @@ from html import escape
 
 import numpy as np
 
+from asrsim.progress import Stop
 from asrsim.samples import Array, Samples
 from asrsim.simulation.prepare import Prepared
 from asrsim.twin import TwinStep
@@ -34,9 +35,7 @@ def followed_player(page: Page, prepared: Prepared, found: Followed) -> Player:
     """Playback of a recording with the torques that a twin found, and jumps to the alarms."""
     values = dict(zip(QUANTITIES, (found.positions, found.external_torque, found.stiffness), strict=True))
     samples = Samples(time=found.time, joints=found.joints, values=values)
-    events = [
-        Event(start, f"alarm at {joint}") for j, joint in enumerate(found.joints) for start, _ in found.alarms(j)
-    ]  # fmt: skip
+    events = [Event(start, f"alarm at {joint}") for j, joint in enumerate(found.joints) for start, _ in found.alarms(j)]
     return Player(page, twin_subject(prepared, samples), events=sorted(events))
 
 
@@ -76,7 +75,7 @@ class TwinView(TwinPage):
         self._twin = twin
         twin.watch = lambda positions, found: self.note(found.time, positions, found)
 
-    def run(self, stop: Callable[[], bool]) -> None:
+    def run(self, stop: Stop) -> None:
         """Follow the robot until `stop` returns True."""
         self._twin.run(stop=stop)
 
@@ -90,7 +89,7 @@ class FollowView(TwinPage):
         super().__init__(page, prepared)
         self._work, self._done = work, done
 
-    def run(self, stop: Callable[[], bool]) -> Followed:
+    def run(self, stop: Stop) -> Followed:
         """Follow the recording, and play the result until `stop` returns True."""
         found = self._work(watch=self.note, stop=stop)
         self._done(found)

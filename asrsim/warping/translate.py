@@ -29,7 +29,7 @@ from asrsim.warping.kinds import (
     group,
     joined,
     number_as,
-)  # fmt: skip
+)
 
 UNARY = ("exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "log2", "log10", "cbrt")
 """Functions of `math` of one number that Warp has under the same name."""

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from asrsim.errors import SimulationError
+from asrsim.progress import Stop
 
 DEATHS = 3
 """Number of worker crashes caused by a single item after which the item is counted as lost."""
@@ -32,7 +33,6 @@ Task = Callable[[Any], Any]
 nor on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
 """Pairs of the index of an item and the result for this item."""
-Stop = Callable[[], bool]
 
 
 class Lost:

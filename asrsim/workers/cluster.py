@@ -11,7 +11,8 @@ from typing import Any, Self
 from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import SimulationError, listed
 from asrsim.extras import library
-from asrsim.workers import Numbered, Pool, Stop, Task, do_items
+from asrsim.progress import Stop
+from asrsim.workers import Numbered, Pool, Task, do_items
 
 PATIENCE = 10.0
 """Time in which a scheduler and its first worker must answer, s."""

@@ -71,9 +71,11 @@ def link_panel() -> Panel:
     from asrsim.plots.panels import Panel
 
     return Panel(
-        key="link", words="position", quantities=(REFERENCE, "equilibrium_position", "link_position"),
+        key="link",
+        words="position",
+        quantities=(REFERENCE, "equilibrium_position", "link_position"),
         compared=(REFERENCE, "link_position", "equilibrium_position"),
-    )  # fmt: skip
+    )
 
 
 def films(log: Path | None, name: str, caption: str) -> tuple[FigurePicture, ...]:

@@ -167,8 +167,9 @@ def test_mode_4_takes_the_recorded_torque(tmp_path, header, played):
     assert not any("in the place of" in remark for remark in made.remarks)
 
 
-@pytest.mark.parametrize(("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
-                                                ("time,dq1,q1_ref [N m],current", {})])  # fmt: skip
+@pytest.mark.parametrize(
+    ("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}), ("time,dq1,q1_ref [N m],current", {})]
+)
 def test_unrecorded_joints_start_at_their_command(tmp_path, header, begins):
     """Exception: a torque command contains no position."""
     mode = None if begins else 4
@@ -232,9 +233,11 @@ class TestRealRecordings:
         )
         assert made.remarks == ()
         most = {
-            ("joint_1", "motor_1_position"): 0.04, ("joint_2", "motor_1_position"): 0.015,
-            ("joint_1", "deflection"): 0.004, ("joint_2", "deflection"): 0.004,
-        }  # fmt: skip
+            ("joint_1", "motor_1_position"): 0.04,
+            ("joint_2", "motor_1_position"): 0.015,
+            ("joint_1", "deflection"): 0.004,
+            ("joint_2", "deflection"): 0.004,
+        }
         claims = zip(scenario.expect, asrsim.run(scenario).summary.claims, strict=True)
         measured = {(claim.joint, claim.quantity): result.measured for claim, result in claims}
         assert all(measured[key] < limit for key, limit in most.items())

@@ -12,6 +12,7 @@ import pytest
 from asrsim.cli.console import SHOWN, problem_lines, styled
 from asrsim.cli.progress import FractionBar, RunBar
 from asrsim.errors import Problem
+from asrsim.progress import Progress
 from support.pages import Page
 from support.paths import ROOT
 
@@ -70,7 +71,7 @@ def test_progress_shows_the_speed_since_the_start_of_the_loop(monkeypatch):
     bar = RunBar("arm", 8.0, show=False)
     monkeypatch.setattr(bar, "draw", lambda *drawn: shown.append(drawn[:2]))
     bar.start()
-    bar.update(2.0)
+    bar.update(Progress(time=2.0))
     assert shown == [(0.25, "2.00 of 8 s, 0.5 x real time")]
 
 
@@ -80,8 +81,8 @@ def test_a_pipe_gets_a_line_of_progress_every_ten_seconds(monkeypatch, capsys):
     with FractionBar(show=True) as bar, FractionBar(show=False) as quiet:
         for second in range(36):
             now[0] = float(second)
-            bar.update("reading", second / 40)
-            quiet.update("reading", second / 40)
+            bar.update(Progress(task="reading", fraction=second / 40))
+            quiet.update(Progress(task="reading", fraction=second / 40))
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [f"reading:  {share} %" for share in (25, 50, 75)]

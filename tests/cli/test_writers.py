@@ -122,7 +122,7 @@ def test_commands_never_overwrite_their_inputs(place, asrsim_command, arguments)
         ("init pendulum.urdf --out here", "must end in .yaml or .yml, not here"),
         ("report made --out page", "must end in .html or .htm, not page"),
     ],
-)  # fmt: skip
+)
 def test_folders_and_files_are_not_interchanged(place, asrsim_command, arguments, said):
     outcome = asrsim_command(*arguments.split())
     assert outcome.code == 2

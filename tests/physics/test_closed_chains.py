@@ -40,8 +40,9 @@ def test_a_four_bar_moves_at_second_order(tmp_path, engine):
 def test_both_engines_and_the_compiled_loop_move_a_four_bar_equally(tmp_path):
     ends = [
         run(tmp_path, engine, compiled=compiled, duration=0.5)["link_position"]
-        for engine in INSTALLED for compiled in (False, True)
-    ]  # fmt: skip
+        for engine in INSTALLED
+        for compiled in (False, True)
+    ]
     for k in range(0, len(ends), 2):
         np.testing.assert_array_equal(ends[k], ends[k + 1])
     for other in ends[1:]:
@@ -186,7 +187,7 @@ MORE = {
     "two loops that share two joints": (pair.BALL + THIRD, pair.INERTIA + pair.CRANK, {"third": 1.2}),
     "a coupler of two parts that are fixed to each other": (HALF, pair.INERTIA + 0.3 * pair.A**2, {"hand": -1.2}),
     "a wheel geared to a follower": (pair.BALL + GEARED, pair.INERTIA + 4 * pair.TURN, {}),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", MORE)
@@ -229,9 +230,10 @@ def energy(q):
     """Potential energy in J of the four-bar linkage at joint positions (3,)."""
     t, b, c = q[0], q[0] + q[1], q[2]
     heights = (
-        four_bar.CRANK / 2 * np.sin(t), four_bar.CRANK * np.sin(t) + four_bar.COUPLER / 2 * np.sin(b),
+        four_bar.CRANK / 2 * np.sin(t),
+        four_bar.CRANK * np.sin(t) + four_bar.COUPLER / 2 * np.sin(b),
         four_bar.ROCKER / 2 * np.sin(c),
-    )  # fmt: skip
+    )
     return -four_bar.G * sum(mass * height for mass, height in zip(four_bar.MASSES.values(), heights, strict=True))
 
 
@@ -264,9 +266,10 @@ def test_inverse_dynamics_of_a_closed_chain_gives_back_the_motion(tmp_path):
     times = np.linspace(0.0, 1.0, 2001)
     crank = four_bar.solve(times, TORQUE)
     q = np.column_stack([crank, 0 * crank, 0 * crank])
-    v, a = (np.column_stack([rate, 0 * crank, 0 * crank]) for rate in (
-        np.gradient(crank, times), np.gradient(np.gradient(crank, times), times),
-    ))  # fmt: skip
+    v, a = (
+        np.column_stack([rate, 0 * crank, 0 * crank])
+        for rate in (np.gradient(crank, times), np.gradient(np.gradient(crank, times), times))
+    )
     model = ready.model
     torque = model.inverse_dynamics(q, v, a)[:, 0]
     full = model.couplings.expand(q)

@@ -35,8 +35,9 @@ def test_coupled_chains_at_second_order(tmp_path, engine, rods):
 def test_both_engines_and_the_compiled_loop_move_coupled_joints_equally(tmp_path, rods):
     ends = [
         run(tmp_path, rods, engine, compiled=compiled, duration=0.3).values["link_position"]
-        for engine in INSTALLED for compiled in (False, True)
-    ]  # fmt: skip
+        for engine in INSTALLED
+        for compiled in (False, True)
+    ]
     for k in range(0, len(ends), 2):
         np.testing.assert_array_equal(ends[k], ends[k + 1])
     for other in ends[1:]:

@@ -30,9 +30,11 @@ def test_work_of_a_jumping_adjuster_balances_the_other_energies(mode):
     first = {2: "reference_1", 4: "motor_1_torque", 5: "reference_1"}[mode]
     second = PulseTrain(start=0.02, period=0.08, width=0.04, low=0.01, high=0.025)
     coarse, fine = shares(
-        chain(replace(BODY, actuator="awas_ii")), mode=mode, duration=0.3,
+        chain(replace(BODY, actuator="awas_ii")),
+        mode=mode,
+        duration=0.3,
         references={first: Sinusoid(amplitude=0.3, frequency=4.0), {4: "motor_2_torque"}.get(mode, "reference_2"): second},
-    )  # fmt: skip
+    )
     assert coarse < 3e-3
     assert fine < coarse / 6.0
 
@@ -100,9 +102,7 @@ def test_logged_energies_balance():
 
 
 def test_energies_do_not_depend_on_how_often_rows_are_logged():
-    options = {
-        "mode": 6, "duration": 0.3, "references": {"equilibrium_position": WAVE, "stiffness_preset": 0.2},
-    }  # fmt: skip
+    options = {"mode": 6, "duration": 0.3, "references": {"equilibrium_position": WAVE, "stiffness_preset": 0.2}}
     every = run(chain(replace(BODY, actuator="qbmove")), **options)
     some = run(chain(replace(BODY, actuator="qbmove")), log_every=7, **options)
     assert every.samples is not None

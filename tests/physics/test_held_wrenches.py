@@ -23,7 +23,7 @@ BODY = """<robot name="brick"><link name="brick"><inertial><origin xyz="0.03 0 0
 def with_objects(engine, **objects):
     return asrsim.make_scenario(
         SEA, engine=engine, duration=1.0, step=STEP, compiled=False, gravity=[0, 0, 0], world={"objects": objects}
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

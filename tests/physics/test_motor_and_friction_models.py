@@ -78,7 +78,7 @@ def test_voltage_accelerates_a_motor_to_its_no_load_speed():
         (4, {"motor_1_torque": 2.5}, {}, 2.5),
         (5, {"reference_1": 1.0}, {"controller_1_proportional": 1e4, "motor_1_max_voltage": 4.0}, 2.0),
     ],
-)  # fmt: skip
+)
 def test_stall_torque_and_limits(mode, reference, limits, torque):
     """With a locked link, the motor stops where the spring torque equals n k_t u / R, clipped by the limits."""
     parameters = {**FREE, **DC, "motor_1_damping": 5.0, "spring_stiffness": 50.0, "max_deflection": 3.0, **limits}
@@ -276,11 +276,12 @@ def full_run(name, mode, **how):
         3: {"equilibrium_position": 0.3, "stiffness_preset": law.typical_preset},
         5: {"reference_1": first, "reference_2": second},
         7: {"motor_1_voltage": 3.0, "motor_2_voltage": second if law.adjuster else 3.0},
-    }[mode]  # fmt: skip
+    }[mode]
     robot = rubbing(
         chain(Body(actuator=name, mass=0.3, reach=0.05, inertia=1e-3, damping=0.02, friction=0.01)),
-        stribeck_friction=0.01, load_friction=0.05,
-    )  # fmt: skip
+        stribeck_friction=0.01,
+        load_friction=0.05,
+    )
     how = {"duration": 0.4, "compiled": False, **how}
     return run(robot, mode=mode, references=references, parameters=all_on(name), **how)
 
@@ -358,7 +359,7 @@ def test_optional_model_tags_are_read_and_written():
         ("", "<mot_1_velStribeck>0</mot_1_velStribeck>", "must be larger than 0 rad/s"),
         ("", "<mot_2_R>-3</mot_2_R>", "must be at least 0 ohm"),
     ],
-)  # fmt: skip
+)
 def test_invalid_model_parameters_are_refused(joint, block, said):
     with pytest.raises(RobotError, match=said):
         robot_with(joint, block)
@@ -373,7 +374,7 @@ def test_invalid_model_parameters_are_refused(joint, block, said):
         ("", "<mot_1_kt>0.1</mot_1_kt><mot_1_voltMax>12</mot_1_voltMax>", "no effect without motor_1_resistance"),
         ("", "<hyst_def>0.1</hyst_def>", "no effect without hysteresis_torque"),
     ],
-)  # fmt: skip
+)
 def test_implausible_model_parameters_give_a_warning(joint, block, said):
     assert any(said in str(warning) for warning in warnings_of(robot_with(joint, block)))
 

@@ -78,9 +78,11 @@ def test_motor_leaves_its_stop_by_its_equation_of_motion(friction, stop):
 
 def test_the_summary_counts_steps_of_a_motor_at_its_stop():
     result = drive(
-        mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
+        mode=7,
+        duration=2.0,
+        references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": 0.3, "spring_k": 20.0},
-    )  # fmt: skip
+    )
     at_stop = column(result, "motor_1_position") >= 0.3 - 1e-9
     assert result.counts.motor_stop[0] == pytest.approx(np.count_nonzero(at_stop), abs=2)
     assert np.count_nonzero(at_stop) > 1000

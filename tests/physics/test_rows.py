@@ -76,8 +76,7 @@ def test_the_velocity_is_that_of_the_row(engine, late):
     jump, inertia = 0.02 + late * 1e-3, 0.5 * 0.05**2 + 5e-3
     body = Body(mass=0.5, reach=0.05, inertia=5e-3)
     result = run(
-        chain(body), engine=engine, gravity=0.0, duration=0.05, compiled=False,
-        external={"joint_1": Step(at=jump, after=0.4)},
-    )  # fmt: skip
+        chain(body), engine=engine, gravity=0.0, duration=0.05, compiled=False, external={"joint_1": Step(at=jump, after=0.4)}
+    )
     truth = 0.4 / inertia * np.maximum(result.samples.time - jump, 0.0)
     assert column(result, "link_velocity") == pytest.approx(truth, abs=1e-12)

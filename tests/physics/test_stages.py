@@ -20,9 +20,7 @@ from validation.models import Body, chain, column, run
 MASS, REACH, INERTIA = 0.5, 0.1, 1e-3
 INERTIA_AT_AXIS = INERTIA + MASS * REACH**2
 STIFFNESS, MOTOR_INERTIA, MOTOR_DAMPING, PROPORTIONAL, DERIVATIVE = 30.0, 0.0233, 0.2698, 125.0, 4.5
-FREE = {
-    "spring_stiffness": STIFFNESS, "max_deflection": 3.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 100.0,
-}  # fmt: skip
+FREE = {"spring_stiffness": STIFFNESS, "max_deflection": 3.0, "motor_1_friction_torque": 0.0, "motor_1_max_velocity": 100.0}
 
 
 R, C = 2.0, 0.5
@@ -167,10 +165,12 @@ def test_heating_is_of_second_order_and_lowers_the_torque():
     for substeps in (1, 2, 4):
         result = model.simulated(values, substeps=substeps)
         states = model.solution(np.asarray(result.samples.time))
-        errors.append([
-            np.abs(column(result, "link_position") - states[0]).max(),
-            np.abs(column(result, "motor_1_temperature") - 25.0 - states[4]).max(),
-        ])  # fmt: skip
+        errors.append(
+            [
+                np.abs(column(result, "link_position") - states[0]).max(),
+                np.abs(column(result, "motor_1_temperature") - 25.0 - states[4]).max(),
+            ]
+        )
     assert states[4].max() > 65.0
     assert errors[0][0] < 1e-3
     assert errors[0][1] < 1.0
@@ -213,9 +213,11 @@ def test_parameters_of_a_stage_are_identified_from_an_independent_solution(tmp_p
     states = pendulum.solution(times)
     states += np.random.default_rng(1).normal(size=states.shape) * [[1e-4], [0.0], [1e-4], [0.0], [0.02]]
     columns = {
-        "time": times, "joint_1.reference_1": pendulum.amplitude * np.sin(tau * pendulum.frequency * times),
-        "joint_1.link_position": states[0], "joint_1.motor_1_position": states[2],
-    }  # fmt: skip
+        "time": times,
+        "joint_1.reference_1": pendulum.amplitude * np.sin(tau * pendulum.frequency * times),
+        "joint_1.link_position": states[0],
+        "joint_1.motor_1_position": states[2],
+    }
     if "heat" in model:
         columns["joint_1.motor_1_temperature"] = 25.0 + states[4]
     path = tmp_path / "lab.csv"

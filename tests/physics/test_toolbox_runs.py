@@ -53,9 +53,9 @@ def test_toolbox_stepping_warns_of_unresolved_springs_but_runs():
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize(("stepping", "given", "cut"), [
-    ("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("stepping", "given", "cut"), [("toolbox", None, True), ("toolbox", False, False), ("leapfrog", None, False)]
+)
 def test_velocity_cutoff_stops_driving_torques_but_not_braking_torques(engine, stepping, given, cut):
     """As in Gazebo, the cutoff does not affect braking torques."""
     limits = '<limit lower="-30" upper="30" effort="100" velocity="0.5"/>'

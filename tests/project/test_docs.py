@@ -133,9 +133,7 @@ def test_names_of_the_library_in_the_pages_exist(tiny):
     groups = {(registry.entry_point_group or "").removeprefix("asrsim.") for registry in registries}
     result = asrsim.run(tiny.scenario)
     with asrsim.Simulation(tiny.scenario, record=True) as simulation:
-        roots = {
-            "simulation": simulation, "result": result, "asrsim": asrsim, "Scenario": simulation.scenario,
-        }  # fmt: skip
+        roots = {"simulation": simulation, "result": result, "asrsim": asrsim, "Scenario": simulation.scenario}
         named = re.compile(rf"`({'|'.join(roots)})((?:\.[a-zA-Z_]+)+)(?=[`(])")
         found = {match.groups() for page in PAGES for match in named.finditer(page.read_text(encoding="utf-8"))}
         assert {root for root, _ in found} == set(roots)

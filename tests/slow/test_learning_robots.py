@@ -50,9 +50,11 @@ def test_reachability_verdict_agrees_with_an_independent_robot(tmp_path):
         plant = plant_of(tmp_path / f"weak_{seed}", weak, motion, duration)
         prepared, found = learned(plant)
         true = iterate(
-            prepared.problem, lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs), prepared.settings,
+            prepared.problem,
+            lambda inputs, weak=weak, plant=plant: play(weak, plant, inputs),
+            prepared.settings,
             law=prepared.law,
-        )  # fmt: skip
+        )
         right.append(prepared.reach(found).startswith("within") == true.converged)
         reached.append(true.converged)
     assert 3 <= sum(reached) <= 17

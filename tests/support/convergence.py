@@ -36,9 +36,10 @@ def errors(
         assert result.samples is not None
         found.append(error(run, result.samples, truth))
         scenario = replace(
-            base, substeps=result.resolution.substeps * 2 if finer == 1 else (scenario.substeps or 1) * 2,
+            base,
+            substeps=result.resolution.substeps * 2 if finer == 1 else (scenario.substeps or 1) * 2,
             motor_substeps=result.resolution.motor_substeps,
-        )  # fmt: skip
+        )
     return found
 
 

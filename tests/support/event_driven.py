@@ -128,9 +128,7 @@ class EventDriven:
                     continue
                 for side, bound in zip((1, -1), self.bounds(q, j), strict=True):
                     if np.isfinite(bound):
-                        watched.append(
-                            lambda t, y, j=j, s=side, b=bound, motion=motion: s * (motion(t, y)[1][j] - b) + 1e-9
-                        )  # fmt: skip
+                        watched.append(lambda t, y, j=j, s=side, b=bound, motion=motion: s * (motion(t, y)[1][j] - b) + 1e-9)
             for event in watched:
                 event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
             found = solve_ivp(

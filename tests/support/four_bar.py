@@ -81,13 +81,16 @@ def solve(times, torque):
             + i["B"] * kb**2 + far * kc**2
         )  # fmt: skip
         slope = (
-            m["B"] * COUPLER**2 / 2 * kb * lb + cross * (lb * np.cos(t - b) - kb * np.sin(t - b) * (1 - kb))
-            + 2 * i["B"] * kb * lb + 2 * far * kc * lc
-        )  # fmt: skip
+            m["B"] * COUPLER**2 / 2 * kb * lb
+            + cross * (lb * np.cos(t - b) - kb * np.sin(t - b) * (1 - kb))
+            + 2 * i["B"] * kb * lb
+            + 2 * far * kc * lc
+        )
         weight = -G * (
-            m["A"] * CRANK / 2 * np.cos(t) + m["B"] * (CRANK * np.cos(t) + COUPLER / 2 * np.cos(b) * kb)
+            m["A"] * CRANK / 2 * np.cos(t)
+            + m["B"] * (CRANK * np.cos(t) + COUPLER / 2 * np.cos(b) * kb)
             + m["C"] * ROCKER / 2 * np.cos(c) * kc
-        )  # fmt: skip
+        )
         loss = DAMPING * (1 + (kb - 1) ** 2 + kc**2) * w
         return [w, (torque - loss - weight - 0.5 * slope * w * w) / inertia]
 

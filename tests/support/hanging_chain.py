@@ -19,7 +19,7 @@ NEVER = Wave(offset=0.0, amplitude=0.0, frequency=1.0, at=np.inf, jump=0.0)
 def joint(*, start=0.0, speed=0.0, damping=0.0, effort=np.inf, **keys):
     return JointSpec(
         name="", kind="revolute", damping=damping, effort=effort, spring=0.0, rest=0.0, start=start, speed=speed, **keys
-    )  # fmt: skip
+    )
 
 
 def plan(joints, duration, *, jumps=(), axes=None):

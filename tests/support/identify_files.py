@@ -48,10 +48,7 @@ def write(folder, name, numbers, references=None, duration=2.0):
     return folder / f"{name}.yaml"
 
 
-def record(
-    scenario, path, quantities = ("link_position",), *, noise = 1e-3, seed = 0,
-    every = 2, offset = 0.0, late = 0,
-):  # fmt: skip
+def record(scenario, path, quantities=("link_position",), *, noise=1e-3, seed=0, every=2, offset=0.0, late=0):
     """Write a run of a scenario as a noisy recording. late: delay of the measured columns relative to the commands, samples."""
     samples = simulate(load_scenario(scenario)[0]).samples
     assert samples is not None
@@ -113,10 +110,7 @@ class Model:
         return next(self.predictions([values], playing, until))
 
 
-def modelled(
-    left, entries, samples, *,
-    recorded = None, quantum = 0.0, weight = 1.0,
-):  # fmt: skip
+def modelled(left, entries, samples, *, recorded=None, quantum=0.0, weight=1.0):
     """Problem whose residuals are a function of the parameter vector. entries: parameters, or a number of unit parameters."""
     names = "abcdefgh"[: entries if isinstance(entries, int) else 0]
     parameters = [FitParameter(key=name, unit="", start=1.0) for name in names] or entries

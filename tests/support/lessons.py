@@ -26,7 +26,7 @@ def play(robot, plant, inputs):
     """Link positions (n, joints) of the robot under equilibrium positions (n, joints)."""
     return robot.move(
         plant.time, lambda at: np.column_stack([np.interp(at, plant.time, column) for column in inputs.T]), step=1e-4
-    )[:, :, 0]  # fmt: skip
+    )[:, :, 0]
 
 
 def record(path, plant, robot, inputs, *, seed=0):

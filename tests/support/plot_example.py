@@ -58,7 +58,7 @@ def made_up_log(
     infos = tuple(
         JointInfo(name=f"joint_{number}", actuator="qbmove", mode=6, motors=2, quantities=tuple(columns))
         for number in range(1, joints + 1)
-    )  # fmt: skip
+    )
     info = RunInfo(
         robot="made_up", joints=infos, step=step, variant=variant, urdf="<robot name='made_up'/>",
         resolved={"scenario": {"robot": "robot.urdf", "duration": 1.0, "expect": list(expect)}},

@@ -87,10 +87,11 @@ class RandomRun:
     def keys(self) -> dict[str, Any]:
         """Keys of the scenario."""
         keys: dict[str, Any] = {
-            "duration": self.duration, "gravity": list(self.gravity),
+            "duration": self.duration,
+            "gravity": list(self.gravity),
             "base": {"rpy": list(self.rpy), "fixed": self.fixed},
             "initial": {j.name: _start(j) for j in self.joints},
-        }  # fmt: skip
+        }
         if damping := {j.name: {"constant": j.constant_damping} for j in self.joints if j.constant_damping}:
             keys["link_damping"] = damping
         if late := {j.name: {"delay": j.delay} for j in self.joints if j.delay}:
@@ -248,9 +249,11 @@ def _joint(
     if mode > 3:
         for i in range(1, motors + 1):
             ends = {
-                "inertia": (0.01, 0.03), "damping": (0.0, 0.4), "max_torque": (5.0, 9.0),
+                "inertia": (0.01, 0.03),
+                "damping": (0.0, 0.4),
+                "max_torque": (5.0, 9.0),
                 "friction_torque": (0.05, 0.2) if friction else (0.0, 0.0),
-            }  # fmt: skip
+            }
             parameters |= _drawn(source, ends, f"motor_{i}_")
             parameters[f"motor_{i}_max_velocity"] = 1e3
             if mode > 4:

@@ -423,9 +423,10 @@ def made(folder: Path) -> Path:
     (folder / "trajectory.json").write_text('{"joint_names": ["elbow"], "points": [' + points + ", " + later + "]}")
     (folder / "limits.yaml").write_text("limits: {elbow: {link_position: [-0.5, 0.5], link_velocity: 9, deflection: 0.6}}\n")
     for line in (
-        "run step.yaml --no-plot -q --out base", "ilc learn.yaml --no-plot -q --out learned",
+        "run step.yaml --no-plot -q --out base",
+        "ilc learn.yaml --no-plot -q --out learned",
         "sweep step.yaml --over elbow.damping=[0.1,0.2] --out study --workers 1 --no-plot -q",
-    ):  # fmt: skip
+    ):
         outcome = tried(folder, line)
         assert "unexpected" not in outcome.text, outcome.text
     return folder

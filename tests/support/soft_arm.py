@@ -215,10 +215,7 @@ def command(time, duration):
     return np.asarray(0.35 * (1.0 - np.exp(-time / 0.1)) * (np.sin(phase) + 0.4 * np.sin(2.3 * time)))[:, None]
 
 
-def record(
-    arm, path, *, seed, duration = 2.0, every = 1, noise = 1e-3, memory = 0.0,
-    quantum = 0.0,
-):  # fmt: skip
+def record(arm, path, *, seed, duration=2.0, every=1, noise=1e-3, memory=0.0, quantum=0.0):
     """Write a recording of link and motor positions of an arm with one joint.
 
     every: sampling interval, ms; noise, memory: standard deviation (rad) and correlation time (s) of the noise;
@@ -259,10 +256,12 @@ def random_arm(seed, joints=None):
     for j in range(1, 1 + n):
         goal = float(draw.uniform(0.3, 0.8) * draw.choice([-1.0, 1.0]))
         there, back = 0.55 * duration, 0.45 * duration
-        motions[f"joint_{j}"] = {"sum": [
-            {"minimum_jerk": {"duration": there, "to": goal}},
-            {"minimum_jerk": {"start": there, "duration": back, "to": -goal * float(draw.random() < 0.5)}},
-        ]}  # fmt: skip
+        motions[f"joint_{j}"] = {
+            "sum": [
+                {"minimum_jerk": {"duration": there, "to": goal}},
+                {"minimum_jerk": {"start": there, "duration": back, "to": -goal * float(draw.random() < 0.5)}},
+            ]
+        }
     return SoftArm(actuator, numbers, gravity, preset=0.25), motions, round(duration, 2)
 
 

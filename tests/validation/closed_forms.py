@@ -36,10 +36,8 @@ def equilibrium(actuator: str, preset: float, parameters: Mapping[str, float]) -
     law, values = ACTUATORS.get(actuator), elastic(actuator, parameters)
     theta = law.motor_references(0.8, preset)
     return float(
-        brentq(
-            lambda q: sum(law.elastic_torques(q, *theta, values)) - WEIGHT * math.sin(q), 0.0, 1.0, xtol=1e-16, rtol=1e-15
-        )
-    )  # fmt: skip
+        brentq(lambda q: sum(law.elastic_torques(q, *theta, values)) - WEIGHT * math.sin(q), 0.0, 1.0, xtol=1e-16, rtol=1e-15)
+    )
 
 
 def static_equilibrium() -> Iterator[Check]:
@@ -59,10 +57,12 @@ def motor_droop() -> Iterator[Check]:
         actuator, preset, parameters = SETTINGS[name]
         law = ACTUATORS.get(actuator)
         result = run(
-            chain(replace(LOAD, actuator=actuator, damping=0.065)), mode=6, duration=4.0,
+            chain(replace(LOAD, actuator=actuator, damping=0.065)),
+            mode=6,
+            duration=4.0,
             references={"equilibrium_position": 0.8, "stiffness_preset": preset},
             parameters=parameters | {k: v for k, v in NO_FRICTION.items() if k[6] <= str(law.motors)},
-        )  # fmt: skip
+        )
         values = result.robot.actuators[0].values()
         references = law.motor_references(0.8, preset)
         worst = 0.0
@@ -91,9 +91,11 @@ def oscillation_frequency() -> Iterator[Check]:
         expected = leapfrog_frequency(math.sqrt(stiffness / INERTIA), step)
         found = frequency(column(result, "link_position"), step)
         yield Check(
-            name=f"frequency of small oscillations, {name}", figure=abs(found / expected - 1.0), bound=1e-7,
+            name=f"frequency of small oscillations, {name}",
+            figure=abs(found / expected - 1.0),
+            bound=1e-7,
             source="sqrt(k / I) and asin(omega h / 2)",
-        )  # fmt: skip
+        )
 
 
 def two_mass_frequency() -> Iterator[Check]:
@@ -133,9 +135,11 @@ def modal() -> Iterator[Check]:
         errors = [abs(a / leapfrog_frequency(math.sqrt(b), step) - 1.0) for a, b in zip(found, squares, strict=True)]
         label = "under gravity" if gravity else "without gravity"
         yield Check(
-            name=f"two modal frequencies, {label}", figure=max(errors), bound=1e-8,
+            name=f"two modal frequencies, {label}",
+            figure=max(errors),
+            bound=1e-8,
             source="eigenvalues of M^-1 K and asin(omega h / 2)",
-        )  # fmt: skip
+        )
 
 
 def pendulum_period() -> Iterator[Check]:
@@ -151,9 +155,11 @@ def pendulum_period() -> Iterator[Check]:
     inertia = body.inertia + body.mass * body.reach**2
     expected = 4.0 * math.sqrt(inertia / (body.mass * GRAVITY * body.reach)) * float(ellipk(math.sin(0.5) ** 2))
     yield Check(
-        name="period of a pendulum at 1 rad", figure=abs(period / expected - 1.0), bound=3e-6,
+        name="period of a pendulum at 1 rad",
+        figure=abs(period / expected - 1.0),
+        bound=3e-6,
         source="4 sqrt(I / m g l) K(sin 1/2)",
-    )  # fmt: skip
+    )
     highest = extremes(column(result, "link_position"))
     yield Check(
         name="amplitude of a pendulum after 20 s",

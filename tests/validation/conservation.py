@@ -17,9 +17,7 @@ from validation.check import Check
 from validation.fitting import orders
 from validation.models import FRICTION_STIFFNESS, MOTOR_INERTIA, PROPORTIONAL, Body, chain, column, run
 
-LOSSLESS = {
-    "motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf, "motor_1_max_torque": 1e3,
-}  # fmt: skip
+LOSSLESS = {"motor_1_friction_torque": 0.0, "motor_1_damping": 0.0, "motor_1_max_velocity": math.inf, "motor_1_max_torque": 1e3}
 BODY = Body(mass=0.4, reach=0.05, inertia=2e-3)
 INERTIA = BODY.inertia + BODY.mass * BODY.reach**2
 
@@ -87,9 +85,11 @@ def long_swings() -> Iterator[Check]:
                 q, speed = samples.values["link_position"], samples.values["link_velocity"]
                 changes.append(abs(model.energy(q[-1], speed[-1]) - model.energy(q[0], speed[0])) / lifting)
         yield Check(
-            name=f"energy of a free pendulum after 10 s, {name}", figure=changes[0], bound=bound,
+            name=f"energy of a free pendulum after 10 s, {name}",
+            figure=changes[0],
+            bound=bound,
             source="kept; share of what lifting it takes",
-        )  # fmt: skip
+        )
         yield Check(
             name=f"order of the energy error of a free pendulum, {name}",
             figure=orders(changes, 4.0)[0],
@@ -108,9 +108,11 @@ def passivity() -> Iterator[Check]:
         for mode in (3, 4, 6):
             share = max(energy_gain(actuator, mode, friction=loss, damping=loss) for loss in (0.0, 0.02))
             yield Check(
-                name=f"gain of energy without input, {ACTUATORS.get(actuator).title}, mode {mode}", figure=share, bound=1.001,
+                name=f"gain of energy without input, {ACTUATORS.get(actuator).title}, mode {mode}",
+                figure=share,
+                bound=1.001,
                 source="fraction of the oscillation (omega h)^2 / 4",
-            )  # fmt: skip
+            )
     share = energy_gain("sea", 6, friction=0.0, damping=0.0, stepping="toolbox", derivative=0.0)
     yield Check(
         name="gain of energy, toolbox stepping, Series elastic actuator, mode 6, no derivative gain",

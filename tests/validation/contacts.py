@@ -100,9 +100,11 @@ def stopping() -> Iterator[Check]:
             distance = x[-1] - 0.5 * (x[free] + x[free + 1])
             error = abs(float(distance * 2.0 * FRICTION * 9.81 / found**2) - 1.0)
             yield Check(
-                name=f"stopping distance of a box, {found:.2g} m/s, step {1e3 * step:g} ms", figure=error,
-                bound=STOPPING.get(engine(), STOPPING["mujoco"])[step], source="v^2 / (2 mu g)",
-            )  # fmt: skip
+                name=f"stopping distance of a box, {found:.2g} m/s, step {1e3 * step:g} ms",
+                figure=error,
+                bound=STOPPING.get(engine(), STOPPING["mujoco"])[step],
+                source="v^2 / (2 mu g)",
+            )
 
 
 def resting() -> Iterator[Check]:

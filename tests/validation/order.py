@@ -140,6 +140,8 @@ def impacts() -> Iterator[Check]:
             source="an event-driven solution",
         )  # fmt: skip
         yield Check(
-            name=f"error after impacts at .25 ms over that at 1 ms: arm {seed}", figure=found[1] / found[0], bound=0.4,
+            name=f"error after impacts at .25 ms over that at 1 ms: arm {seed}",
+            figure=found[1] / found[0],
+            bound=0.4,
             source=".06 (order two) to .25 (one)",
-        )  # fmt: skip
+        )

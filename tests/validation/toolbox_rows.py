@@ -64,6 +64,4 @@ def _outputs(drive: SteppedJoint, q: float, before: Sequence[float], s: JointSta
     # In mode 4 the released code computes the stiffness at the motors' positions before the step.
     stiffness = law(q, *(before if mode.number == 4 else (x, y)), drive.elastic)
     x, y = (x, y) if mode.motor else (0.0, 0.0)
-    return (
-        first.load, second.load, stiffness, x, first.mean_velocity, first.torque, y, second.mean_velocity, second.torque,
-    )  # fmt: skip
+    return (first.load, second.load, stiffness, x, first.mean_velocity, first.torque, y, second.mean_velocity, second.torque)

@@ -127,8 +127,9 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
         raise ScenarioError(
             f"the inputs of the motors of joint '{stepped.name}' are no affine function of its references: the package for "
             "mjlab has no action for it",
-            key=stepped.name, code="export-goals",
-        )  # fmt: skip
+            key=stepped.name,
+            code="export-goals",
+        )
     return {
         "name": stepped.name, "motors": motors, "references": names, "low": [low for low, _ in bounds],
         "high": [high for _, high in bounds], "matrix": matrix[:, used].tolist(), "offset": offset.tolist(),

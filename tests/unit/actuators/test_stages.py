@@ -91,8 +91,10 @@ def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
 
     keeps = type("Keeps", (Damper,), {"parameters": tuple(Hysteresis.parameters), "Constants": One, "lost": ""})
     assert {problem.key for problem in stage_problems(keeps)} == {
-        "Keeps.parameters.hysteresis_torque", "Keeps.parameters.hysteresis_deflection", "Keeps.lost",
-    }  # fmt: skip
+        "Keeps.parameters.hysteresis_torque",
+        "Keeps.parameters.hysteresis_deflection",
+        "Keeps.lost",
+    }
     assert not stage_problems(Damper)
     assert issubclass(keeps, Stage)
 

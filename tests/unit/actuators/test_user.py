@@ -122,7 +122,7 @@ def test_a_plugin_may_be_loaded_again_under_its_own_name(tmp_path):
         (DECLARATION.replace('name="k"', 'name="k 1"') + LAWS, "plugin-raised", 9),
         (DECLARATION.replace("(Parameter", "[Parameter").replace("),)", ")]") + LAWS, "bad-declaration", 4),
     ],
-)  # fmt: skip
+)
 def test_bad_plugin_files(tmp_path, text, code, line):
     path = write(tmp_path, text)
     problems = failure(path).problems

@@ -63,6 +63,34 @@ def test_numbers_of_an_sea_are_its_closed_forms(sea, key, expected):
     assert value(sea, key) == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_numbers_of_random_seas_are_their_closed_forms(seed):
+    """Spring, motor with a winding, and joint, each of which may be the limit."""
+    draw = np.random.default_rng(seed)
+    k, limit, most, effort, constant, ohms, volts, drag, friction, heat = np.exp(
+        draw.uniform(np.log([2, 0.05, 1, 1, 1, 0.1, 10, 0.01, 0.01, 0.1]), np.log([500, 1, 80, 80, 8, 2, 60, 1, 0.3, 9]))
+    )
+    motor = {
+        "max_torque": most, "torque_constant": constant, "resistance": ohms, "max_voltage": volts, "damping": drag,
+        "friction_torque": friction, "max_velocity": math.inf,
+    }  # fmt: skip
+    values = {"spring_stiffness": k, "max_deflection": limit, "thermal_resistance": heat, "winding_heat": 1.0}
+    (source,) = sources_of(["sea"])
+    values |= {f"motor_1_{name}": one for name, one in motor.items()}
+    statics = Statics(drive=replace(source.drive, values={**source.drive.values, **values}), effort=effort)
+    torque = min(k * limit, most, effort, constant / ohms * volts)
+    assert statics.peak_torque == pytest.approx(torque, rel=1e-6)
+    assert statics.reach(0.0) == pytest.approx(torque / k, rel=1e-6)
+    assert statics.peak_energy == pytest.approx(torque**2 / (2 * k), rel=1e-6)
+    assert statics.lasting.peak_torque == pytest.approx(min(torque, math.sqrt(55.0 / heat)), rel=1e-6)
+    # Where the voltage, or the torque, ends at damping and friction.
+    top = min((constant * volts / ohms - friction) / (drag + constant**2 / ohms), (most - friction) / drag)
+    assert statics.top_speed == pytest.approx(top, rel=1e-6)
+    speed = np.linspace(0.0, top, 200_001)
+    drive = np.minimum(most, constant * (volts - constant * speed) / ohms) - drag * speed - friction
+    assert statics.best_power()[0] == pytest.approx(float(np.max(np.minimum(drive, torque) * speed)), rel=1e-4)
+
+
 def test_the_bandwidth_of_an_sea_is_that_of_its_transfer_function(sea):
     k, kp, kd, inertia, motor, drag = 20.0, 125.0, 4.5, 0.05, 0.0233, 0.5
     damping = 2 * 0.2 * math.sqrt(20.0 * 0.05)

@@ -47,7 +47,7 @@ def test_information_of_a_recording_adds_to_that_of_every_motion(limits, tmp_pat
     plain, more = (
         design(SEA, limits(), variant="soft", free=FREE[:1], duration=1.0, rounds=0, experiments=files)
         for files in ([], [recording])
-    )  # fmt: skip
+    )
     gained = [more.intervals[name][0] ** -2 - plain.intervals[name][0] ** -2 for name in ("one step", "chirp")]
     assert gained[0] == pytest.approx(gained[1], rel=1e-5)
     assert gained[0] > 0.0
@@ -98,7 +98,7 @@ def test_motion_begins_and_ends_at_the_reference_of_the_start(found):
 def test_same_seed_gives_the_same_motion(limits):
     first, again, other = (
         design(SEA, limits(), variant="soft", free=FREE[:1], duration=0.5, rounds=1, seed=seed) for seed in (3, 3, 4)
-    )  # fmt: skip
+    )
     assert np.array_equal(first.found.motion, again.found.motion)
     assert not np.array_equal(first.found.motion, other.found.motion)
 
@@ -113,9 +113,7 @@ def test_unknown_joints_and_quantities_are_named_with_their_lines(limits):
     path = limits("limits:\n  joint_2:\n    link_position: 1\n  joint_1: {link_position: 1, link_velocty: 2}\n")
     with pytest.raises(asrsim.InputError) as error:
         design(SEA, path, variant="soft", free=FREE)
-    assert [(one.key, one.line) for one in error.value.problems] == [
-        ("limits.joint_2", 3), ("limits.joint_1.link_velocty", 4),
-    ]  # fmt: skip
+    assert [(one.key, one.line) for one in error.value.problems] == [("limits.joint_2", 3), ("limits.joint_1.link_velocty", 4)]
 
 
 def test_parameter_without_any_effect_is_named_before_the_search(limits):

@@ -350,7 +350,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     told, asked = [], []
 
     def stop():
-        if told and told[-1].stage == stage:
+        if told and told[-1].task == stage:
             asked.append(told[-1].evaluations)
         return bool(asked)
 
@@ -486,9 +486,11 @@ def test_a_recorded_axis_gives_the_published_numbers(tmp_path, shared):
     (tmp_path / "axis.yaml").write_text("robot: axis.urdf\nduration: 24\n")
     recording = shared / "recordings/emps_estimation.csv"
     result = identify(
-        tmp_path / "axis.yaml", [recording], free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
+        tmp_path / "axis.yaml",
+        [recording],
+        free=["mass.mass", "axis.damping", "axis.friction", "axis.reference_1.offset"],
         mapping=["force_N=axis.reference_1", "reference_m=ignore", "voltage_V=ignore"],
-    )  # fmt: skip
+    )
     for one, published in zip(result.estimates, (95.1089, 203.5034, 20.3935, -3.1648), strict=False):
         # The offset is one percent of the friction beside which it acts.
         assert one.value == pytest.approx(published, rel=0.01, abs=0.2 if "offset" in one.key else 0.0)

@@ -90,9 +90,7 @@ def test_fits_that_prove_little_are_told():
 
 def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
     values = np.sin(np.arange(0.0, 9.0, 1e-2))
-    source = Column(
-        time=values, values=values, unit="rad", joint="j", quantity="link_position", source="q", conversion=""
-    )  # fmt: skip
+    source = Column(time=values, values=values, unit="rad", joint="j", quantity="link_position", source="q", conversion="")
     for factor, words in ((-1.0, "--map 'q=-j.link_position'"), (0.001, "close to 1000"), (1.0, "")):
         problem = modelled(lambda _, factor=factor: (factor - 1.0) * values, 1, len(values), recorded=values)  # type: ignore[misc]
         (track,) = problem.tracks

@@ -74,6 +74,15 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
                 assert problem.layout.entries[1].high == np.inf
 
 
+def test_a_fit_says_what_is_doubtful_in_its_recording(tmp_path):
+    goal = 0.3 * np.sin(9.0 * TIME)
+    link = np.where(np.arange(len(TIME)) % 400 == 30, 0.0, 1.0 + goal + noise(len(TIME)))
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal, "joint_1.link_position [rad]": link}
+    with ExitStack() as stack:
+        (track,) = prepared(stack, tmp_path, columns, ["joint_1.damping"]).tracks
+    assert any("falls to exactly 0 and back" in remark for remark in track.data.remarks)
+
+
 @pytest.mark.parametrize("seen", [True, False])
 def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
     swing = 0.2 * np.sin(10.0 * np.maximum(TIME - 0.2, 0.0))

@@ -162,9 +162,10 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
 def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
     numbers = {**SEA, "mode": 6}
     recording = record(
-        write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv",
+        write(tmp_path, "true", numbers, f"{{equilibrium_position: {CHIRP}}}"),
+        tmp_path / "a.csv",
         ("link_position", "motor_1_position"),
-    )  # fmt: skip
+    )
     header, *columns, motor = recording.read_text().partition("\n")[0], *np.loadtxt(recording, delimiter=",", skiprows=1).T
     save(recording, header, *columns, 20.0 * motor)
     result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"])

@@ -117,9 +117,9 @@ def random_drive(generator):
         (AwasII, (10.0, 0.05, 0.015, 1.0, 0.3), generator.uniform(0.003, 0.02)),
     ][generator.integers(4)]
     count = actuator.motors
-    return drive_with(actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count,
-        max_torque=(1e6,) * count,
-    ), preset  # fmt: skip
+    return drive_with(
+        actuator, mode=6, spring=spring, proportional=(generator.uniform(20.0, 200.0),) * count, max_torque=(1e6,) * count
+    ), preset
 
 
 def test_springs_at_their_deflection_limit_still_have_statics():

@@ -45,10 +45,12 @@ def test_a_changing_preset_of_the_references_is_kept_and_compensated():
         initial=dict(scenario.initial_positions),
         references={joint.name: {"stiffness_preset": preset} for joint in robot.moving_joints},
         task={
-            "link": "link_5", "point": [0.094, 0.0, 0.0], "gravity_compensation": True,
+            "link": "link_5",
+            "point": [0.094, 0.0, 0.0],
+            "gravity_compensation": True,
             "poses": [{"time": 0.0, "position": [0.30, -0.10, 0.1565]}],
         },
-    )  # fmt: skip
+    )
     references = plan_references(changed, robot).references["joint_2"]
     time = np.array([0.0, 8.0])
     assert references["stiffness_preset"].values(time) == pytest.approx([0.2, 0.6])

@@ -19,10 +19,12 @@ def arm_task(folder, **changes):
         "actuators": {"*": {"type": "sea", "mode": 3, "parameters": {"spring_k": 60.0}}},
         "initial": {"joint_1": 0.3, "joint_2": 0.8},
         "task": {
-            "link": "link_2", "point": [0, 0, LENGTHS[1]], "gravity_compensation": True,
+            "link": "link_2",
+            "point": [0, 0, LENGTHS[1]],
+            "gravity_compensation": True,
             "poses": [{"time": 0.5, "position": list(GOAL)}],
         },
-    }  # fmt: skip
+    }
     return asrsim.make_scenario(write_plain_arm(folder, lengths=LENGTHS, masses=(0.3, 0.2)), **(keys | changes))
 
 

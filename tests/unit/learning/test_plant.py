@@ -134,6 +134,15 @@ def test_learning_needs_a_block_ilc_and_a_position_mode():
         plant(modes=4)
 
 
+def test_a_gain_needs_a_joint_that_learns():
+    arm = EXAMPLES / "urdf" / "dof2_horizontal.urdf"
+    block = {"tolerance": 0.01, "trajectory": {"joint_1": {"minimum_jerk": {"duration": 0.5, "to": 0.2}}}}
+    scenario = {"duration": 1.0, "references": {"*": {"stiffness_preset": 0.3}}}
+    assert make_plant(examine(make_scenario(arm, ilc={**block, "joint_gains": {"joint_1": 0.3}}, **scenario)))
+    with pytest.raises(ScenarioError, match=r"ilc\.joint_gains\.joint_2: this joint does not learn"):
+        make_plant(examine(make_scenario(arm, ilc={**block, "joint_gains": {"joint_2": 0.3}}, **scenario)))
+
+
 @pytest.mark.slow
 def test_the_paper_s_learning_converges_in_eleven_iterations():
     """Section 4.3 and figure 15: iterations, last errors, norms and final equilibrium."""

@@ -1,5 +1,7 @@
 """Recordings of the robot as a laboratory has them, taken as trials of learning."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,6 +76,22 @@ def test_implausible_columns_are_refused_unless_they_are_stated(header, scale, s
     unit = "deg" if scale is DEGREES else "rad"
     maps = [f"{name}=joint_{number}.link_position [{unit}]" for number, name in enumerate(names, 1)]
     assert take(path, plant, *maps).outputs.shape == plant.reference.shape
+
+
+@pytest.mark.parametrize("kind", ["a mark for no value", "lost samples", "two joints"])
+def test_numbers_that_would_mislead_the_robot_are_refused(plant, tmp_path, kind):
+    path = write(tmp_path / "trial.csv", plant, "t,q1,q2")
+    head, *rows = path.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    for i in (350, 351, 420) if kind != "two joints" else ():
+        cells[i][1] = "-9999" if kind == "a mark for no value" else "0"
+    if kind == "two joints":
+        cells = [[t, str(-0.25 * float(b)), a] for t, a, b in cells]
+        plant = replace(plant, reference=plant.reference * [1.0, -0.25])
+    path.write_text("\n".join([head, *(",".join(row) for row in cells)]) + "\n")
+    said = {"a mark for no value": "is -9999 in 3 samples", "lost samples": "falls to exactly 0 and back 2 times"}
+    with pytest.raises(InputError, match=said.get(kind, "are the two columns interchanged")):
+        take(path, plant)
 
 
 def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):

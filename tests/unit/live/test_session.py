@@ -209,8 +209,9 @@ def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
     assert not summary.live["dropped"]
     commands = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert [(c.joint, c.reference, c.value) for c in commands] == [
-        ("joint_1", "equilibrium_position", 0.3), ("joint_2", "stiffness_preset", 0.1),
-    ]  # fmt: skip
+        ("joint_1", "equilibrium_position", 0.3),
+        ("joint_2", "stiffness_preset", 0.1),
+    ]
 
 
 def test_commands_reach_their_joints_by_topic_array_place_or_name():
@@ -218,23 +219,30 @@ def test_commands_reach_their_joints_by_topic_array_place_or_name():
     kinds = {"vsa": ("qbmove", 6, 2), "free": ("rigid", None, 0), "motors": ("qbmove", 5, 2), "single": ("sea", 5, 1)}
     joints = [JointInfo(name=name, actuator=kind, mode=mode, motors=count) for name, (kind, mode, count) in kinds.items()]
     ranges = {
-        "vsa": {"equilibrium_position": (-1.0, 1.0), "stiffness_preset": (0.0, 0.4)}, "free": {"external_torque": (-2.0, 2.0)},
-        "motors": {"reference_1": (-1.0, 1.0), "reference_2": (-1.0, 1.0)}, "single": {"reference_1": (-1.0, 1.0)},
-    }  # fmt: skip
+        "vsa": {"equilibrium_position": (-1.0, 1.0), "stiffness_preset": (0.0, 0.4)},
+        "free": {"external_torque": (-2.0, 2.0)},
+        "motors": {"reference_1": (-1.0, 1.0), "reference_2": (-1.0, 1.0)},
+        "single": {"reference_1": (-1.0, 1.0)},
+    }
     commands = CommandInput(joints, ranges)
     inlets = {inlet.name: number for number, inlet in enumerate(commands.inlets)}
     assert commands.check(Received(inlets["/reference_1"], [0.1, 0.2, 0.3])) == [
-        (("vsa", "equilibrium_position"), 0.1), (("motors", "reference_1"), 0.2), (("single", "reference_1"), 0.3),
-    ]  # fmt: skip
+        (("vsa", "equilibrium_position"), 0.1),
+        (("motors", "reference_1"), 0.2),
+        (("single", "reference_1"), 0.3),
+    ]
     assert commands.check(Received(inlets["/reference_2"], [0.1, 0.2, 0.3])) == [
-        (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_2"), 0.2),
-    ]  # fmt: skip
+        (("vsa", "stiffness_preset"), 0.1),
+        (("motors", "reference_2"), 0.2),
+    ]
     assert commands.check(Received(inlets["/free/external_torque"], [0.5])) == [(("free", "external_torque"), 0.5)]
     names = ["vsa", "vsa_stiffness", "motors", "motors_stiffness", "single", "free"]
     assert commands.check(Received(inlets["/ros2_control/joint_commands"], [0.1] * 6, names)) == [
-        (("vsa", "equilibrium_position"), 0.1), (("vsa", "stiffness_preset"), 0.1), (("motors", "reference_1"), 0.1),
+        (("vsa", "equilibrium_position"), 0.1),
+        (("vsa", "stiffness_preset"), 0.1),
+        (("motors", "reference_1"), 0.1),
         (("single", "reference_1"), 0.1),
-    ]  # fmt: skip
+    ]
     assert sum(commands.refused.values()) == 2
 
 
@@ -242,7 +250,7 @@ def test_topics_of_the_paper_and_of_the_toolbox_set_the_same_torques():
     targets = [("arm", "motor_1_torque"), ("arm", "motor_2_torque")]
     commands = CommandInput(
         [JointInfo(name="arm", actuator="qbmove", mode=4, motors=2)], {"arm": {name: (-1.0, 1.0) for _, name in targets}}
-    )  # fmt: skip
+    )
     inlets = {inlet.name: number for number, inlet in enumerate(commands.inlets)}
     for names in ("motor_{}_command", "torque_m{}_command"):
         assert [commands.check(Received(inlets[f"/arm/{names.format(i)}"], [0.5])) for i in (1, 2)] == [

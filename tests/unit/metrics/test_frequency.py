@@ -24,12 +24,14 @@ def analytic(frequency):
 
 
 def simulate(u):
-    a = np.array([
-        [0, 1, 0, 0],
-        [-(SPRING + LOOP) / MOTOR_INERTIA, -MOTOR_DAMPING / MOTOR_INERTIA, SPRING / MOTOR_INERTIA, 0],
-        [0, 0, 0, 1],
-        [SPRING / LINK_INERTIA, 0, -SPRING / LINK_INERTIA, -LINK_DAMPING / LINK_INERTIA],
-    ])  # fmt: skip
+    a = np.array(
+        [
+            [0, 1, 0, 0],
+            [-(SPRING + LOOP) / MOTOR_INERTIA, -MOTOR_DAMPING / MOTOR_INERTIA, SPRING / MOTOR_INERTIA, 0],
+            [0, 0, 0, 1],
+            [SPRING / LINK_INERTIA, 0, -SPRING / LINK_INERTIA, -LINK_DAMPING / LINK_INERTIA],
+        ]
+    )
     b = np.array([[0], [LOOP / MOTOR_INERTIA], [0], [0]])
     held = cont2discrete((a, b, np.array([[0.0, 0, 1, 0]]), np.zeros((1, 1))), STEP, method="foh")
     return np.asarray(sosfilt(zpk2sos(*ss2zpk(*held[:4])), u))
@@ -144,9 +146,11 @@ def test_the_band_of_a_chirp_begins_at_its_first_frequency(around, duration, sta
     for method, end in (("linear", 6.0), ("linear", 15.0), ("logarithmic", 12.0)):
         u = 0.15 * chirp(time, start, duration, end, phi=phase, method=method)
         extra = {
-            "rest": 0.0, "offset": 3.0, "drift": 0.03 * time / duration,
+            "rest": 0.0,
+            "offset": 3.0,
+            "drift": 0.03 * time / duration,
             "noise": 1e-3 * np.random.default_rng(1).standard_normal(len(time)),
-        }[around]  # fmt: skip
+        }[around]
         u = u + extra
         if around == "rest":
             u = np.concatenate([u, np.zeros(2000)])

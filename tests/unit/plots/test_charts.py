@@ -19,8 +19,10 @@ def chart(words: str, values=TIME, label: str = "", **more) -> Chart:
 
 def test_a_column_without_values_is_left_out_and_an_empty_chart_says_so():
     nothing = np.full(20, np.nan)
-    rows = [[chart("position"), chart("stiffness", nothing), chart("torque", nothing)],
-            [chart("position"), chart("stiffness", nothing), chart("torque")]]  # fmt: skip
+    rows = [
+        [chart("position"), chart("stiffness", nothing), chart("torque", nothing)],
+        [chart("position"), chart("stiffness", nothing), chart("torque")],
+    ]
     with styled():
         figure = chart_figure(rows)
     assert [axes.get_ylabel() for axes in figure.axes] == ["position (rad)", "", "position (rad)", "torque (rad)"]

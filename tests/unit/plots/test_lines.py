@@ -28,8 +28,9 @@ def test_every_line_is_the_curve_of_its_name(tmp_path):
         name: {"stiffness": 10.0 + scale * time, "link_torque": scale * np.sin(9 * time), "external_torque": scale * time}
         for name, scale in scales.items()
     }
-    runs = [read_curves(made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=values[name]))
-            for name in scales]  # fmt: skip
+    runs = [
+        read_curves(made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=values[name])) for name in scales
+    ]
     seen = set()
     for page in run_pages(runs):
         for axes in page.figure.axes:

@@ -166,6 +166,47 @@ def test_json_messages_were_measured_when_they_say(tmp_path, name):
     np.testing.assert_allclose(column.values, Q[1], atol=1e-12)
 
 
+CONTROLLER = {
+    "joint_names": ["b", "a"], "output": {"effort": [1.0, 2.0]}, "points": [{"positions": [3.0, 4.0]}],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "jsonl"])
+def test_names_of_joints_hold_for_the_parts_of_a_message(tmp_path, suffix):
+    """The state of a trajectory's controller: what it sends, and points that act later, are asked about."""
+
+    def state(i, _):
+        values = {"desired": Q[:, i], "actual": Q[:, i] - 0.1, "error": np.array([0.1, 0.1 + 0.01 * i])}
+        return CONTROLLER | {name: {"positions": [*numbers]} for name, numbers in values.items()}
+
+    path = tmp_path / f"lab.{suffix}"
+    if suffix == "mcap":
+        mcap(path, {"/arm/state": state})
+    else:
+        path.write_text("\n".join(json.dumps({"t": TIME[i]} | state(i, 0)) for i in range(N)))
+    recording = read_recording(path, joints=["a", "b"])
+    for name, values in {"reference_1": Q, "link_position": Q - 0.1}.items():
+        np.testing.assert_allclose([recording.column(joint, name).values for joint in ("b", "a")], values)
+    np.testing.assert_allclose(recording.column("a", "position_error").values, 0.1 + 0.01 * np.arange(N))
+    assert len(recording.asked) == 4
+
+
+def test_interfaces_of_joints_are_read(tmp_path):
+    """DynamicJointState of ros2_control."""
+    kind, parts = "control_msgs/msg/DynamicJointState", "control_msgs/msg/InterfaceValue"
+
+    def make(types, i, time):
+        one = [types[parts](interface_names=["effort", "position"], values=np.array([2.0, value])) for value in Q[:, i]]
+        return types[kind](header=header(types, time), joint_names=["b", "a"], interface_values=one)
+
+    texts = {
+        parts: "string[] interface_names\nfloat64[] values\n",
+        kind: "std_msgs/Header header\nstring[] joint_names\ncontrol_msgs/InterfaceValue[] interface_values\n",
+    }
+    path = write_bag(tmp_path / "lab", "mcap", {"/dynamic": (kind, make)}, STAMPS, definitions=texts)
+    np.testing.assert_allclose(read_recording(path).column("b", "link_position").values, Q[0])
+
+
 def test_a_number_is_used_as_time_where_that_is_stated(tmp_path):
     path = mcap(tmp_path / "a.mcap", {"/state": lambda i, _: {"t": 1000 * TIME[i], "q": Q[0, i]}})
     found = read_recording(path)

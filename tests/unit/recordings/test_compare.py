@@ -275,3 +275,13 @@ def test_a_run_that_plays_a_recorded_command_is_aligned_to_its_clock_exactly(tmp
     result = compare(own, read(write(tmp_path, "time,elbow_cmd", recorded + late, command)))
     assert result.alignment.lag == pytest.approx(late, abs=1e-5)
     assert result.find("elbow", "reference_1").metrics["rmse"] < 1e-4
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_columns_of_two_joints_that_are_interchanged_are_told(tmp_path, swapped):
+    t, values = TIME[::5], np.column_stack([motion(TIME), 0.4 * reference(TIME)])
+    both = values[::5, ::-1] if swapped else values[::5]
+    path = write(tmp_path, "time,hip_pos,elbow_pos", t, *(both + 0.01).T)
+    samples = Samples(time=TIME, joints=("hip", "elbow"), values={"link_position": values})
+    found = compare(samples, read_recording(path, joints=("hip", "elbow")), lag="off").findings
+    assert [one.key for one in found if one.code == "suspected-joint"] == ["hip_pos"] * swapped

@@ -33,9 +33,11 @@ def test_files_of_one_quantity_each_are_joined_by_time(tmp_path):
     write(lab / "run_3_velocity.csv", "time,hip [deg/s]", TIME, 180 * TIME)
     recording = read_recording(lab, joints=["hip", "knee"])
     assert {column.source: (column.meaning, column.unit) for column in recording.channels.values()} == {
-        "desired_torque/knee": ("knee.reference_1", "N m"), "position/knee": ("knee.link_position", "rad"),
-        "position/hip": ("hip.link_position", "rad"), "run_3_velocity/hip [deg/s]": ("hip.link_velocity", "rad/s"),
-    }  # fmt: skip
+        "desired_torque/knee": ("knee.reference_1", "N m"),
+        "position/knee": ("knee.link_position", "rad"),
+        "position/hip": ("hip.link_position", "rad"),
+        "run_3_velocity/hip [deg/s]": ("hip.link_velocity", "rad/s"),
+    }
     command = recording.column("knee", "reference_1")
     np.testing.assert_allclose(command.values, np.sin(2 * command.time), atol=1e-8)
     np.testing.assert_allclose(recording.column("hip", "link_velocity").values, np.pi * TIME, rtol=1e-8)
@@ -47,8 +49,10 @@ def test_topics_that_rostopic_wrote_are_joined(tmp_path, tiny):
     write(lab / "joint_states.csv", "%time,field.position0,field.effort0", STAMPS + 5e6, TIME, TIME, fmt="%.20g")
     recording = read_recording(lab, joints=["elbow"])
     assert {column.meaning for column in recording.channels.values()} == {
-        "elbow.reference_1", "elbow.link_position", "elbow.link_torque",
-    }  # fmt: skip
+        "elbow.reference_1",
+        "elbow.link_position",
+        "elbow.link_torque",
+    }
     assert recording.column("elbow", "link_position").time[0] == pytest.approx(0.005, abs=1e-6)
     assert [one.column.source for one in make_plan(load_robot(tiny.robot), recording, step=0.001).played] == [
         "elbow_controller_command/field.data"
@@ -65,8 +69,9 @@ def test_a_complete_column_keeps_its_meaning_in_any_file(tmp_path):
     lab = tmp_path / "lab"
     write(lab / "command_response_7.csv", "time,knee_pos,knee_cmd", TIME, TIME, TIME)
     assert meanings(lab, ["knee"]) == {
-        "command_response_7/knee_pos": "knee.link_position", "command_response_7/knee_cmd": "knee.reference_1",
-    }  # fmt: skip
+        "command_response_7/knee_pos": "knee.link_position",
+        "command_response_7/knee_cmd": "knee.reference_1",
+    }
 
 
 @pytest.mark.parametrize(("second", "times", "code"), [

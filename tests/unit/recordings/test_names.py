@@ -32,7 +32,7 @@ CERTAIN = {
     "hub1_rad": "motor_1_position", "tip_deflection1_rad": "deflection", "stiffness": "stiffness",
     "theta_eq": "equilibrium_position", "tau_ext": "external_torque", "elastic_torque": "elastic_torque_1",
     "position_error_rad": "position_error", "force [N]": "link_torque", "Axis 1 [deg]": "link_position",
-    "joint_1.motor_2_velocity": "motor_2_velocity", "dQ1": "link_velocity",
+    "joint_1.motor_2_velocity": "motor_2_velocity", "dQ1": "link_velocity", "error.positions[0]": "position_error",
 }  # fmt: skip
 
 
@@ -47,6 +47,7 @@ def test_a_plain_name_is_taken_alone_and_beside_any_other(tmp_path, name):
     ["sampling_rate", "eff", "torque_enable", "ankle_moment", "pos_m", "pos_l", "theta1", "qd1", "q_d", "q1_sim", "force",
      "motor_2_velocity", "reference_1", "encoder_1", "pose.position.x", "joint2", "rpm", "left_q1", "hip_pos", "tau_m1",
      "q\u0307_1", "q1'", "q*",
+     "covariance.position[0]", "output.effort[0]", "/arm/limits/position", "predicted.joint_1.position",
      "Winkel [deg]", "q1 [counts]", "q1 [furlong]"],
 )  # fmt: skip
 def test_a_doubtful_name_is_asked_about_and_not_used(tmp_path, name):

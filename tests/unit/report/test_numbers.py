@@ -15,8 +15,10 @@ from support.plot_example import made_up_log
 
 def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
     time = np.arange(1001) * 0.001
-    rows = {name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
-            for name, scale in (("soft", 1.0), ("stiff", 3.0))}  # fmt: skip
+    rows = {
+        name: {"link_torque": scale * np.sin(9 * time), "stiffness": 10.0 + scale * time}
+        for name, scale in (("soft", 1.0), ("stiff", 3.0))
+    }
     logs = [made_up_log(tmp_path / name / "log.mcap", variant=name, joints=2, values=rows[name]) for name in rows]
     grid, runs = read_runs(logs, quantities=page_quantities())
     assert (grid.thinned, grid.start, grid.step, grid.count) == (False, 0.0, 0.001, 1001)

@@ -178,8 +178,9 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser, page):
     browser.open(page, width=1200)
     browser.evaluate(SCROLL)
     browser.evaluate("document.querySelector('.u-over').scrollIntoView({block: 'center'})")
-    box = browser.evaluate("(({x, y, width, height}) => [x, y, width, height])"
-                           "(document.querySelector('.u-over').getBoundingClientRect())")  # fmt: skip
+    box = browser.evaluate(
+        "(({x, y, width, height}) => [x, y, width, height])(document.querySelector('.u-over').getBoundingClientRect())"
+    )
     x, y, width, height = box
 
     def mouse(kind, share, **more):
@@ -200,8 +201,9 @@ def test_hover_zoom_and_legend_work_in_a_browser(browser, page):
     browser.evaluate("document.querySelector('.legend button').click()")
     assert browser.evaluate("asrsimCharts[0].series.some((series) => !series.show)")
     browser.evaluate("document.querySelector('#runs button').click()")
-    assert browser.evaluate("asrsimCharts.every((chart) => chart.plot.series.every((s, i) => s.run !== 0 || "
-                            "!chart.series[i + 1].show))")  # fmt: skip
+    assert browser.evaluate(
+        "asrsimCharts.every((chart) => chart.plot.series.every((s, i) => s.run !== 0 || !chart.series[i + 1].show))"
+    )
     assert browser.complaints == []
 
 

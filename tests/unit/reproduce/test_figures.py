@@ -31,9 +31,9 @@ EQUILIBRIA = {
 
 
 def claim(measured=1.0, **changes):
-    return Claim(**{
-        "text": "it <moves>", "quantity": "travel", "measured": measured, "bound": near(1.0, 0.1, "rad"), **changes,
-    })  # fmt: skip
+    return Claim(
+        **{"text": "it <moves>", "quantity": "travel", "measured": measured, "bound": near(1.0, 0.1, "rad"), **changes}
+    )
 
 
 def figure(*claims, number=99, error=None):

@@ -147,7 +147,7 @@ def test_bad_numbers_are_refused(text):
         (block(actuator="my_spring"), "unknown-actuator", 11, "--plugin"),
         (block(actuator="qbmoves"), "unknown-actuator", 11, "libqbmove_plugin.so"),
     ],
-)  # fmt: skip
+)
 def test_bad_blocks(read_arm, blocks, code, line, says):
     found = errors(read_arm, blocks)
     assert set(found) == {code}

@@ -117,7 +117,7 @@ def test_missing_file_and_folder(tmp_path):
         (GOOD.replace('"j"', f'"{"j" * 300}"'), "long-name"),
         (GOOD.replace('<inertia ixx="0.1" iyy="0.1" izz="0.1"/>', ""), "missing-tag"),
     ],
-)  # fmt: skip
+)
 def test_bad_structure(read, body, code):
     assert fails(read, robot(body)) == [code]
 

@@ -50,8 +50,9 @@ def test_one_joint_all_joints_and_what_the_robot_has(tmp_path):
     robot = with_block(write_plain_arm(tmp_path), "joint_2", actuator="bavs", mode=3)
     kept = apply_to_robot(make_scenario(robot, duration=1.0, actuators={"joint_1": "sea"}), checked(robot))
     assert [(block.joint, block.actuator, block.mode) for block in kept.actuators] == [
-        ("joint_1", "sea", 6), ("joint_2", "bavs", 3),
-    ]  # fmt: skip
+        ("joint_1", "sea", 6),
+        ("joint_2", "bavs", 3),
+    ]
     own = {"*": "qbmove", "joint_1": {"type": "sea", "mode": 5, "parameters": {"spring_k": 33.0}}}
     replaced = apply_to_robot(make_scenario(robot, duration=1.0, actuators=own, modes={"joint_2": 4}), checked(robot))
     first, second = replaced.actuators
@@ -71,8 +72,9 @@ def test_every_fault_of_an_actuator_is_told_at_its_key(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         load_scenario(path)
     assert [(problem.key, problem.line) for problem in caught.value.problems] == [
-        ("actuators.joint_1.type", 4), ("actuators.joint_2.mode", 5),
-    ]  # fmt: skip
+        ("actuators.joint_1.type", 4),
+        ("actuators.joint_2.mode", 5),
+    ]
     assert "qbmove" in str(caught.value.problems[0])
     scenario = make_scenario(robot, duration=1.0, actuators={"joint_3": "sea"})
     with pytest.raises(ScenarioError, match="joint_1, joint_2"):
@@ -81,8 +83,9 @@ def test_every_fault_of_an_actuator_is_told_at_its_key(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         checked_robot(make_scenario(robot, duration=1.0, actuators=wrong))
     assert [problem.key for problem in caught.value.problems] == [
-        "actuators.joint_1.parameters.spring_k", "actuators.joint_1.parameters.springk",
-    ]  # fmt: skip
+        "actuators.joint_1.parameters.spring_k",
+        "actuators.joint_1.parameters.springk",
+    ]
 
 
 def test_init_takes_an_actuator_per_joint_and_refuses_unknown_names(tmp_path):
@@ -90,8 +93,9 @@ def test_init_takes_an_actuator_per_joint_and_refuses_unknown_names(tmp_path):
     assert run_command("init", robot, "-a", "joint_1=sea", "-a", "joint_2=awas_ii", "-o", out, "--mode", 5).exit_code == 0
     (scenario, *_) = load_scenario(out)
     assert {joint: (one.type, one.mode) for joint, one in scenario.actuators.items()} == {
-        "joint_1": ("sea", 5), "joint_2": ("awas_ii", 5),
-    }  # fmt: skip
+        "joint_1": ("sea", 5),
+        "joint_2": ("awas_ii", 5),
+    }
     again = run_command("init", robot, "-a", "sea", "-o", out)
     assert again.exit_code != 0
     assert "--overwrite" in str(again.exception)

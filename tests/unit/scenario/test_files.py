@@ -205,8 +205,10 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
 )
 def test_faults_have_file_line_key_and_the_right_choice(load, tmp_path, text, line, key, message):
     problems = faults(load, BASE + text + "\n")
-    assert any(message in str(problem) and (line is None or problem.line == line) and (key is None or problem.key == key)
-               for problem in problems), problems  # fmt: skip
+    assert any(
+        message in str(problem) and (line is None or problem.line == line) and (key is None or problem.key == key)
+        for problem in problems
+    ), problems
     assert all(problem.file is not None and problem.file.parent == tmp_path for problem in problems)
     assert len(problems) <= 2
 

@@ -177,10 +177,12 @@ def test_a_relocated_scenario_finds_every_file(tmp_path):
     ramp_bag(lab / "data" / "run", "mcap")
     files = {"reference_1": {"file": "data/run", "column": "/q"}, "reference_2": {"file": "data/ref.csv", "column": "q"}}
     given = {
-        "robot": {"file": "arm.urdf", "packages": {"arm_description": "ros"}}, "duration": 1, "manager": None,
+        "robot": {"file": "arm.urdf", "packages": {"arm_description": "ros"}},
+        "duration": 1,
+        "manager": None,
         "references": {"a": {name: {"playback": play} for name, play in files.items()}},
         "world": {"objects": {"hand": {"shape": "mesh", "mesh": "data/hand.stl"}}},
-    }  # fmt: skip
+    }
     (lab / "s.yaml").write_text(json.dumps(given))
     (scenario,) = load_scenario(lab / "s.yaml")
     (other / "s.yaml").write_text(json.dumps(relocated(scenario, other)))

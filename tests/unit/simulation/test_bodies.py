@@ -71,7 +71,7 @@ def test_objects_of_every_shape_rest_on_the_ground(tmp_path, engine):
     world = {"ground": {}, "objects": objects}
     bodies = asrsim.run(
         asrsim.make_scenario(ROBOT, engine=engine, duration=0.05, world=world, compiled=False, base_dir=tmp_path)
-    ).bodies  # fmt: skip
+    ).bodies
     for name, (_, height) in RESTING.items():
         assert bodies[name][-1, 2] == pytest.approx(height, abs=5e-3), name
 

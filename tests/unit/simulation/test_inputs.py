@@ -40,8 +40,9 @@ def test_a_sent_command_has_no_noise_no_rate_and_no_resolution(imperfections):
 def test_only_joints_whose_commands_have_effects_record_sent_commands():
     found = moved(imperfections=Imperfections(delay=DELAY), bodies=(BODY, replace(BODY, actuator="qbmove")))
     assert [[name for name in joint.quantities if name.startswith("sent")] for joint in found.info.joints] == [
-        ["sent_reference_1"], []
-    ]  # fmt: skip
+        ["sent_reference_1"],
+        [],
+    ]
     assert "sent_reference_1" not in moved(imperfections=Imperfections()).samples.values
 
 

@@ -94,9 +94,7 @@ def test_a_snapshot_of_another_simulation_or_other_parameters_is_refused(simulat
         simulation.restore(kept)
 
 
-CALLS = {
-    "advance": [], "observe": [], "snapshot": [], "reset": [], "set_reference": ["elbow", "equilibrium_position", 0.3],
-}  # fmt: skip
+CALLS = {"advance": [], "observe": [], "snapshot": [], "reset": [], "set_reference": ["elbow", "equilibrium_position", 0.3]}
 """Methods of simulations and worlds, and their arguments."""
 
 

@@ -95,10 +95,12 @@ class Program:
         """Scenario with the start of the last reset and the same substeps."""
         scenario, found = self.prepared.scenario, self.prepared.resolution
         moved = replace(
-            scenario, substeps=found.substeps, motor_substeps=found.motor_substeps,
+            scenario,
+            substeps=found.substeps,
+            motor_substeps=found.motor_substeps,
             initial_positions={**scenario.initial_positions, **self.start.get("initial", {})},
             initial_velocities={**scenario.initial_velocities, **self.start.get("velocities", {})},
-        )  # fmt: skip
+        )
         return prepare(moved, self.prepared.robot).vary(self.parameters)
 
     def check(self):

@@ -52,7 +52,7 @@ def test_a_jump_anywhere_in_a_step_is_of_second_order(tmp_path, engine, at, mode
     parameters = {
         1: {"controller_1_proportional": 6.0, "controller_1_integral": 200.0, "controller_1_derivative": 0.3},
         3: {"spring_stiffness": 5.0, "max_deflection": 1.5},
-    }.get(mode, {})  # fmt: skip
+    }.get(mode, {})
     first = joint(damping=0.4, actuator="sea", mode=mode, parameters=parameters, references=(jump,))
     given = plan((first, joint(damping=0.4)), 0.1, jumps=(at,))
     runs = [samples(given, tmp_path, engine=engine, substeps=substeps) for substeps in (2, 8)]

@@ -122,9 +122,9 @@ def test_the_stiffness_of_a_world_with_other_parameters_is_its_own():
         ratio = worlds.core._common.stiffest[1, 0] / spring.actuator.stiffness(0.0, 0.05, -0.05, spring.elastic)
         numbers = {name: spring.values[name] for name in ("spring_k_1", "spring_k_2")}
         shares = (1.0, 0.1, 0.7 * ratio, 1.3 * ratio)
-        worlds.reset([
-            asrsim.Start(parameters={"joint_1": {name: share * one for name, one in numbers.items()}}) for share in shares
-        ])  # fmt: skip
+        worlds.reset(
+            [asrsim.Start(parameters={"joint_1": {name: share * one for name, one in numbers.items()}}) for share in shares]
+        )
         worlds.advance(300)
         assert worlds.core.strides[:, 0].tolist() == [1, 1, 1, 0]
 

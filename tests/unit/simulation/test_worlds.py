@@ -38,10 +38,12 @@ def test_a_rollout_gives_what_a_run_records(stepping):
 
 def test_unwatched_worlds_have_the_same_bits():
     """Energies and counts follow from the motion, so they may be left out. Then counts cannot be read."""
-    scenario = arm(duration=0.05, modes=6,
+    scenario = arm(
+        duration=0.05,
+        modes=6,
         parameters={"*": {"hysteresis_torque": 0.2, "motor_1_max_velocity": 0.5}},
         references={"*": {"equilibrium_position": {"sinusoid": {"amplitude": 0.4, "frequency": 5.0}}}},
-    )  # fmt: skip
+    )
     names = ["link_position", "link_torque", "motor_1_velocity"]
     with Worlds(scenario, 1, names=names, watched=False) as bare, Worlds(scenario, 1, names=names) as watched:
         found, expected = bare.rollout(names), watched.rollout(names)
@@ -59,9 +61,7 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
     push = {"joint_2": {"sinusoid": {"amplitude": 0.3, "frequency": 7.0}}}
     prepared = prepare(arm(duration=0.05, modes=3, substeps=2, external_torques=push))
     equilibria = {"joint_1": {"equilibrium_position": first}}
-    starts = [
-        ({}, {}), ({}, {"joint_1": second}), (equilibria, {"joint_2": third}), (equilibria, {}),
-    ]  # fmt: skip
+    starts = [({}, {}), ({}, {"joint_1": second}), (equilibria, {"joint_2": third}), (equilibria, {})]
     ends = set()
     with Worlds(prepared, 1) as worlds:
         for references, torques in starts:
@@ -70,9 +70,10 @@ def test_a_rollout_with_other_inputs_equals_a_scenario_with_them():
                 inputs.setdefault(joint, {})["external_torque"] = torque
             found = worlds.rollout(["link_position"], start=Start(references=inputs))["link_position"][0]
             scenario = replace(
-                prepared.scenario, references={**prepared.scenario.references, **references},
+                prepared.scenario,
+                references={**prepared.scenario.references, **references},
                 external_torques={**prepared.scenario.external_torques, **torques},
-            )  # fmt: skip
+            )
             np.testing.assert_array_equal(found, asrsim.run(scenario).samples.values["link_position"])
             ends.add(tuple(found[-1].tolist()))
     assert len(ends) == len(starts)

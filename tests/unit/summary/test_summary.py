@@ -69,8 +69,10 @@ def test_a_motion_that_is_no_step_has_no_overshoot(tiny, signal):
 
 def test_a_link_that_still_swings_has_no_measures_of_rest(tiny, asrsim_command):
     """The run ends at the first extremum of the swing, where the link stands still for a moment."""
-    claims = [f"  - {{joint: elbow, quantity: link_position, measure: {name}, value: 0.5, tolerance: 0.1}}\n"
-              for name in ("steady_state", "overshoot", "settling", "steady_state_error")]  # fmt: skip
+    claims = [
+        f"  - {{joint: elbow, quantity: link_position, measure: {name}, value: 0.5, tolerance: 0.1}}\n"
+        for name in ("steady_state", "overshoot", "settling", "steady_state_error")
+    ]
     tiny.scenario.write_text(tiny.scenario.read_text().replace("1.5", "0.182") + "expect:\n" + "".join(claims))
     assert abs(asrsim.run(tiny.scenario)["elbow"].link_velocity[-1]) < 0.05
     outcome = asrsim_command("run", tiny.scenario, "--no-plot")

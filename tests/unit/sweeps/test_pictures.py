@@ -20,17 +20,21 @@ SCENARIO = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 @pytest.fixture(scope="module")
 def table(tmp_path_factory):
     study = make_study(
-        SCENARIO, {"link_2.mass": "0.3:0.6:3"}, variants=["soft", "stiff"],
+        SCENARIO,
+        {"link_2.mass": "0.3:0.6:3"},
+        variants=["soft", "stiff"],
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
-    )  # fmt: skip
+    )
     return asrsim.sweep(study, out=tmp_path_factory.mktemp("study") / "s", workers=1)
 
 
 def test_results_are_drawn_over_the_key_with_most_values(tmp_path):
     study = make_study(
-        SCENARIO, {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"}, variants=["soft"],
+        SCENARIO,
+        {"link_1.mass": "0.3:0.6:2", "link_2.mass": "0.3:0.6:3"},
+        variants=["soft"],
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
-    )  # fmt: skip
+    )
     table = asrsim.sweep(study, out=tmp_path / "s", workers=1)
     charts = study_charts(table, ["joint_1.peak_deflection"])
     (results,), (sensitivity,) = charts["results"], charts["sensitivity"]

@@ -150,7 +150,7 @@ def test_a_log_is_played_back_with_a_ghost_and_plots(played, browser):
     assert player.time == pytest.approx(1.0)
     page.number("Time, s", 0.25)
     until(lambda: player.time == pytest.approx(0.25))
-    (companion, ghost), = player._page.stage.ghosts.values()  # fmt: skip
+    ((companion, ghost),) = player._page.stage.ghosts.values()
     until(lambda: ghost.nodes["link_1"].wxyz[0] < 0.9999)
     stiff = read_log(folder / "stiff" / "log.mcap").samples
     row = int(np.abs(stiff.time - 0.25).argmin())
@@ -166,9 +166,7 @@ def test_a_log_is_played_back_with_a_ghost_and_plots(played, browser):
     until(lambda: not ghost.visible)
 
 
-@pytest.mark.parametrize(
-    ("width", "lit"), [(1280, False), (420, False), pytest.param(1280, True, marks=pytest.mark.slow)]
-)  # fmt: skip
+@pytest.mark.parametrize(("width", "lit"), [(1280, False), (420, False), pytest.param(1280, True, marks=pytest.mark.slow)])
 def test_no_error_reaches_the_console(played, browser, width, lit):
     view, _ = played
     page = browser(view, width=width, height=600, lit=lit)

@@ -173,6 +173,15 @@ def test_a_variant_is_a_ghost_that_moves_as_its_scenario_states(arm):
     np.testing.assert_array_equal(companion.history.at(0.3).values["link_position"][0], run.values["link_position"][300])
 
 
+def test_a_plot_that_is_removed_is_drawn_no_more(arm):
+    plots = arm.show.session.operator._page.plots
+    plots.add("motor_1_torque")
+    (*others, last) = plots.plots
+    last.remove()
+    last.remove()
+    assert plots.plots == others
+
+
 def drag(desk, body, place, target):
     """What a user does with the mouse: takes a body at a place in the world, and holds the hand at a target."""
     desk._drag(body, SimpleNamespace(phase="start", start_position=place, end_position=place))

@@ -106,6 +106,10 @@ def test_a_recording_stands_beside_the_run_on_the_clock_that_plot_finds(result, 
     row = found.history.at(0.3).values["link_position"][0]
     assert row[0] == pytest.approx(series.link_position[300], abs=1e-4)
     assert np.isnan(row[1])
+    times, values = found.curve("joint_1", "link_position", 0.1005, 0.2005)
+    assert times == pytest.approx(result.time[101:201], abs=1e-4)
+    assert values == pytest.approx(series.link_position[101:201])
+    assert found.curve("joint_2", "link_position", 0.1, 0.2)[0].size == 0
 
 
 def test_events_are_the_beginnings_of_limits(result):

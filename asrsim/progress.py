@@ -1,0 +1,35 @@
+"""Progress of long work, and the question whether it is to stop: the functions `progress` and `stop` that callers may give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """What long work does at the moment, and how far it is."""
+
+    task: str = ""
+    """Present part of the work in words, such as `finer steps`; "": the work has no parts."""
+    fraction: float = math.nan
+    """Finished fraction of this part, from 0 to 1; nan: unknown."""
+    time: float = math.nan
+    """Simulated time in s that a run has reached; nan: the work is no run."""
+
+
+Tell: TypeAlias = Callable[[Progress], None]
+"""Function that long work calls now and then with its progress."""
+Stop: TypeAlias = Callable[[], bool]
+"""Function that long work calls often; the work ends early when it returns True."""
+
+
+def tell_nobody(_: Progress) -> None:
+    """Function `progress` of a caller who does not want to know."""
+
+
+def never() -> bool:
+    """Function `stop` of a caller who waits for the end."""
+    return False
