@@ -30,8 +30,8 @@ GAP = 3.0
 class Measured:
     """Positions of links and motors that the channels of a recording show."""
 
-    def __init__(self, channels: Sequence[Channel], drives: Sequence[SteppedJoint], step: float) -> None:
-        """step: step of the simulation, s."""
+    def __init__(self, channels: Sequence[RecordedSignal], drives: Sequence[SteppedJoint], step: float) -> None:
+        """channels: channels and commands; step: step of the simulation, s."""
         self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
         self.places = list(_places(self._channels, drives))
         """Index of the joint, column (0: link, i: motor i), and the channels with their signs whose sum is the position."""
@@ -39,7 +39,7 @@ class Measured:
         self._curves = {key: _Curve(one) for key, one in used.items()}
         self.interval = max((curve.interval for curve in self._curves.values()), default=math.inf)
         """Usual interval between samples, s."""
-        self._coarse = any(one.quantum for one in used.values())
+        self._coarse = any(isinstance(one, Channel) and one.quantum for one in used.values())
         self.columns = 1 + max((drive.dynamic_motors for drive in drives), default=0)
 
     def gains(self, bandwidth: float, slowest: float) -> tuple[int, tuple[float, float]]:
@@ -65,7 +65,10 @@ class Measured:
             found[::every, joint, column] = 0.0
             for channel, sign in terms:
                 key = channel.key
-                shown = self._curves[key].at(clock + values.get(f"{key}.delay", 0.0), every * self._step, steps // every + 1)
+                late = values.get(f"{key}.delay", 0.0)
+                # A sensor shows what was; a command acts later than recorded.
+                late = clock + late if isinstance(channel, Channel) else -late
+                shown = self._curves[key].at(late, every * self._step, steps // every + 1)
                 true = values.get(f"{key}.gain", 1.0) * (shown - values.get(f"{key}.offset", 0.0))
                 found[::every, joint, column] += sign * true
         return found
@@ -78,8 +81,7 @@ def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tu
     link, deflection = (shown.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
     if isinstance(link, Channel):
         return link, (link.key,)
-    ideal = drive.mode is not None and drive.mode.spring and not drive.mode.motor
-    motor = shown.get(f"{drive.name}.{'reference_1' if ideal else 'motor_1_position'}")
+    motor = shown.get(f"{drive.name}.{'reference_1' if _is_played(drive) else 'motor_1_position'}")
     if motor is None or not isinstance(deflection, Channel) or drive.actuator is None or drive.actuator.motors != 1:
         return None
     inside = (deflection.time >= motor.time[0] - 1e-9) & (deflection.time <= motor.time[-1] + 1e-9)
@@ -92,6 +94,12 @@ def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tu
         noise=math.hypot(*noises), quantum=max(quanta),
     )  # fmt: skip
     return place, (motor.key, deflection.key)
+
+
+def _is_played(drive: SteppedJoint) -> bool:
+    """Whether the single motor of a drive follows its reference exactly, so that the command is its position."""
+    single = drive.actuator is not None and drive.actuator.motors == 1
+    return single and drive.mode is not None and drive.mode.spring and not drive.mode.motor
 
 
 def is_reversed(drive: SteppedJoint, shown: Mapping[str, RecordedSignal], band: float) -> bool:
@@ -130,7 +138,7 @@ def _unpulled(place: Array, bent: Array, width: float) -> float:
 class _Curve:
     """Spline through a channel."""
 
-    def __init__(self, channel: Channel) -> None:
+    def __init__(self, channel: RecordedSignal) -> None:
         from scipy.interpolate import CubicSpline
 
         self._time, self._spline = channel.time, CubicSpline(channel.time, channel.values)
@@ -147,13 +155,15 @@ class _Curve:
 
 
 def _places(
-    channels: Mapping[str, Channel], drives: Sequence[SteppedJoint]
-) -> Iterator[tuple[int, int, list[tuple[Channel, float]]]]:
+    channels: Mapping[str, RecordedSignal], drives: Sequence[SteppedJoint]
+) -> Iterator[tuple[int, int, list[tuple[RecordedSignal, float]]]]:
     for j, drive in enumerate(drives):
         link, deflection = (channels.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
         motors = [channels.get(f"{drive.name}.motor_{i}_position") for i in range(1, 1 + drive.dynamic_motors)]
         # With one motor, the deflection is the motor's position minus the link's.
         motor = motors[0] if len(motors) == 1 else None
+        if _is_played(drive):
+            motor = channels.get(f"{drive.name}.reference_1")
         if link is not None:
             yield j, 0, [(link, 1.0)]
         elif motor is not None and deflection is not None:

@@ -118,7 +118,7 @@ class Track:
         self.scenario = _scenario(scenario, data)
         self.door = Door(self.scenario, robot)
         self.wanted = [(self.door.joints.index(one.joint), one.quantity) for one in self.channels]
-        self.measured = Measured(self.channels, self.door.drives, self.scenario.step)
+        self.measured = Measured((*data.commands, *self.channels), self.door.drives, self.scenario.step)
         self.motion = max((motion_of(c) for c in self.channels if c.quantity.endswith(("position", "deflection"))), default=0.0)
         """Frequency up to which positions move, rad/s; see `motion_band`. 0: no position is recorded."""
         self._references = lru_cache(KEPT)(self._play)

@@ -186,3 +186,18 @@ def test_a_motor_before_its_gear_is_not_compared_and_another_zero_is_estimated(t
         else:
             assert "motor_1_position" not in compared
             assert any("moves 100.1 times as far as the link" in text for text in remarks), remarks
+
+
+def test_a_played_motor_and_a_deflection_show_the_link(tmp_path):
+    """In mode 2 the command is the motor's position; a delayed command acts later than it was recorded."""
+    goal, bent = np.sin(5.0 * TIME), 0.05 * np.cos(9.0 * TIME) + noise(len(TIME))
+    header = "time [s],joint_1.reference_1 [rad],joint_1.deflection [rad]"
+    recording = save(tmp_path / "a.csv", header, TIME, goal, bent)
+    scenario = write(tmp_path, "lab", {**SEA, "mode": 2}, duration=float(TIME[-1]))
+    with ExitStack() as stack:
+        problem = set_up(task_of(scenario, [recording], free=["joint_1.damping"]), stack).problem
+        assert problem.observes
+        measured = problem.tracks[0].measured
+        np.testing.assert_allclose(measured.at({}, 0.0, 1, 800)[:, 0, 0], (goal - bent)[:801], atol=1e-9)
+        late = measured.at({"joint_1.reference_1.delay": 0.1}, 0.0, 1, 800)[300:, 0, 0]
+        np.testing.assert_allclose(late, goal[200:701] - bent[300:801], atol=1e-9)
