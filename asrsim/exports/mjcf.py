@@ -88,10 +88,16 @@ def model_of(
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that needs other constructs.
-        SimulationError: MuJoCo refuses the model.
+        SimulationError: MuJoCo refuses the model, or is too old for DC motors.
     """
     _check(prepared, constructs)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
+    if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
+        # Older versions read the gains of DC motors in volts.
+        raise SimulationError(
+            f"files with DC motors need MuJoCo 4, but MuJoCo {library_version()} is imported here: install mujoco-core 4 in an "
+            "environment without mujoco 3, or write for mjx or mjlab, whose files have no DC motors"
+        )
     robot, warnings = usable_shapes(merged.robot, visuals=True, package_paths=scenario.package_paths)
     spec = assemble(scenario, robot, (0.0, 0.0, 0.0), shapes=True)
     spec.modelname, spec.modelfiledir = robot.name, str(path.parent.absolute())

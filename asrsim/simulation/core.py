@@ -114,10 +114,12 @@ class Core:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
             if stepping.released:
                 kind.joint_step = self._address(bound_step(released_step))
-        # For the Python loop the kinds are records with functions instead of addresses.
+        # For the Python loop the kinds are records with functions instead of addresses, and sizes are numbers of Python: a
+        # counter that is NumPy's makes every index slower.
         table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
         own = self._strides
-        schemes, sizes = self._code.scheme_table(own.schemes(self._scheme)), np.array(own.sizes, dtype=np.int64)
+        sizes: Any = np.array(own.sizes, dtype=np.int64) if self.compiled else own.sizes
+        schemes = self._code.scheme_table(own.schemes(self._scheme))
         self._common = Common(table, schemes, sizes, own.deflections, own.stiffest, own.shares)
         return constants
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.errors import InputError, ScenarioError
+from asrsim.errors import InputError, ScenarioError, SimulationError
 from asrsim.exports import PROGRAMS, export
 from support.paths import EXAMPLES, ROOT
 
@@ -82,12 +82,21 @@ def fit_at(path):
     return path
 
 
+def test_an_older_mujoco_is_named_with_what_to_do(tmp_path, monkeypatch):
+    """mjlab brings MuJoCo 3."""
+    monkeypatch.delattr(mujoco, "mjtCtrlInput")
+    with pytest.raises(SimulationError, match=r"need MuJoCo 4, but MuJoCo .* is imported here.*for mjx or mjlab"):
+        export(scenario("sea", duration=0.1), tmp_path / "soft.xml", plot=False)
+
+
 def test_the_package_for_mjlab_has_the_rule_of_the_motors_and_the_ranges_of_a_fit(tmp_path):
     fit = fit_at(tmp_path / "fit.json")
     given = scenario("qbmove", duration=0.1, initial={"joint_1": {"position": 0.2}})
     found = export(given, tmp_path / "my-arm.xml", program="mjlab", fit=fit, plot=False)
     folder = tmp_path / "my_arm_mjlab"
-    assert {path.name for path in found.files if path.parent == folder} == {path.name for path in folder.iterdir()}
+    assert {path.name for path in found.files if path.parent == folder} == {
+        path.name for path in folder.iterdir() if path.is_file()
+    }
     for path in folder.glob("*.py"):
         ast.parse(path.read_text())
     data = json.loads((folder / "robot.json").read_text())
