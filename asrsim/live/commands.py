@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from asrsim.live.publisher import CONTROL, STIFFNESS_JOINT, Ranges, reference_names
-from asrsim.live.transport import LiveTopic, Received, Tell, prefix_of
+from asrsim.live.transport import LiveTopic, Received, TellUser, prefix_of
 from asrsim.log.topics import topic_paths
 from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.samples import JointInfo
@@ -65,7 +65,7 @@ class CommandInput:
     """Input topics of a robot and the checks of their messages."""
 
     def __init__(
-        self, joints: Sequence[JointInfo], ranges: Ranges, tell: Tell = lambda text: None, *, prefix: str = ""
+        self, joints: Sequence[JointInfo], ranges: Ranges, tell: TellUser = lambda text: None, *, prefix: str = ""
     ) -> None:
         """tell: receives one sentence for each kind of refusal."""
         self._ranges, self._tell = ranges, tell

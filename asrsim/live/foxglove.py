@@ -15,7 +15,7 @@ from asrsim import __version__
 from asrsim.errors import InputError
 from asrsim.live.mailbox import Mailbox
 from asrsim.live.origin import OriginProxy
-from asrsim.live.transport import Access, Interface, LiveTopic, Received, Tell, received
+from asrsim.live.transport import Access, Interface, LiveTopic, Received, TellUser, received
 from asrsim.log.topics import message_definition, schema_name
 
 MOST = 1000
@@ -25,7 +25,7 @@ MOST = 1000
 class FoxgloveTransport:
     """WebSocket server. The server's threads only fill queues, which the simulation's thread empties."""
 
-    def __init__(self, interface: Interface, access: Access, tell: Tell) -> None:
+    def __init__(self, interface: Interface, access: Access, tell: TellUser) -> None:
         import foxglove
         from foxglove import Channel, Context, Schema
         from foxglove.websocket import Capability

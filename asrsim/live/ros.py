@@ -19,7 +19,7 @@ from typing import Any
 from asrsim.errors import InputError
 from asrsim.extras import install
 from asrsim.live.mailbox import Mailbox
-from asrsim.live.transport import Access, Interface, Received, Tell, received
+from asrsim.live.transport import Access, Interface, Received, TellUser, received
 
 DEPTH = 300
 """Number of messages that a publisher keeps for slow subscribers. The publisher searches all kept messages for each new
@@ -68,7 +68,7 @@ again. A message blocked by a subscriber is dropped after 1 ms instead of 100 ms
 class RosTransport:
     """Node with the run's topics."""
 
-    def __init__(self, interface: Interface, access: Access, tell: Tell) -> None:
+    def __init__(self, interface: Interface, access: Access, tell: TellUser) -> None:
         self._tell = tell
         rclpy = load_rclpy()
         from rclpy.context import Context

@@ -15,7 +15,7 @@ from asrsim.errors import DivergenceError
 from asrsim.live.commands import CommandInput, Target
 from asrsim.live.pace import Pace
 from asrsim.live.publisher import Publisher
-from asrsim.live.transport import Access, Interface, Tell, Transport, opened
+from asrsim.live.transport import Access, Interface, TellUser, Transport, opened
 from asrsim.log import LogWriter, open_log
 from asrsim.log.commands import encoded, topic_of
 from asrsim.outfile import write_json
@@ -79,7 +79,7 @@ class Session:
     """Live run, which the method `run` executes."""
 
     def __init__(
-        self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: Tell = lambda text: None
+        self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: TellUser = lambda text: None
     ) -> None:
         """plan: the examined scenario. If it has another robot in place of the scenario's, the robot's text describes it
         completely."""

@@ -119,9 +119,9 @@ class Transport(Protocol):
         """Close the transport."""
 
 
-Tell = Callable[[str], None]
+TellUser = Callable[[str], None]
 """Function that shows a sentence to the user; a transport may call it from any thread."""
-Make = Callable[[Interface, Access, Tell], Transport]
+Make = Callable[[Interface, Access, TellUser], Transport]
 """Function that opens a transport and tells the user its address. Raises InputError with advice if it is unavailable."""
 
 
@@ -151,7 +151,7 @@ def prefix_of(namespace: str) -> str:
 
 
 @contextmanager
-def opened(names: Sequence[str], interface: Interface, access: Access, tell: Tell) -> Iterator[list[Transport]]:
+def opened(names: Sequence[str], interface: Interface, access: Access, tell: TellUser) -> Iterator[list[Transport]]:
     """Context manager that opens the transports. Raises InputError, with the command that installs a missing library."""
     transports: list[Transport] = []
     with ExitStack() as stack:

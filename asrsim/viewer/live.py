@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.errors import AsrsimError
 from asrsim.live.session import Session, Settings
-from asrsim.live.transport import Tell
+from asrsim.live.transport import TellUser
 from asrsim.progress import Stop
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
@@ -56,7 +56,7 @@ class LiveView:
     def __init__(
         self, page: Page, plans: Sequence[Plan], *, variant: str | None = None, out: Path | None = None,
         overwrite: bool = False, settings: Settings | None = None, companions: Sequence[Companion] = (),
-        tell: Tell = lambda text: None,
+        tell: TellUser = lambda text: None,
     ) -> None:  # fmt: skip
         """variant: variant of the first run; out: folder of the log, or of a folder for each
         of several variants; settings: of the live runs; companions: ghosts."""

@@ -28,7 +28,7 @@ GRACE = 10.0
 GROWTH = 4
 """Largest ratio of the numbers of items in successive pieces."""
 
-Task = Callable[[Any], Any]
+Work = Callable[[Any], Any]
 """Function of an item that can be pickled. The task may keep prepared data in a worker. Results depend neither on the worker
 nor on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
@@ -80,7 +80,7 @@ class Pool(ABC):
     def renew(self) -> None:  # noqa: B027 - not all workers lose tasks
         """Send the task again, because workers may have lost it."""
 
-    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
+    def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """Results in order of arrival, each item once; ends early if `stop` returns True, when the pieces in progress have
         `GRACE` seconds to end. The task can be pickled. Raises its errors, and SimulationError if there are no workers.
 
@@ -185,7 +185,7 @@ def _load(plugin: Path) -> None:
     load_plugin_file(plugin)
 
 
-def _close(task: Task | None) -> None:
+def _close(task: Work | None) -> None:
     release = getattr(task, "close", None)
     if release is not None:
         release()

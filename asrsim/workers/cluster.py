@@ -12,7 +12,7 @@ from asrsim.engines.libraries import numeric_versions
 from asrsim.errors import SimulationError, listed
 from asrsim.extras import library
 from asrsim.progress import Stop
-from asrsim.workers import Numbered, Pool, Task, do_items
+from asrsim.workers import Numbered, Pool, Work, do_items
 
 PATIENCE = 10.0
 """Time in which a scheduler and its first worker must answer, s."""
@@ -102,7 +102,7 @@ class Cluster(Pool):
         """Implements `Pool.renew`. If all workers of a piece are lost, the scheduler cancels the piece and the task."""
         self._data = None
 
-    def results(self, task: Task, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
+    def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
         """Implements `Pool.results`."""
         self._data = None
         try:
