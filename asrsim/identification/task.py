@@ -131,8 +131,8 @@ def task_of(
     values of the fit file. Raises InputError with every problem.
 
     free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
-    parameters with a separate value for each recording; mapping, rate: for all recordings, with precedence over the fit file; plugins: files that the fit
-    file may load.
+    parameters with a separate value for each recording; mapping, rate: for all recordings, with precedence over the
+    fit file; plugins: files that the fit file may load.
     """
     path, faults, reading = Path(scenario), list[Problem](), DocumentReading()
     fit = kind_of(path) == "fit"

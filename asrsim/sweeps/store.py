@@ -46,8 +46,8 @@ SAME = {
     "study": "its study has other values of", "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
 }  # fmt: skip
-"""Entries of `study.json` that must be unchanged when a study continues, each with the start of the message for a changed entry;
-the names of what changed in it follow."""
+"""Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry, which the
+names of what changed in it follow."""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -269,9 +269,9 @@ def test_a_study_is_not_resumed_after_an_input_changed(tmp_path, changed):
 def test_a_refusal_names_all_that_changed(tmp_path):
     """Here the samples of the study and the recording that a claim compares with."""
     study = {"variants": [], "over": {"arm.mass": [1, 2]}, "samples": 2}
-    before = {"generator": "asrsim 0", "format": 4, "scenario": "s.yaml", "plugins": [], "study": study, "versions": {}, "runs": 2,
+    before = {"generator": "asrsim 0", "format": 4, "scenario": "s.yaml", "plugins": [], "study": study, "versions": {},
               "inputs": {"s": {"arm.urdf": "a", "seen.csv": "b"}}, "columns": [("run", "int", "")], "claims": {},
-              "substeps": {}}  # fmt: skip
+              "substeps": {}, "runs": 2}  # fmt: skip
     open_store(tmp_path, before, resume=False, overwrite=False)
     open_store(tmp_path, before, resume=True, overwrite=False)
     now = {**before, "study": {**study, "samples": 3}, "inputs": {"s": {"arm.urdf": "a", "seen.csv": "c"}}}
