@@ -218,11 +218,11 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]
     """What makes a study another one than that of its folder, with the names of everything that changed."""
     found: list[str] = []
     for key, message in SAME.items():
-        old, new = before.get(key), now.get(key)
+        old, new = before.get(key), now[key]
         if old == new:
             continue
         # Inputs have hashes by variant; their names are enough.
-        parts = [(old.get(one, {}), new[one]) for one in new] if key == "inputs" else [(old, new)]
+        parts = [(before[key].get(one, {}), new[one]) for one in new] if key == "inputs" else [(old, new)]
         pairs = [(a, b) for a, b in parts if isinstance(a, dict) and isinstance(b, dict)]
         names = dict.fromkeys(name for a, b in pairs for name in {**a, **b} if a.get(name) != b.get(name))
         found.append(f"{message} {', '.join(names)}" if names else message)
