@@ -174,7 +174,12 @@ class Study:
     def _unit_points(self) -> Array:
         """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
         shape = (self.draws, len(self.groups))
-        points = np.asarray(SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed), dtype=np.float64)
+        found = SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed)
+        try:
+            points = np.asarray(found, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            message = f"the sampler must return an array of numbers of shape {shape}: {error}"
+            raise InputError(message, key="sampler", value=self.sampler, code="sampler-points") from None
         if points.shape != shape or not ((points >= 0.0) & (points <= 1.0)).all():
             message = f"the sampler must return points from 0 to 1 of shape {shape}; its shape is {points.shape}"
             raise InputError(message, key="sampler", value=self.sampler, code="sampler-points")

@@ -25,6 +25,29 @@ def test_a_plugin_s_sampler_places_the_draws(tiny, asrsim_command):
     np.testing.assert_allclose(Table("study")["arm.mass"], 0.2 + 0.4 * drawn, rtol=1e-12)
 
 
+def test_a_study_file_runs_with_its_own_sampler(tiny, asrsim_command):
+    (tiny.folder / "study.yaml").write_text(
+        f"scenario: {tiny.scenario.name}\nover: {{arm.mass: 'uniform(0.2, 0.6)'}}\nset: {{duration: 0.02}}\nsampler: lhs\nsamples: 2\n"
+    )
+    done = asrsim_command("sweep", "study.yaml", "--out", "study", "--workers", "1", "--no-plot", "-q")
+    assert done.code == 0, done.err
+    assert Table("study").study.sampler == "lhs"
+    done = asrsim_command("sweep", "study.yaml", "--out", "again", "--seed", "0")
+    assert done.code == 1
+    assert "seed is valid with a scenario only" in done.err
+
+
+def test_points_that_are_no_numbers_are_refused(tiny):
+    class Words(Sampler):
+        def points(self, samples, dimensions, seed):
+            return [["low"] * dimensions] * samples
+
+    SAMPLERS.add("words", Words())
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="words")
+    with pytest.raises(InputError, match=r"numbers of shape \(4, 1\).*low.*words"):
+        _ = study.table
+
+
 @pytest.mark.parametrize("points", [np.zeros((3, 1)), np.full((4, 1), 1.5), np.full((4, 1), np.nan)])
 def test_points_outside_the_cube_or_of_another_number_are_refused(tiny, points):
     class Wrong(Sampler):
