@@ -50,7 +50,12 @@ class Axis:
 
 def axis_of(name: str, value: Any) -> Axis:
     """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
-    return Axis(tuple(new_key(part.strip()) for part in name.split("&")), law_of(value, name))
+    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
+
+
+def present_name(name: str) -> str:
+    """Name of an axis with the present names of its keys; warns of old ones."""
+    return " & ".join(new_key(part.strip()) for part in name.split("&"))
 
 
 class _Law(AnyData):
@@ -219,7 +224,8 @@ def make_study(
         options: variants, overrides, sampler, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
-    pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
+    given = over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over))
+    pairs = [(present_name(key), value) for key, value in given]
     data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
     try:
         study = Study(
