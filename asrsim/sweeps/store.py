@@ -22,6 +22,7 @@ from asrsim.errors import InputError, OutputError, Problem
 from asrsim.extras import library
 from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.plain import misfit
+from asrsim.renamed import STUDY_KEYS
 from asrsim.sweeps.rows import StudyRow
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
@@ -65,7 +66,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     # Who knows how the checksum is made can write one.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    return data
+    # Folders keep the old names for ever.
+    return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
 def sealed(manifest: Mapping[str, Any]) -> str:
