@@ -237,6 +237,15 @@ def test_claims_against_a_recording_align_it_as_a_comparison_does(tmp_path):
     assert "lab.csv" in results[0].text
 
 
+def test_claims_say_what_is_doubtful_in_their_recording(tmp_path):
+    path = laboratory(tmp_path)
+    head, *rows = path.read_text().splitlines()
+    rows[300] = ",".join("-9999" if i == 1 else cell for i, cell in enumerate(rows[300].split(",")))
+    path.write_text("\n".join([head, *rows]) + "\n")
+    (result,) = claim_results([claim(path)], (ELBOW,), lambda *_: simulation())
+    assert "is -9999 in 1 sample" in result.text
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
