@@ -58,7 +58,7 @@ class ExpectationResult:
     """Motion that is left at the end of a series that is not at rest, in the unit of the series, if the measure needs rest."""
     moving_unit: str = ""
     reading: str = ""
-    """Description of the recording's column that the run was compared with."""
+    """Description of the recording's column that the run was compared with, and what is doubtful in the recording."""
 
     @property
     def text(self) -> str:
