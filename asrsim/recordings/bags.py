@@ -281,9 +281,11 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         message = f"skipped {counted(count, 'message')} that do not match the definition of their type"
         findings.append(Problem(message, key=topic.name, value=topic.kind, code="broken-message"))
     for topic, labels in repeated.items():
-        message = f"names {listed([*labels], 4)} several times in one message ({counted(max(labels.values()), 'message')}); "
+        message = (
+            f"names {listed([*labels], 4)} several times in one message ({counted(max(labels.values()), 'message')}); "
+            "only the last value is kept"
+        )
         hint = "Record each joint once: which of its values is right cannot be known"
-        message += "only the last value is kept"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
     for (topic, _), group in groups.items():
@@ -295,8 +297,10 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         columns = [_time_of(topic.name, group, stated, findings)]
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
         if topic.kind.endswith("/JointState") and nameless:
-            message = f"no names of joints for {listed(nameless, 4)}: they go to the robot's joints by order, "
-            message += "unless --map states others"
+            message = (
+                f"no names of joints for {listed(nameless, 4)}: they go to the robot's joints by order, "
+                "unless --map states others"
+            )
             hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"
             findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
         values = np.frombuffer(group.values).reshape(-1, len(group.labels))
