@@ -168,12 +168,16 @@ def _call() -> int:
 
 
 def _tell_old_keys(show: Callable[..., None]) -> Callable[..., None]:
-    """Function that prints a warning about a key's old name as one line, and passes other warnings to `show`."""
+    """Function that prints a warning about a key's old name as one line, once, and passes other warnings to `show`."""
     from asrsim.cli.console import complain
+
+    told = set[str]()
 
     def tell_old_key(message: Warning | str, *given: Any, **named: Any) -> None:
         if isinstance(message, OldKeyWarning):
-            complain(f"asrsim: {message}")
+            if str(message) not in told:
+                told.add(str(message))
+                complain(f"asrsim: {message}")
         else:
             show(message, *given, **named)
 

@@ -92,6 +92,8 @@ def datasheet(
                     TableColumn("how", [one.how for one in rows]),
                 ]
             )
+            for doubt in sheet.doubts:
+                say(f"note {doubt}", "yellow")
             say(f"repeat the simulations, in {out}/: {sheet.command}")
         say_written(files)
 

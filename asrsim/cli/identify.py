@@ -110,7 +110,7 @@ def identify(
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
-    Options beside a fit file add to `free` and `ties`, and replace its other values.
+    Options beside a fit file add to `free`, `ties` and the `map` of each recording, and replace its other values.
     """
     from asrsim.identification.task import task_of
     from asrsim.identification.write import fit_data

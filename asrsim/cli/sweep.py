@@ -36,9 +36,11 @@ def sweep(
     ] = None,
     variant: Variants = None,
     overrides: Overrides = None,
-    sampler: Annotated[str, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.")] = "random",
+    sampler: Annotated[
+        str | None, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.", default="random")
+    ] = None,
     samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
-    seed: Annotated[int, option("Seed of the draws.", min=0)] = 0,
+    seed: Annotated[int | None, option("Seed of the draws.", min=0, default="0")] = None,
     fit: Annotated[
         Path | None,
         option("File with keys, mean and covariance: joint distribution of these keys.", default=""),
@@ -109,8 +111,7 @@ def _swept(
     from asrsim.sweeps import sweep
     from asrsim.sweeps.run import study_of
 
-    defaults = {"design": "random", "seed": 0}
-    study = study_of(path, over, {name: value for name, value in given.items() if value and value != defaults.get(name)})
+    study = study_of(path, over, {name: value for name, value in given.items() if value not in (None, [])})
     for warning in study.joint.warnings if study.joint else ():
         complain(f"warning {warning}")
     folder = out or Path("out") / study.name / "sweep"

@@ -27,6 +27,8 @@ class MeasuredCurve:
     """Equilibrium position of the motors minus link position (n,), rad."""
     torque: Array
     """Torque on the link (n,), N m."""
+    doubts: tuple[str, ...] = ()
+    """Sentences on numbers of the recording that are lost or doubtful."""
 
 
 def measured_curve(
@@ -67,4 +69,5 @@ def measured_curve(
             deflection = deflection - values("link_position")
     torque = np.sum([values(name) for name in torques], axis=0)
     kept = slice(None, None, max(1, len(time) // MOST_POINTS))
-    return MeasuredCurve(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept])
+    doubts = tuple(f"{path.name}: {doubt}" for doubt in recording.doubts)
+    return MeasuredCurve(label=f"measured: {path.name}", deflection=deflection[kept], torque=torque[kept], doubts=doubts)

@@ -73,6 +73,8 @@ class Sheet:
     """Values of all parameters."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Their units."""
+    doubts: tuple[str, ...] = ()
+    """Sentences on numbers of the measured curves that are lost or doubtful."""
 
     @property
     def command(self) -> str:
@@ -91,5 +93,6 @@ class Sheet:
             "command": self.command,
             "numbers": {one.key: one.as_dict() for one in self.entries},
             "published": [vars(one) for one in self.published],
+            "doubts": [*self.doubts],
             "parameters": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
         }  # fmt: skip

@@ -31,9 +31,10 @@ def sheet_page(sheet: Sheet) -> str:
     about = f"The folder of this page has {' and '.join(sheet.files)}: the steps of the last charts"
     about += ", and claims with the simulated numbers." if simulated else "."
     beside = ["quantity", "published", "source", "compared with the defaults"]
+    doubts = "".join(f"<p>{escape(doubt)}</p>" for doubt in sheet.doubts)
     sections = [
         section("Numbers", table(heads, rows, long=(3,))),
-        section("Curves", HINT + shown + NO_SCRIPT),
+        section("Curves", doubts + HINT + shown + NO_SCRIPT),
         section("Published", table(beside, published, long=(1, 2, 3))) if published else "",
         section("Repeat the simulations", f"<p>{escape(about)}</p><pre>{escape(sheet.command)}</pre>"),
         f"<section><details class='part'><summary><b>Parameters</b></summary>{parameters}</details></section>",

@@ -61,6 +61,7 @@ def make_sheet(
         rows=tuple(tuple(replace(one, unit=unit(one.unit), across_unit=unit(one.across_unit)) for one in row) for row in rows),
         published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
         values=dict(source.drive.values), units={one.name: unit(one.unit) for one in actuator.all_parameters()},
+        doubts=tuple(doubt for curve in measured for doubt in curve.doubts),
     )  # fmt: skip
 
 

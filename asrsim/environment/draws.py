@@ -15,7 +15,7 @@ from asrsim.scenario.overrides import split_path
 from asrsim.simulation.drives import COMMAND_DELAY, SENSOR_DELAY
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.laws import Distribution, Values
-from asrsim.sweeps.study import axis_of
+from asrsim.sweeps.study import axis_of, present_name
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
@@ -28,7 +28,7 @@ class Draws:
     def __init__(self, laws: Mapping[str, Any]) -> None:
         """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
         InputError."""
-        self._axes = [axis_of(name, value) for name, value in laws.items()]
+        self._axes = [axis_of(present_name(name), value) for name, value in laws.items()]
         problems = [
             Problem("must be finite numbers", key=" & ".join(axis.keys), code="sweep-values")
             for axis in self._axes

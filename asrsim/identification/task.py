@@ -131,14 +131,14 @@ def task_of(
     values of the fit file. Raises InputError with every problem.
 
     free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
-    parameters with a separate value for each recording; mapping, rate: apply to all recordings; plugins: files that the fit
-    file may load.
+    parameters with a separate value for each recording; mapping, rate: for all recordings, with precedence over the
+    fit file; plugins: files that the fit file may load.
     """
     path, faults, reading = Path(scenario), list[Problem](), DocumentReading()
     fit = kind_of(path) == "fit"
     if fit:
-        if said := [name for name, value in (("experiments", experiments), ("mapping", mapping), ("rate", rate)) if value]:
-            message = f"a fit file names its recordings; these options are not allowed beside it: {', '.join(said)}"
+        if experiments:
+            message = "a fit file names its recordings; this option is not allowed beside it: experiments"
             raise InputError(message, file=path, hint="Write them into the fit file, under `experiments`", code="fit-file")
         root, reading = read_document(path, "fit", faults=faults)[0], DocumentReading(base=path.parent)
     else:
@@ -147,13 +147,13 @@ def task_of(
             raise InputError(
                 "no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording"
             )
-        options |= {"experiments": _recordings(experiments, mapping, rate), "plugins": one_or_more(plugins)}
+        options |= {"experiments": _recordings(experiments), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})
     wishes = free if isinstance(free, Mapping) else dict(map(_wish, one_or_more(free)))
     given = {
         "free": {key: {} if wish is None else wish for key, wish in wishes.items()},
         "ties": ties if isinstance(ties, Mapping) else dict(text.partition("=")[::2] for text in one_or_more(ties)),
-        "validate": _recordings([Path(one).absolute() for one in one_or_more(validate)], mapping, rate),
+        "validate": _recordings([Path(one).absolute() for one in one_or_more(validate)]),
     }
     separate, found = {"free": {key: {"own": True} for key in one_or_more(own)}}, None
     for over in (options, {key: value for key, value in given.items() if value}, separate if own else {}):
@@ -163,12 +163,27 @@ def task_of(
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     check_named(found.plugins, one_or_more(plugins), file=path)
-    return replace(found, overrides=override_texts(overrides), name=path.stem, file=path if fit else None)
+    # Of two meanings of a column, the last one counts: those of the fit file come first.
+    trials, tests = (
+        tuple(
+            replace(one, mapping=(*one.mapping, *one_or_more(mapping)), rate=one.rate if rate is None else rate)
+            for one in group
+        )
+        for group in (found.experiments, found.validate)
+    )
+    return replace(
+        found,
+        experiments=trials,
+        validate=tests,
+        overrides=override_texts(overrides),
+        name=path.stem,
+        file=path if fit else None,
+    )
 
 
-def _recordings(files: Sequence[str | Path], mapping: Sequence[str], rate: float | None) -> list[dict[str, Any]]:
+def _recordings(files: Sequence[str | Path]) -> list[dict[str, Any]]:
     """List of recordings in the format of a fit file."""
-    return [{"file": str(one), "map": one_or_more(mapping), "rate": rate} for one in one_or_more(files)]
+    return [{"file": str(one)} for one in one_or_more(files)]
 
 
 def _tie(key: str, text: str) -> Tie:

@@ -18,6 +18,7 @@ from asrsim.document.reading import DocumentReading
 from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
 from asrsim.metrics.measures import MEASURES, measure, option_problems, unrest
 from asrsim.metrics.motion import AXES
+from asrsim.plugins import plugin_fault
 from asrsim.quantities import DERIVED, QUANTITIES, shown, unit_of
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
@@ -57,7 +58,7 @@ class ExpectationResult:
     """Motion that is left at the end of a series that is not at rest, in the unit of the series, if the measure needs rest."""
     moving_unit: str = ""
     reading: str = ""
-    """Description of the recording's column that the run was compared with."""
+    """Description of the recording's column that the run was compared with, and what is doubtful in the recording."""
 
     @property
     def text(self) -> str:
@@ -208,6 +209,8 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
     except InputError as error:
         return list(error.problems)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+        if not options and (fault := plugin_fault(error)):
+            raise fault from error
         given = ", ".join(f"{key}: {value}" for key, value in options.items())
         how = f" with {given}" if given else ""
         return [Problem(f"cannot be measured{how}: {error}", key="options", code="bad-option")]

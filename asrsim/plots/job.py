@@ -26,8 +26,6 @@ from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
 from asrsim.scenario.carried import unknown_actuators
 
-"""Callback that receives the current task and the fraction done, 0 to 1."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class PlotJob:

@@ -76,7 +76,9 @@ def interchanged(
     """
 
     def error(a: str, b: str) -> float:
-        return float(np.nanmean(np.square(expected[a] - measured[b])))
+        squares = np.square(expected[a] - measured[b])
+        known = squares[np.isfinite(squares)]
+        return float(known.mean()) if len(known) else math.nan
 
     for a, b in combinations(columns, 2):
         own, other = error(a, a) + error(b, b), error(a, b) + error(b, a)

@@ -152,7 +152,9 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
-        _check_second_time(names, named[0], named[1], findings)
+        # A flag may stand before the time.
+        second = next((place for place in named if place > places[0]), named[0])
+        _check_second_time(names, places[0], second, findings)
     alone = len(places) == 1
     seconds, zeros, units = zip(*(_seconds(columns[place], reading, findings, alone=alone) for place in places), strict=True)
     clock: dict[str, object] = {"column": names[places[0]] if alone else [names[place] for place in places]}
@@ -272,13 +274,16 @@ def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[
 
 def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, float] | None:
     """Step of a clock, s, and mean rate of the samples, Hz, if many samples repeat the stamp before, but not its values."""
-    stamps = np.unique(np.round(table.time[np.isfinite(table.time)], _DIGITS))
+    stamps, firsts = np.unique(np.round(table.time[np.isfinite(table.time)], _DIGITS), return_index=True)
     if len(repeated) <= max(2, _COARSE * len(table.time)) or len(stamps) < 2:
         return None
     series = [column.values for column in table.columns if column.values.dtype.kind == "f"]
     changed = np.any([values[repeated] != values[repeated - 1] for values in series], axis=0)
-    step = float(np.min(np.diff(stamps)))
-    return (step, len(table.time) / (stamps[-1] - stamps[0] + step)) if np.mean(changed) > _COARSE else None
+    if np.mean(changed) <= _COARSE:
+        return None
+    # The first and the last stamp may have fewer samples than the others.
+    begin = min(1, len(stamps) - 2)
+    return float(np.min(np.diff(stamps))), float((firsts[-1] - firsts[begin]) / (stamps[-1] - stamps[begin]))
 
 
 def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:

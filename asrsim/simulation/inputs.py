@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from functools import cache, cached_property, lru_cache
+from types import FunctionType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -256,8 +257,8 @@ def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
 @cache
 def renewal_of(law: Any) -> Any:
     """`renew_rows`, compiled for joints with this reference map. None if the law calls functions, whose values for numbers and
-    for arrays may differ in the last bit, and if it cannot be compiled."""
-    if law.__code__.co_names or law.__code__.co_freevars:
+    for arrays may differ in the last bit, and if it is no plain function or cannot be compiled."""
+    if not isinstance(law, FunctionType) or law.__code__.co_names or law.__code__.co_freevars:
         return None
     floats, one = np.zeros((1, 1, 1, 1)), np.zeros(1, dtype=np.int64)
     example = floats, floats, np.zeros((1, 1, 1)), one, np.zeros(1, dtype=bool), 1

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from asrsim.engines.base import Engine
 from asrsim.engines.rigid import RigidEngine
-from asrsim.errors import InputError, SimulationError
+from asrsim.errors import InputError, Problem, SimulationError, listed
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
@@ -130,7 +130,7 @@ class Worlds:
             device: Device of Warp, such as "cpu" or "cuda".
             adaptive: Whether each world takes fewer substeps while its springs are soft enough
                 (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo, without contacts,
-                imperfect sensors, stages and energies (`watched`).
+                imperfect sensors, stages, energies (`watched`) and stiffness.
         """
         for key, value in (("count", count), ("threads", threads)):
             check_number(value, key)
@@ -161,13 +161,8 @@ class Worlds:
                 )
             )  # fmt: skip
             self.record_as(prepared)
-            if adaptive and (self._watched or not self.core.native):
-                raise InputError(
-                    "needs the compiled loop without energies",
-                    key="adaptive",
-                    hint="watched=False, compiled=True",
-                    code="adaptive",
-                )
+            if adaptive:
+                self._check_adaptive()
             self._home_inputs = self._inputs_of(prepared)
             self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
             """Latest signals of worlds by joint and reference, and the inputs made from them."""
@@ -619,6 +614,17 @@ class Worlds:
                 return numbers
         message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
         raise InputError(message, key="worlds", value=worlds, code="worlds")
+
+    def _check_adaptive(self) -> None:
+        """Raise InputError if these worlds need all substeps."""
+        found, hints = list(filter(is_watched, self.names)), {}
+        if self._watched:
+            hint = f"Record other quantities than {listed(found, 4)}" if found else "watched=False"
+            hints["needs worlds without energies and stiffness"] = hint
+        if not self.core.native:
+            hints["needs the compiled loop"] = "engine: mujoco" if self.on_warp else "compiled=True"
+        if hints:
+            raise InputError(Problem(text, key="adaptive", hint=hint, code="adaptive") for text, hint in hints.items())
 
     def _check_watched(self) -> None:
         if not self._watched:

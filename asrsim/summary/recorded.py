@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +29,8 @@ class RecordedSeries:
         self._lags: dict[tuple[str, ...], float] = {}
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
-        """The claim's quantity of a joint in the run and the recording, aligned by the claim's option `lag`.
+        """The claim's quantity of a joint in the run and the recording, aligned by the claim's option `lag`. Its `reading` ends
+        with what is doubtful in the recording.
 
         Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
@@ -40,7 +42,7 @@ class RecordedSeries:
             self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
         samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
         found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
-        return found.series[0]
+        return replace(found.series[0], reading="; ".join((found.series[0].reading, *recording.doubts)))
 
 
 def require_columns(

@@ -24,7 +24,7 @@ from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
 from asrsim.sweeps.rows import Runner, StudyRow, row_of
 from asrsim.sweeps.store import open_store
-from asrsim.sweeps.study import Study, is_study, make_study, read_study
+from asrsim.sweeps.study import Study, is_study, make_study, present_name, read_study
 from asrsim.sweeps.table import Table
 from asrsim.workers import Lost, cores
 from asrsim.workers.cluster import Cluster
@@ -161,7 +161,7 @@ def run_again(table: Table, run: int, folder: Path, plugins: Sequence[Path | str
     """Repeat a run of a study with a log and a summary in `folder`, and return the summary; plugins: files of users'
     actuators that may run. Raises InputError if the study has no row of this run.
     """
-    study = table.study
+    study = replace(table.study, over={present_name(name): value for name, value in table.study.over.items()})
     check_named(study.plugins, plugins, file=table.folder)
     if run not in table["run"]:
         raise InputError(f"there is no row of run {run}", file=table.folder, code="no-run")

@@ -22,6 +22,7 @@ from asrsim.errors import InputError, OutputError, Problem
 from asrsim.extras import library
 from asrsim.outfile import is_ours, make_folder, write_text, written
 from asrsim.plain import misfit
+from asrsim.renamed import STUDY_KEYS
 from asrsim.sweeps.rows import StudyRow
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
@@ -43,10 +44,11 @@ MOST_PARTS = 32
 """Number of incomplete parts that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
-    "study": "its study varies other keys", "inputs": "its inputs have changed",
-    "versions": "it was done with other versions",
+    "study": "its study has other values of", "inputs": "its inputs have changed:",
+    "versions": "it was done with other versions of",
 }  # fmt: skip
-"""Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry."""
+"""Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry, which the
+names of what changed in it follow."""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -64,7 +66,8 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     # Who knows how the checksum is made can write one.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    return data
+    # Folders keep the old names for ever.
+    return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
 def sealed(manifest: Mapping[str, Any]) -> str:
@@ -213,10 +216,19 @@ class Store:
             raise OutputError(f"{error}; {count} rows are kept; continue with --resume") from error
 
 
-def _changed(before: Mapping[str, Mapping[str, str]], now: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Names of the inputs that differ in any variant, without the variants."""
-    pairs = [(before.get(variant, {}), hashes) for variant, hashes in now.items()]
-    return list(dict.fromkeys(name for old, new in pairs for name in {**old, **new} if old.get(name) != new.get(name)))
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What makes a study another one than that of its folder, with the names of everything that changed."""
+    found: list[str] = []
+    for key, message in SAME.items():
+        old, new = before.get(key), now[key]
+        if old == new:
+            continue
+        # Inputs have hashes by variant; their names are enough.
+        parts = [(before[key].get(one, {}), new[one]) for one in new] if key == "inputs" else [(old, new)]
+        pairs = [(a, b) for a, b in parts if isinstance(a, dict) and isinstance(b, dict)]
+        names = dict.fromkeys(name for a, b in pairs for name in {**a, **b} if a.get(name) != b.get(name))
+        found.append(f"{message} {', '.join(names)}" if names else message)
+    return found
 
 
 def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overwrite: bool) -> Store:
@@ -236,12 +248,10 @@ def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overw
     going_on = begun and resume
     if going_on:
         before, now = read_manifest(folder), json.loads(json.dumps(manifest, default=str))
-        for key, difference in SAME.items():
-            if before.get(key) != now.get(key):
-                hint = "Start again with --overwrite, or choose another folder with --out"
-                changed = f": {', '.join(_changed(before[key], now[key]))}" if key == "inputs" else ""
-                message = f"cannot be continued: {difference}{changed}"
-                raise InputError(Problem(message, file=folder, hint=hint, code="sweep-resume"))
+        if differences := _differences(before, now):
+            hint = "Start again with --overwrite, or choose another folder with --out"
+            message = f"cannot be continued: {'; '.join(differences)}"
+            raise InputError(Problem(message, file=folder, hint=hint, code="sweep-resume"))
     make_folder(folder)
     left = [*folder.glob(".part-*.new"), *([] if going_on else [*parts_of(folder), folder / ROWS])]
     for path in left:

@@ -50,7 +50,12 @@ class Axis:
 
 def axis_of(name: str, value: Any) -> Axis:
     """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
-    return Axis(tuple(new_key(part.strip()) for part in name.split("&")), law_of(value, name))
+    return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
+
+
+def present_name(name: str) -> str:
+    """Name of an axis with the present names of its keys; warns of old ones."""
+    return " & ".join(new_key(part.strip()) for part in name.split("&"))
 
 
 class _Law(AnyData):
@@ -174,7 +179,12 @@ class Study:
     def _unit_points(self) -> Array:
         """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
         shape = (self.draws, len(self.groups))
-        points = np.asarray(SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed), dtype=np.float64)
+        found = SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed)
+        try:
+            points = np.asarray(found, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            message = f"the sampler must return an array of numbers of shape {shape}: {error}"
+            raise InputError(message, key="sampler", value=self.sampler, code="sampler-points") from None
         if points.shape != shape or not ((points >= 0.0) & (points <= 1.0)).all():
             message = f"the sampler must return points from 0 to 1 of shape {shape}; its shape is {points.shape}"
             raise InputError(message, key="sampler", value=self.sampler, code="sampler-points")
@@ -214,7 +224,8 @@ def make_study(
         options: variants, overrides, sampler, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
-    pairs = list(over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over)))
+    given = over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over))
+    pairs = [(present_name(key), value) for key, value in given]
     data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
     try:
         study = Study(

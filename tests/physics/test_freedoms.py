@@ -62,6 +62,14 @@ def test_a_spherical_joint_moves_as_eulers_equations_say(tmp_path, engine, kind)
     assert 3.5 < errors[0] / errors[1] < 4.5
 
 
+@pytest.mark.parametrize(("words", "told"), [('damping="0.1"', True), ('friction="0.1"', True), ('damping="0"', False)])
+def test_losses_of_a_spherical_joint_that_are_not_isotropic_are_told(tmp_path, words, told):
+    path, neck = tmp_path / "robot.urdf", joint("neck", "ball", words=f"<dynamics {words}/>")
+    path.write_text(f'<robot name="r"><link name="base"/><link name="body">{BODY}</link>{neck}</robot>')
+    (warning,) = (one for one in warnings_of(load_robot(path)) if one.code == "several-freedoms")
+    assert (f"has its {words.split('=')[0]} about its own axis: together they are not isotropic" in warning.message) is told
+
+
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_planar_joint_slides_in_its_plane_and_turns_about_its_normal(tmp_path, engine):
     """In the plane x, z, gravity pulls along z, and nothing turns a body about its centre of mass."""

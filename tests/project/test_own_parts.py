@@ -97,6 +97,17 @@ def test_the_measures_are_claimed(own, tiny, asrsim_command):
     assert done.out.count("holds") == 2
 
 
+def test_the_error_of_a_measure_names_its_file_and_line(tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(
+        "from asrsim.metrics import MEASURES, Measure\n\ndef broken(time, values):\n    return 1 / 0\n\n"
+        'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
+    )
+    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, tolerance: 9}]"
+    done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
+    assert done.code == 1
+    assert "mine.py:4: broken: the plugin raised ZeroDivisionError" in done.err
+
+
 @pytest.mark.parametrize(
     ("needs", "function", "said"),
     [

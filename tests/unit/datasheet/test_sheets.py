@@ -260,13 +260,19 @@ def measured(sheet):
     return line.x, line.y
 
 
-def test_measured_points_stand_beside_the_law(tmp_path):
+def test_measured_points_stand_beside_the_law_with_what_is_doubtful(tmp_path):
     deflection = np.linspace(-0.3, 0.3, 50)
     table = np.column_stack([np.arange(50) * 0.01, deflection, 11.0 * deflection])
-    np.savetxt(tmp_path / "bench.csv", table, delimiter=",", header="time,deflection [rad],torque [Nm]", comments="")
+    marked = table.copy()
+    marked[7, 2] = -9999
+    np.savetxt(tmp_path / "bench.csv", marked, delimiter=",", header="time,deflection [rad],torque [Nm]", comments="")
     (source,) = sources_of(["sea"])
-    angle, torque = measured(make_sheet(source, measured=[measured_curve(source, tmp_path / "bench.csv")]))
+    sheet = make_sheet(source, measured=[measured_curve(source, tmp_path / "bench.csv")])
+    angle, torque = (np.delete(values, 7) for values in measured(sheet))
     np.testing.assert_allclose(torque, 11.0 * angle)
+    (doubt,) = sheet.as_dict()["doubts"]
+    assert "is -9999 in 1 sample" in doubt
+    assert doubt.partition(":")[0] == "bench.csv"
     np.savetxt(tmp_path / "timeless.csv", table[:, 1:], delimiter=",", header="deflection [rad],torque [Nm]", comments="")
     curve = measured_curve(source, tmp_path / "timeless.csv", rate=1.0)
     np.testing.assert_allclose(curve.torque, 11.0 * curve.deflection)

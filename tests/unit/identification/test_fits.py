@@ -323,6 +323,12 @@ def test_options_extend_or_replace_keys_of_a_fit_file(lab, tmp_path, asrsim_comm
     task = task_of(path, free=["joint_1.damping=0.2"], ties=ties, own=["joint_1.damping"], hold_out=0.1)
     assert (task.hold_out, task_of(path).hold_out) == (0.1, 0.2)
     assert task.ties == (Tie(key="joint_1.friction", to="joint_1.damping"),)
+    path.write_text(
+        path.read_text().replace(f"[{lab / 'a.csv'}]", f"[{{file: {lab / 'a.csv'}, map: [a=joint_1.link_position]}}]")
+    )
+    (trial,) = task_of(path, mapping=["a=-joint_1.link_position"], rate=50.0).experiments
+    assert trial.mapping == ("a=joint_1.link_position", "a=-joint_1.link_position")  # the last one counts
+    assert trial.rate == 50.0
     assert task.free["joint_1.damping"] == Wish(start=0.2, low=0.0, own=True)
 
 

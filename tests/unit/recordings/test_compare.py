@@ -237,6 +237,15 @@ def test_claims_against_a_recording_align_it_as_a_comparison_does(tmp_path):
     assert "lab.csv" in results[0].text
 
 
+def test_claims_say_what_is_doubtful_in_their_recording(tmp_path):
+    path = laboratory(tmp_path)
+    head, *rows = path.read_text().splitlines()
+    rows[300] = ",".join("-9999" if i == 1 else cell for i, cell in enumerate(rows[300].split(",")))
+    path.write_text("\n".join([head, *rows]) + "\n")
+    (result,) = claim_results([claim(path)], (ELBOW,), lambda *_: simulation())
+    assert "is -9999 in 1 sample" in result.text
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -285,3 +294,12 @@ def test_columns_of_two_joints_that_are_interchanged_are_told(tmp_path, swapped)
     samples = Samples(time=TIME, joints=("hip", "elbow"), values={"link_position": values})
     found = compare(samples, read_recording(path, joints=("hip", "elbow")), lag="off").findings
     assert [one.key for one in found if one.code == "suspected-joint"] == ["hip_pos"] * swapped
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_joint_without_numbers_is_no_interchanged_one(tmp_path):
+    values = np.column_stack([motion(TIME), 0.4 * reference(TIME)])
+    path = write(tmp_path, "time,hip_pos,elbow_pos", TIME[::5], values[::5, 0], np.full(1001, np.nan))
+    samples = Samples(time=TIME, joints=("hip", "elbow"), values={"link_position": values})
+    found = compare(samples, read_recording(path, joints=("hip", "elbow")), lag="off").findings
+    assert "suspected-joint" not in [one.code for one in found]

@@ -272,7 +272,10 @@ def test_a_clock_that_restarts_goes_on(tmp_path, clock, period):
 
 
 def test_a_flag_beside_a_time_is_no_time(tmp_path):
-    check(write(tmp_path / "lab.csv", ["clock,t,q1,q2", *[f"{i % 2},{row}" for i, row in enumerate(rows())]]))
+    file = write(tmp_path / "lab.csv", ["clock,t,q1,q2", *[f"{i % 2},{row}" for i, row in enumerate(rows())]])
+    check(file)
+    (found,) = (one for one in read_recording(file).findings if one.code == "second-time")
+    assert (found.key, found.message) == ("clock", "is a second time column; 't' is used")
 
 
 GROUPED = {

@@ -1,13 +1,16 @@
 """Commands as they were sent, beside the commands that act after delay, rate, noise and resolution."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from asrsim import Simulation, make_scenario
+from asrsim.actuators.qbmove import QbMove
 from asrsim.scenario.data import Imperfections
 from asrsim.signals import Sinusoid
+from asrsim.simulation.inputs import renewal_of
 from validation.models import Body, chain, column, run
 
 BODY = Body(actuator="sea", mass=0.3, reach=0.05)
@@ -64,3 +67,7 @@ def test_a_command_from_outside_is_sent_and_acts_at_once(tiny):
         values = simulation.samples.values
     np.testing.assert_array_equal(values["sent_reference_1"][20:, 0], 0.3)
     np.testing.assert_array_equal(values["reference_1"][20:, 0], 0.3)
+
+
+def test_a_reference_map_that_is_no_plain_function_is_not_compiled():
+    assert renewal_of(lru_cache(QbMove.motor_references)) is None

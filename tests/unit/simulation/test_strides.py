@@ -145,7 +145,8 @@ def test_motors_are_observed_at_the_time_of_the_step():
         ({"world": {"ground": True}}, {}, "without contacts"),
         ({"stepping": "euler"}, {}, "stepping leapfrog"),
         ({}, {"compiled": False}, "compiled loop"),
-        ({}, {"watched": True}, "without energies"),
+        ({}, {"watched": True, "names": ["link_position"]}, "without energies and stiffness. watched=False"),
+        ({}, {"names": ["link_position", "stiffness"]}, "Record other quantities than stiffness"),
     ],
 )
 def test_what_needs_all_substeps_is_refused(keys, options, words):

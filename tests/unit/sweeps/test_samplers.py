@@ -7,8 +7,9 @@ from scipy.stats import qmc
 
 from asrsim.cli.app import app
 from asrsim.errors import InputError
-from asrsim.sweeps import Table, make_study
+from asrsim.sweeps import Table, make_study, sweep
 from asrsim.sweeps.samplers import SAMPLERS, Sampler
+from asrsim.sweeps.store import sealed
 from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
@@ -23,6 +24,39 @@ def test_a_plugin_s_sampler_places_the_draws(tiny, asrsim_command):
     assert done.code == 0, done.err
     drawn = qmc.Halton(1, rng=5).random(4)[:, 0]
     np.testing.assert_allclose(Table("study")["arm.mass"], 0.2 + 0.4 * drawn, rtol=1e-12)
+
+
+def test_a_study_file_runs_with_its_own_sampler(tiny, asrsim_command):
+    (tiny.folder / "study.yaml").write_text(
+        f"scenario: {tiny.scenario.name}\nover: {{arm.mass: 'uniform(0.2, 0.6)'}}\nset: {{duration: 0.02}}\n"
+        "sampler: lhs\nsamples: 2\n"
+    )
+    done = asrsim_command("sweep", "study.yaml", "--out", "study", "--workers", "1", "--no-plot", "-q")
+    assert done.code == 0, done.err
+    assert Table("study").study.sampler == "lhs"
+    done = asrsim_command("sweep", "study.yaml", "--out", "again", "--seed", "0")
+    assert done.code == 1
+    assert "seed is valid with a scenario only" in done.err
+
+
+def test_the_folder_of_an_earlier_study_is_read_by_its_old_names(tiny, tmp_path):
+    varied = {"imperfections.commands.elbow.delay": "uniform(0.0, 0.01)"}
+    table = sweep(tiny.scenario, varied, overrides={"duration": 0.02}, samples=2, out=tmp_path, workers=1)
+    manifest = {**table.manifest, "study": dict(table.manifest["study"])}
+    manifest["study"]["design"] = manifest["study"].pop("sampler")
+    (tmp_path / "study.json").write_text(sealed(manifest))
+    assert Table(tmp_path).study.sampler == "random"
+
+
+def test_points_that_are_no_numbers_are_refused(tiny):
+    class Words(Sampler):
+        def points(self, samples, dimensions, seed):
+            return [["low"] * dimensions] * samples
+
+    SAMPLERS.add("words", Words())
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="words")
+    with pytest.raises(InputError, match=r"numbers of shape \(4, 1\).*low.*words"):
+        _ = study.table
 
 
 @pytest.mark.parametrize("points", [np.zeros((3, 1)), np.full((4, 1), 1.5), np.full((4, 1), np.nan)])

@@ -240,7 +240,7 @@ def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     asrsim.sweep(study, out=tmp_path / "s", workers=1)
     with pytest.raises(InputError, match="contains rows"):
         asrsim.sweep(study, out=tmp_path / "s", workers=1)
-    with pytest.raises(InputError, match="varies other keys"):
+    with pytest.raises(InputError, match="other values of over"):
         asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
     other = study_of({"link_1.mass": [0.3, 0.5, 0.6]})
     assert asrsim.sweep(other, out=tmp_path / "s", workers=1, overwrite=True, stop=lambda: True).missing == 3
@@ -264,6 +264,19 @@ def test_a_study_is_not_resumed_after_an_input_changed(tmp_path, changed):
     (tmp_path / changed).write_text(text + "# 1\n" if changed == "law.py" else text.replace("0.1", "0.11"))
     with pytest.raises(InputError, match=rf"inputs have changed: {changed}\. Start again"):
         asrsim.sweep(study, out=tmp_path / "out", workers=1, resume=True)
+
+
+def test_a_refusal_names_all_that_changed(tmp_path):
+    """Here the samples of the study and the recording that a claim compares with."""
+    study = {"variants": [], "over": {"arm.mass": [1, 2]}, "samples": 2}
+    before = {"generator": "asrsim 0", "format": 4, "scenario": "s.yaml", "plugins": [], "study": study, "versions": {},
+              "inputs": {"s": {"arm.urdf": "a", "seen.csv": "b"}}, "columns": [("run", "int", "")], "claims": {},
+              "substeps": {}, "runs": 2}  # fmt: skip
+    open_store(tmp_path, before, resume=False, overwrite=False)
+    open_store(tmp_path, before, resume=True, overwrite=False)
+    now = {**before, "study": {**study, "samples": 3}, "inputs": {"s": {"arm.urdf": "a", "seen.csv": "c"}}}
+    with pytest.raises(InputError, match=r"other values of samples; its inputs have changed: seen\.csv\."):
+        open_store(tmp_path, now, resume=True, overwrite=False)
 
 
 def test_a_full_disk_keeps_what_is_written(tmp_path, monkeypatch):
