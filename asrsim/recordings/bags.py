@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.errors import Problem, RecordingError, counted, printable
+from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS, reference_topics
 from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable, unique
@@ -255,18 +255,23 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
     """Tables of a bag: one for each topic and set of labels in its messages. stated: time columns that the user states."""
     groups: dict[tuple[_Topic, frozenset[Label]], _Group] = {}
     broken: Counter[_Topic] = Counter()
+    repeated: dict[_Topic, Counter[str]] = {}
     for topic, logged, data in messages:
         if topic.decode is None:
             continue
         try:
             message = topic.decode(data)
-            numbers = dict(flatten(message))
+            pairs = [*flatten(message)]
+            numbers = dict(pairs)
         except NoSignal:
             topic.decode, topic.reason = None, "its arrays are too long for signals"
             continue
         except Exception:  # a message that does not match its definition is counted and reported
             broken[topic] += 1
             continue
+        if len(numbers) < len(pairs):
+            places = Counter(label for label, _ in pairs)
+            repeated.setdefault(topic, Counter()).update(label for (label, _), count in places.items() if count > 1)
         if numbers:
             group = groups.setdefault((topic, frozenset(numbers)), _Group(tuple(numbers)))
             group.received.append(logged)
@@ -275,6 +280,11 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
     for topic, count in broken.items():
         message = f"skipped {counted(count, 'message')} that do not match the definition of their type"
         findings.append(Problem(message, key=topic.name, value=topic.kind, code="broken-message"))
+    for topic, labels in repeated.items():
+        message = f"names {listed([*labels], 4)} several times in one message ({counted(max(labels.values()), 'message')}); "
+        hint = "Record each joint once: which of its values is right cannot be known"
+        message += "only the last value is kept"
+        findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
     for (topic, _), group in groups.items():
         if topic.decode is None:
@@ -283,6 +293,12 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
             findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
             continue
         columns = [_time_of(topic.name, group, stated, findings)]
+        nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
+        if topic.kind.endswith("/JointState") and nameless:
+            message = f"no names of joints for {listed(nameless, 4)}: they go to the robot's joints by order, "
+            message += "unless --map states others"
+            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"
+            findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
         values = np.frombuffer(group.values).reshape(-1, len(group.labels))
         for (label, own), numbers in zip(group.labels, np.ascontiguousarray(values.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asrsim.errors import Problem, listed, printable
+from asrsim.errors import Problem, counted, listed, printable
 from asrsim.recordings.data import RawColumn, RawTable, unique
 
 MOST = 64
@@ -120,6 +120,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
     seen: Counter[str] = Counter()
     result: list[RawColumn] = []
     done: set[str] = set()
+    repeated = np.zeros(len(columns[0].values), dtype=bool)  # rows that name a joint several times
     for j, column in kept:
         if j not in owner:
             result.append(replace(column, name=unique(column.name, seen)))
@@ -133,11 +134,17 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
             parts = [(texts[owner[k]], other) for k, other in kept if k in owner and _stem(other.name) == stem]
             for joint in joints:
                 values = np.full(len(column.values), np.nan)
+                repeated |= np.sum([text == joint for text, _ in parts], axis=0) > 1
                 for text, other in parts:
                     values = np.where(text == joint, other.values, values)
                 if np.isfinite(values).any():
                     name = unique(f"{stem}[{joint}]", seen)
                     result.append(replace(column, name=name, values=values, joint=joint))
+    if repeated.any():
+        message = f"one joint is named several times in {counted(int(repeated.sum()), 'row')}; only the last value is kept"
+        hint = "Record each joint once: which of its values is right cannot be known"
+        key = listed([columns[i].name for i in groups], 6)
+        findings.append(Problem(message, key=key, hint=hint, code="repeated-name"))
     if not fixed:
         message = "the names of joints change between rows; values follow the names"
         findings.append(Problem(message, key=listed([columns[i].name for i in groups], 6), code="names-change"))

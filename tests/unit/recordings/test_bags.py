@@ -50,11 +50,23 @@ def check(path):
     np.testing.assert_allclose(recording.column("elbow", "link_torque").values, 2 * Q[1])
 
 
+def test_joint_states_that_repeat_or_lack_names_are_told(tmp_path):
+    def of(*names):
+        return STATE, lambda types, i, time: joint_state(types, time, names, Q[:, i], Q[:, i])
+
+    topics = {"/twice": of("elbow", "elbow"), "/nameless": of()}
+    recording = read_recording(write_bag(tmp_path / "lab.bag", "ros1", topics, STAMPS), joints=["shoulder", "elbow"])
+    doubts = " ".join(recording.doubts)
+    assert "/twice: names position[elbow], effort[elbow] several times in one message (40 messages)" in doubts
+    assert "/nameless: no names of joints for position[0], position[1], effort[0], effort[1]: they go" in doubts
+
+
 def test_ros1_bag(tmp_path):
     path = write_ros1(tmp_path / "lab.bag")
     check(path)
     recording = read_recording(path)
     assert recording.format == "bag"
+    assert recording.doubts == ()
     np.testing.assert_allclose(recording.column("elbow", "reference_1").values, 0.5 * np.arange(N))
     assert any(f.key == "/chatter" for f in recording.findings)
 

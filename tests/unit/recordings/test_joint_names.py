@@ -62,6 +62,13 @@ def test_values_follow_names_that_change_their_order(tmp_path):
     recording = read(tmp_path, rostopic(lambda i: orders[i % 3]), f"{HEADER},{names}")
     check(recording, shoulder="shoulder", elbow="elbow", wrist="wrist")
     assert "names-change" in {one.code for one in recording.findings}
+    assert "repeated-name" not in {one.code for one in recording.findings}
+
+
+def test_a_joint_that_one_row_names_twice_is_told(tmp_path):
+    names = "field.name0,field.name1,field.position0,field.position1"
+    recording = read(tmp_path, rostopic(lambda i: ("elbow", "elbow" if i == 5 else "shoulder")), f"{HEADER},{names}")
+    assert any("named several times in 1 row;" in doubt for doubt in recording.doubts)
 
 
 def test_names_without_a_number_of_their_own_are_no_joints(tmp_path):
