@@ -31,7 +31,7 @@ from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_ch
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
-from asrsim.simulation.quantities import RowColumns, is_watched, without_energies
+from asrsim.simulation.quantities import RowColumns, is_watched, recorded_quantities, without_energies
 from asrsim.simulation.strides import ALWAYS_ALL, strides_of
 
 NOTHING = np.empty(0)
@@ -117,7 +117,8 @@ class Worlds:
         Args:
             scenario: As in `asrsim.Simulation`, which also explains variant, overrides, plugins and compiled.
             count: Number of worlds.
-            names: Quantities that `read` and `rollout` return; None: all quantities that the joints record.
+            names: Quantities that `read` and `rollout` return; None: all quantities that the joints record, with `adaptive`
+                without energies and stiffness.
             watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
                 a fifth faster.
             expected_substeps: Number of substeps that each world will take, from which the loop is chosen.
@@ -144,6 +145,9 @@ class Worlds:
         """Whether the worlds are on a device of Warp."""
         if self.on_warp:
             names, watched = without_energies(prepared.drives, names), False
+        elif adaptive and names is None and not watched:
+            recorded = dict.fromkeys(name for drive in prepared.drives for name in recorded_quantities(drive))
+            names = [name for name in recorded if not is_watched(name)]
         self.prepared, self.count = prepared, count
         self.substeps = prepared.resolution.substeps
         """Number of substeps per step."""

@@ -1,6 +1,7 @@
 """Every recipe of the documentation, a fenced block of code, does what its page says, as it stands there."""
 
 import re
+import runpy
 import tomllib
 
 import numpy as np
@@ -27,8 +28,8 @@ ELSEWHERE = {"SLURMCluster": "needs a cluster with Slurm", "apiVersion": "is rea
 """Words of blocks that no single machine can run, with the reason."""
 JOINTS = {"scenario.md": ("shoulder", "elbow"), "log.md": ("elbow_joint", "wrist"), "recordings.md": ("elbow", "wrist")}
 """Names of the two joints in the recipes of a page; `joint_1` and `joint_2` in others."""
-GIVEN = {"twin.md": {"position": 0.1, "goal": 0.2}}
-"""Values that the reader of a page has at hand."""
+GIVEN = {"twin.md": {"position": 0.1, "goal": 0.2}, "view.md": {"input": print}}
+"""Values that the reader of a page has at hand; who looks at a view presses Enter at once."""
 
 
 def blocks(language):
@@ -98,6 +99,9 @@ def test_python(page, code, place):
         pytest.importorskip("gymnasium")
     place(page)
     names = dict(GIVEN.get(page, {}))
+    if page == "stages.md":
+        # The page shows the class of this file.
+        names |= runpy.run_path(str(ROOT / "examples" / "plugins" / "my_clutch.py"))
     if "asrsim." in code and "import asrsim" not in code:
         exec("import asrsim", names)
     exec(compile(code, page, "exec"), names)

@@ -162,3 +162,10 @@ def test_environments_that_adapt_are_those_of_one_alone():
         many_seen, seen = both.step(action)[0], one.step(action[0])[0]
     assert np.array_equal(many_seen[0], seen)
     assert both.worlds.core.strides[:, 0].any()
+
+
+def test_worlds_record_what_needs_no_energies_unless_told_otherwise():
+    with asrsim.Worlds(arm(), 2, watched=False, adaptive=True) as worlds:
+        worlds.advance(3)
+        assert "link_position" in worlds.names
+        assert "stiffness" not in worlds.names
