@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import Any
 
-Structure = Any
+PlainShape = Any
 """Expected structure: str, bool, int, float (any number except NaN), None, object (anything), a tuple of alternatives, [shape]
 for a list, or a mapping from keys to shapes: `"key?"` is optional, `"*"` stands for all other keys.
 """
@@ -30,7 +30,7 @@ def mapped(data: Any, leaf: Callable[[Any], Any]) -> Any:
     return [mapped(value, leaf) for value in data] if isinstance(data, list | tuple) else leaf(data)
 
 
-def misfit(data: Any, shape: Structure, place: str = "") -> str:
+def misfit(data: Any, shape: PlainShape, place: str = "") -> str:
     """Description of the first deviation of plain data from the structure `shape`; empty if nothing deviates."""
     if isinstance(shape, tuple):
         return "" if any(not misfit(data, one) for one in shape) else f"{place or 'it'} is {_words(data)}"
@@ -43,7 +43,7 @@ def misfit(data: Any, shape: Structure, place: str = "") -> str:
     return "" if _FITS[shape](data) else f"{place or 'it'} is {_words(data)}"
 
 
-def _keys(data: Any, shape: dict[str, Structure], place: str) -> str:
+def _keys(data: Any, shape: dict[str, PlainShape], place: str) -> str:
     if not isinstance(data, dict):
         return f"{place or 'it'} is not a mapping"
     dot = f"{place}." if place else ""

@@ -93,6 +93,7 @@ def with_new_keys(root: Node, names: Mapping[str, str] = KEYS, *, told: bool = T
             lines[name] = lines.pop(key, None)
             if told:
                 new_key(key, names, "" if root.file is None else f"{root.file}:{lines[name]}")
-        changes = {variant: with_new_keys(one, names, told=told) for variant, one in node.items() if key == "variants"}
-        items[name] = replace(node, value=changes) if changes and isinstance(node.value, dict) else node
+        if key == "variants" and isinstance(node.value, dict):
+            node = replace(node, value={variant: with_new_keys(one, names, told=told) for variant, one in node.value.items()})
+        items[name] = node
     return replace(root, value=items, key_lines=lines)

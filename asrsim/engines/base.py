@@ -90,9 +90,8 @@ class Native(NamedTuple):
     intptr_t pieces)."""
     size: int
     """Number of values of a state."""
-    make_record: Callable[..., NativeRecord]
-    strides: bool = False
-    """Whether `make_record` takes the length of the record's steps, in steps of the run, as its argument."""
+    make_record: Callable[[int], NativeRecord]
+    """Function of the length of the record's steps, in steps of the run."""
 
 
 class Engine(Protocol):

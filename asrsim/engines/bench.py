@@ -101,7 +101,9 @@ class BenchEngine(Engine):
         if not compiling.numba_available():
             return None
         calculation = self._calculation
-        return Native(calculation.compile().address, 1, lambda: NativeRecord(calculation.packed.ctypes.data, calculation))
+        return Native(
+            calculation.compile().address, 1, lambda _stride: NativeRecord(calculation.packed.ctypes.data, calculation)
+        )
 
 
 def make(scenario: Scenario, robot: Robot) -> tuple[BenchEngine, tuple[()]]:

@@ -247,11 +247,16 @@ def collect_tie(loops: Any, tie: int, residual: float) -> None:
 
 
 def solve_followers(loops: Any, chain: int) -> None:
-    """Solve the normal equations of a linkage for its followers; the solution becomes the last column of `normal`. A singular
-    system gives values that are not finite."""
-    normal, width = loops.normal, loops.width
-    count = loops.follower[chain + 1] - loops.follower[chain]
-    # Cholesky's decomposition.
+    """Solve the normal equations of a linkage for its followers; the solution becomes the last column of `normal`."""
+    solve_normal(loops.normal, loops.follower[chain + 1] - loops.follower[chain], loops.width, 1)
+
+
+def solve_normal(normal: Any, count: int, width: int, sides: int) -> None:
+    """Solve symmetric positive definite equations, whose matrix (count, count) begins the table `normal`, by Cholesky's
+    decomposition, which overwrites the matrix. A singular system gives values that are not finite.
+
+    width: first column with a right-hand side; sides: number of right-hand sides, after which come their solutions.
+    """
     for k in range(count):
         for i in range(k + 1):
             value = normal[k, i]
@@ -261,15 +266,17 @@ def solve_followers(loops: Any, chain: int) -> None:
                 normal[k, i] = value / normal[i, i]
             else:
                 normal[k, k] = value**0.5 if value > 0.0 else np.nan
-        value = normal[k, width]
-        for c in range(k):
-            value -= normal[k, c] * normal[c, width]
-        normal[k, width] = value / normal[k, k]
+        for side in range(width, width + sides):
+            value = normal[k, side]
+            for c in range(k):
+                value -= normal[k, c] * normal[c, side]
+            normal[k, side] = value / normal[k, k]
     for k in range(count - 1, -1, -1):
-        value = normal[k, width]
-        for c in range(k + 1, count):
-            value -= normal[c, k] * normal[c, width + 1]
-        normal[k, width + 1] = value / normal[k, k]
+        for side in range(width, width + sides):
+            value = normal[k, side]
+            for c in range(k + 1, count):
+                value -= normal[c, k] * normal[c, side + sides]
+            normal[k, side + sides] = value / normal[k, k]
 
 
 def find_ratios(loops: Any, ratio: Any, factor: Any, q: Any) -> None:

@@ -138,7 +138,7 @@ class MujocoEngine(RigidEngine):
         )  # fmt: skip
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats, self._hand)
 
-    def _make_native_record(self, stride: int = 1) -> NativeRecord:
+    def _make_native_record(self, stride: int) -> NativeRecord:
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
         # All records share the numbers that `start` and `vary` set; all runs of an engine have the same step.
@@ -175,7 +175,7 @@ class MujocoEngine(RigidEngine):
         """The step compiled by Numba; None if Numba is not installed."""
         if not compiling.numba_available():
             return None
-        return Native(self._calculation.compile().address, len(self._state), self._make_native_record, strides=True)
+        return Native(self._calculation.compile().address, len(self._state), self._make_native_record)
 
     def vary(self, robot: Robot) -> bool:
         """Replace the inertials; see `asrsim.engines.base.Engine`."""

@@ -39,7 +39,8 @@ def make_env(
         batched: Whether `reward` and `terminated` take the states of all N environments at once (arrays with N as their first
             axis), and return arrays (N,). This is much faster for many environments.
         adaptive: Whether each environment takes fewer substeps while its springs are soft enough, as in `asrsim.Worlds`; such
-            environments are up to twice as fast, and differ from runs within the error of the step.
+            environments are up to twice as fast, and differ from runs within the error of the step. Where references of the
+            scenario itself jump, all substeps are taken.
         randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references,
             and the delays `imperfections.sensors.JOINT.delay` and `imperfections.commands.JOINT.delay`, whose laws have an

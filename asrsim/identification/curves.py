@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.identification.judge import ChannelFit
 from asrsim.metrics.values import root_mean_square
 from asrsim.outfile import write_json
-from asrsim.plain import Structure, finite_or_none
+from asrsim.plain import PlainShape, finite_or_none
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line, Shade
 from asrsim.plots.decimate import Envelope
@@ -33,7 +33,7 @@ LOOKS: dict[str, dict[str, Any]] = {
 }
 """Looks of the lines of a channel, by name."""
 _NUMBERS = [(float, None)]
-SHAPE: Structure = {
+SHAPE: PlainShape = {
     "channels": [
         {
             "recording": str, "key": str, "unit": str, "track": int, "end": float, "rms": (float, None), "noise": float,

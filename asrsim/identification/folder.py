@@ -19,14 +19,14 @@ from asrsim.identification.replay import SHAPE as REPLAY
 from asrsim.identification.replay import FitReplay, from_plain
 from asrsim.identification.result import Estimate
 from asrsim.identification.task import Tie
-from asrsim.plain import Structure, misfit
+from asrsim.plain import PlainShape, misfit
 from asrsim.samples import Array
 
 FIT = "fit.json"
 MOST_BYTES = 200_000_000
 """Largest file of a fit that is read."""
 _NUMBER = (float, None)
-_SHAPE: Structure = {
+_SHAPE: PlainShape = {
     "name?": str, "status": str, "fits": (bool, None), "accepted?": bool, "misfit": [str], "causes": [str], "remarks": [str],
     "next?": [str], "scenario": str, "experiments": [str], "variant?": (str, None),
     "overrides?": [str], "replay?": REPLAY, "ties?": [{"key": str, "to": str, "factor": float}],
@@ -118,7 +118,7 @@ def _number(value: float | None) -> float:
     return math.nan if value is None else float(value)
 
 
-def _read(path: Path, shape: Structure, what: str) -> Any:
+def _read(path: Path, shape: PlainShape, what: str) -> Any:
     try:
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"is larger than {MOST_BYTES / 1e6:g} MB", file=path, code="too-large")

@@ -205,10 +205,8 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     commands = {command.key: command.unit for one in data for command in one.commands}
     known = parameters_of(robot, tuple(commands), commands | {c.key: c.unit for one in data for c in one.channels})
     free, ties = free_parameters(task, known)
-    named, zeros = (
-        {parameter.key for parameter in free},
-        {key: zero for one in reversed(data) for key, zero in one.zeros.items()},
-    )
+    named = {parameter.key for parameter in free}
+    zeros = {key: zero for one in reversed(data) for key, zero in one.zeros.items()}
     free += [replace(known[key], start=zero) for key, zero in zeros.items() if key not in named]
     freed, tracks = {parameter.key for parameter in free}, list[Track]()
     for one in data:

@@ -14,7 +14,7 @@ from asrsim.identification.data import PlayedCommand
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.track import Playing, Track
 from asrsim.metrics.values import root_mean_square
-from asrsim.plain import Structure
+from asrsim.plain import PlainShape
 from asrsim.recordings.data import Column
 from asrsim.recordings.reading import ColumnMap, parse_meaning
 from asrsim.recordings.units import find_unit
@@ -73,11 +73,11 @@ class FitReplay:
     """Start of each joint that does not start as in the scenario, as under `initial:` of a scenario."""
 
 
-_SERIES: Structure = {
+_SERIES: PlainShape = {
     "key": str, "column": str, "meaning": str, "gain": float, "offset": float, "late": float, "reference": str,
     "interpolation": str, "early": {"*": float}, "error": float,
 }  # fmt: skip
-SHAPE: Structure = {
+SHAPE: PlainShape = {
     "recording": str,
     "lag": float,
     "rate": (float, None),

@@ -9,7 +9,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.errors import LogError
-from asrsim.plain import Structure, misfit
+from asrsim.plain import PlainShape, misfit
 from asrsim.samples import JointInfo, RunInfo
 
 FORMAT = "1"
@@ -21,14 +21,14 @@ _RUN, _URDF, _SCENARIO, _RESOLVED = "run.json", "robot.urdf", "scenario.yaml", "
 _FOLDER = "attachments/"
 _COPIED = ("robot", "variant", "step", "log_every", "urdf_path", "scenario_path")
 """Fields of `RunInfo` that `run.json` contains unchanged."""
-_JOINT_SHAPE: Structure = {
+_JOINT_SHAPE: PlainShape = {
     "name": str, "actuator": str, "mode": (int, None), "namespace": str, "motors": int, "prismatic": bool, "quantities": [str],
 }  # fmt: skip
-_RUN_SHAPE: Structure = {
+_RUN_SHAPE: PlainShape = {
     "robot": str, "variant": str, "step": float, "log_every": int, "urdf_path": str, "scenario_path": str,
     "joints": [_JOINT_SHAPE], "metadata": {"*": str},
 }  # fmt: skip
-_RESOLVED_SHAPE: Structure = {
+_RESOLVED_SHAPE: PlainShape = {
     "scenario?": {"robot": (str, {"file": str}), "*": object},
     "parameters?": {"*": {"*": float}},
     "*": object,
@@ -117,7 +117,7 @@ def _run_of(attachments: Mapping[str, bytes]) -> Any:
     return run
 
 
-def _json(name: str, data: bytes, shape: Structure) -> Any:
+def _json(name: str, data: bytes, shape: PlainShape) -> Any:
     """JSON content of an attachment, which may have been edited. Raises LogError unless it has the expected structure."""
     try:
         found = json.loads(data)
@@ -127,7 +127,7 @@ def _json(name: str, data: bytes, shape: Structure) -> Any:
     return found
 
 
-def _fit(name: str, found: Any, shape: Structure) -> None:
+def _fit(name: str, found: Any, shape: PlainShape) -> None:
     """Raise LogError unless the content of an attachment has the expected structure."""
     if fault := misfit(found, shape):
         raise _damaged(f"{name}: {fault}")

@@ -16,7 +16,7 @@ from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import METRICS, MetricRow, read_metrics, summarise
-from asrsim.plain import Structure, misfit
+from asrsim.plain import PlainShape, misfit
 from asrsim.plots.pairing import RECORDED
 from asrsim.report.html import data_address
 from asrsim.runs.folder import SUMMARY
@@ -33,7 +33,7 @@ FRAMES = 6
 
 
 _NUMBER = (float, None)
-_SUMMARY_SHAPE: Structure = {
+_SUMMARY_SHAPE: PlainShape = {
     "robot": str, "variant": str, "total_substeps?": int, "speed?": _NUMBER, "simulated_time?": float,
     "joints": [
         {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import InputError
-from asrsim.plain import Structure, misfit
+from asrsim.plain import PlainShape, misfit
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.recordings import read_recording
@@ -22,7 +22,7 @@ from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 
 NUMBERS, INPUTS, DESIRED, PLAYBACK = "ilc.json", "learned.csv", "desired.csv", "learned.yaml"
 _NUMBER = (float, None)
-_SHAPE: Structure = {
+_SHAPE: PlainShape = {
     "scenario": str, "variant": str, "outcome": str, "converged": bool, "reason": str, "iterations": int, "best": int,
     "law": str, "reach?": str,
     "trials": [{"iteration": int, "largest_error": {"*": _NUMBER}, "rms_error": {"*": _NUMBER}, "*": object}],

@@ -167,16 +167,27 @@ def _command_range(interface: Any, _text: str) -> Effect | None:
     joint, kind = _joint_of(interface), name_of(interface)
     given = {name_of(tag): number_of(text_of(tag)) for tag in elements(interface, "param")}
     low, high = given.get("min"), given.get("max")
-    limits = elements(joint, "limit")[:1] if joint is not None and kind in ("position", "velocity", "effort") else []
-    for limit in limits if joint.get("type") != "continuous" or kind != "position" else [None]:
-        names = ("lower", "upper") if kind == "position" else (kind, kind)
-        stops = [math.inf if limit is None else number_of(limit.get(name, "0")) or 0.0 for name in names]
-        least, most = (stops[0] if kind == "position" and limit is not None else -stops[0]), stops[1]
-        beyond = max(0.0 if low is None else low - least, 0.0 if high is None else most - high)
-        if beyond > 1e-6:
-            shown = " to ".join("..." if one is None else f"{one:g}" for one in (low, high))
-            return Effect(f"commands of the {kind} are not limited to {shown}: the joint's <limit> alone acts here", beyond)
-    return None
+    least, most = _range_of(joint, kind)
+    beyond = max(0.0 if low is None else low - least, 0.0 if high is None else most - high)
+    if beyond <= 1e-6:
+        return None
+    shown = " to ".join("..." if one is None else f"{one:g}" for one in (low, high))
+    return Effect(f"commands of the {kind} are not limited to {shown}: the joint's <limit> alone acts here", beyond)
+
+
+def _range_of(joint: Any, kind: str) -> tuple[float, float]:
+    """Range of a joint's `position`, `velocity` or `effort`. What has no limit in the file has an empty range, which is within
+    every other."""
+    nothing = math.inf, -math.inf
+    if joint is None or kind not in ("position", "velocity", "effort"):
+        return nothing
+    if kind == "position" and joint.get("type") == "continuous":
+        return -math.inf, math.inf
+    limit = next(iter(elements(joint, "limit")), None)
+    if limit is None:
+        return nothing
+    low, high, most = (number_of(limit.get(name, "0")) or 0.0 for name in ("lower", "upper", kind))
+    return (low, high) if kind == "position" else (-most, most)
 
 
 def _limits_off(tag: Any, _text: str) -> Effect | None:

@@ -145,7 +145,7 @@ class NativeEngine(BoundEngine):
         if call is not None and len(call.exchange) >= pieces:
             return call
         if call is None:
-            made = [self._native.make_record(*([stride] if stride > 1 else [])) for stride in self._strides]
+            made = [self._native.make_record(stride) for stride in self._strides]
             self._records += made
             addresses = np.array([record.address for record in made], dtype=np.int64)
         else:

@@ -138,6 +138,11 @@ def recorded_quantities(drive: SteppedJoint) -> tuple[str, ...]:
     return tuple(names)
 
 
+def all_recorded(drives: Sequence[SteppedJoint]) -> tuple[str, ...]:
+    """Quantities that any joint records."""
+    return tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
+
+
 def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], list[float]]:
     return lambda row: [row[column] for column in columns]
 
@@ -156,8 +161,7 @@ def require_recorded(names: Sequence[str], columns: Collection[str], choices: tu
 def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None) -> tuple[str, ...]:
     """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
     energies."""
-    known = dict.fromkeys(name for drive in drives for name in recorded_quantities(drive))
-    possible = tuple(name for name in known if name == LOGGED["stiffness"] or not is_watched(name))
+    possible = tuple(name for name in all_recorded(drives) if name == LOGGED["stiffness"] or not is_watched(name))
     require_recorded(possible if names is None else names, possible, possible)
     return possible if names is None else tuple(names)
 
@@ -167,7 +171,7 @@ class RowColumns:
 
     def __init__(self, drives: Sequence[SteppedJoint], shape: RowShape, names: Sequence[str] | None = None) -> None:
         """shape: of the rows. names: recorded quantities; None: all quantities that any joint records."""
-        known = tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
+        known = all_recorded(drives)
         of_state, of_inputs = columns_of(shape), inputs_of(shape.motors)
         self.names = known if names is None else tuple(names)
         """Recorded quantities."""

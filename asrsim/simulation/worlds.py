@@ -31,7 +31,7 @@ from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_ch
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
 from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
-from asrsim.simulation.quantities import RowColumns, is_watched, recorded_quantities, without_energies
+from asrsim.simulation.quantities import RowColumns, all_recorded, is_watched, without_energies
 from asrsim.simulation.strides import ALWAYS_ALL, strides_of
 
 NOTHING = np.empty(0)
@@ -146,8 +146,7 @@ class Worlds:
         if self.on_warp:
             names, watched = without_energies(prepared.drives, names), False
         elif adaptive and names is None and not watched:
-            recorded = dict.fromkeys(name for drive in prepared.drives for name in recorded_quantities(drive))
-            names = [name for name in recorded if not is_watched(name)]
+            names = [name for name in all_recorded(prepared.drives) if not is_watched(name)]
         self.prepared, self.count = prepared, count
         self.substeps = prepared.resolution.substeps
         """Number of substeps per step."""

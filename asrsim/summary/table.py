@@ -49,11 +49,11 @@ def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[TableColumn, .
 def difference_columns(names: Sequence[str], joints: Joints, prismatic: Sequence[bool]) -> tuple[TableColumn, ...]:
     """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known.
     prismatic: whether each joint is prismatic."""
+    rows = [*zip(joints, prismatic, strict=True)]
     columns = [
         TableColumn(
             f"{quantity}\n{word}", [_difference(one, f"{quantity}_{key}", units[linear]) for one, linear in rows], right=True
         )
-        for rows in [[*zip(joints, prismatic, strict=True)]]
         for quantity, units in (("position", ("rad", "m")), ("torque", ("N m", "N")))
         for key, word in (("max", "max"), ("rms", "RMS"))
     ]

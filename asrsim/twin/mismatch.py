@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from asrsim.engines.loops import solve_normal
 from asrsim.simulation.prepare import Prepared
 from asrsim.statics.sizing import linear_parameters
 
@@ -62,12 +63,10 @@ class Mismatch(NamedTuple):
     """Whether the regression contains at least one second of motion, (n,)."""
     stiffening: Any
     """Ratio of the stiffness in robot and twin (n,); NaN: not known well enough."""
-    factor: Any
-    """Work space (kinds + 1, kinds + 1)."""
+    normal: Any
+    """Work space (kinds + 1, kinds + 5); see `asrsim.engines.loops.solve_normal`."""
     size: Any
     """Work space (kinds + 2,)."""
-    solution: Any
-    """Work space (2, kinds + 1)."""
     interval: float
     """Time between rows of the regression, s."""
 
@@ -77,8 +76,8 @@ def mismatch_of(joints: int, interval: float) -> Mismatch:
     columns = len(KINDS) + 1
     return Mismatch(
         products=np.zeros((joints, columns + 1, columns + 1)), found=np.zeros((len(KINDS), joints)),
-        learned=np.zeros(joints, dtype=bool), stiffening=np.full(joints, np.nan), factor=np.zeros((columns, columns)),
-        size=np.zeros(columns + 1), solution=np.zeros((2, columns)), interval=interval,
+        learned=np.zeros(joints, dtype=bool), stiffening=np.full(joints, np.nan), normal=np.zeros((columns, columns + 4)),
+        size=np.zeros(columns + 1), interval=interval,
     )  # fmt: skip
 
 
@@ -89,21 +88,22 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
     rows: velocity, columns of the regression and observed torque after the slow filter, (kinds + 3, n); error: of the twin's
     positions (n,), NaN: not measured; alarm: of each joint (n,).
     """
-    columns = len(m.factor)
+    columns, normal = len(m.normal), m.normal
     for j in range(len(alarm)):
         if alarm[j] or error[j] != error[j] or not abs(rows[0, j]) > SLOWEST:
             continue
-        products, size, found = m.products[j], m.size, m.solution[0]
+        products, size = m.products[j], m.size
         for a in range(columns + 1):
             for b in range(columns + 1):
                 products[a, b] += rows[a + 1, j] * rows[b + 1, j] - m.interval / MEMORY * products[a, b]
             size[a] = math.sqrt(products[a, a]) + 1e-12
         for a in range(columns):
             for b in range(columns):
-                m.factor[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
-            found[a], m.solution[1, a] = products[a, columns] / size[a] / size[columns], 0.0
-        m.solution[1, 0] = 1.0
-        solve_symmetric(m.factor, m.solution)
+                normal[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
+            # The second solution is the first column of the inverse.
+            normal[a, columns], normal[a, columns + 1] = products[a, columns] / size[a] / size[columns], 1.0 if a == 0 else 0.0
+        solve_normal(normal, columns, columns, 2)
+        found, inverse = normal[:, columns + 2], normal[:, columns + 3]
         rest = 1.0
         for a in range(columns):
             rest -= found[a] * (products[a, columns] / size[a] / size[columns])
@@ -114,29 +114,6 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
         m.learned[j] = seen > 1.0 / m.interval
         for a in range(columns - 1):
             m.found[a, j] = found[a] * size[columns] / size[a] if m.learned[j] else 0.0
-        deviation = math.sqrt(CORRELATED * residual / seen * m.solution[1, 0]) / size[0]
+        deviation = math.sqrt(CORRELATED * residual / seen * inverse[0]) / size[0]
         # A stiffer copy needs less torque to follow the robot.
         m.stiffening[j] = 1.0 - m.found[0, j] if m.learned[j] and deviation < KNOWN else math.nan
-
-
-def solve_symmetric(matrix: Any, sides: Any) -> None:
-    """Replace right-hand sides (m, n) by the solutions for a symmetric positive definite matrix (n, n), which is overwritten by
-    its Cholesky factor."""
-    size = len(matrix)
-    for a in range(size):
-        for b in range(a + 1):
-            total = matrix[a, b]
-            for c in range(b):
-                total -= matrix[a, c] * matrix[b, c]
-            matrix[a, b] = math.sqrt(total) if a == b else total / matrix[b, b]
-    for side in range(len(sides)):
-        for a in range(size):
-            total = sides[side, a]
-            for c in range(a):
-                total -= matrix[a, c] * sides[side, c]
-            sides[side, a] = total / matrix[a, a]
-        for a in range(size - 1, -1, -1):
-            total = sides[side, a]
-            for c in range(a + 1, size):
-                total -= matrix[c, a] * sides[side, c]
-            sides[side, a] = total / matrix[a, a]

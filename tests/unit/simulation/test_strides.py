@@ -48,7 +48,7 @@ def test_the_motion_has_second_order_and_nearly_the_error_of_all_substeps():
 
 
 def test_a_spring_that_swings_between_stiff_and_soft_keeps_its_energy():
-    """A change in every swing would feed energy into the swing, 7 % in 30 s: the stride stays short instead."""
+    """A change in every swing would feed energy into the swing, 7 % in 100 s: the stride stays short instead."""
     keys = {
         "engine": "mujoco", "duration": 5.0, "modes": {"*": 3}, "initial": {"joint_1": 0.7}, "gravity": [0, 0, 0],
         "references": {"*": {"equilibrium_position": 0.0, "stiffness_preset": 0.1}},
