@@ -97,16 +97,11 @@ def _variants(
     found: list[Scenario] = []
     for name, merged in variants.items():
         if variant in (None, name):
-            changed = _with_robot(apply_overrides(merged, overrides), robot)
+            changed = apply_overrides(merged, overrides, robot)
             reading = DocumentReading(base=path.parent)
             found.append(build_scenario(changed, reading, name=path.stem, variant=name, path=path, text=text))
             faults += reading.problems
     return tuple(found), distinct(faults)
-
-
-def _with_robot(root: Node, robot: str | Path | None) -> Node:
-    """Document whose robot is replaced by this file, if one is given."""
-    return root if robot is None else apply_overrides(root, {"robot": str(Path(robot).absolute())})
 
 
 def scenario_from_data(
@@ -126,7 +121,7 @@ def scenario_from_data(
     """
     # The data may be those of an old log.
     known = with_new_keys(node_from_data(dict(data)), told=False)
-    root = _with_robot(apply_overrides(known, overrides), robot)
+    root = apply_overrides(known, overrides, robot)
     reading = DocumentReading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
@@ -209,7 +204,7 @@ def build_scenario(
     wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
     name, variant = keys["name"] or name, keys["variant"] or variant
-    lines = dict(_lines(root, path))
+    lines = dict(root.lines(path))
     changes = {
         "name": name,
         "variant": variant,
@@ -233,15 +228,6 @@ def _plain(data: Any) -> Any:
     if isinstance(data, float) and math.isinf(data):
         return "inf" if data > 0 else "-inf"
     return data
-
-
-def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
-    """Pairs (dotted key, line) for all values in the file."""
-    for name, item in node.items():
-        line = node.key_line(name) if isinstance(node.value, dict) else item.line
-        if item.file == path and line is not None:
-            yield f"{key}{name}", line
-        yield from _lines(item, path, f"{key}{name}.")
 
 
 def contradictions(keys: Mapping[str, Any], unread: Collection[str] = ()) -> Iterator[Problem]:
