@@ -15,7 +15,7 @@ from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
-from asrsim.renamed import new_key, with_new_keys
+from asrsim.renamed import KEYS, new_key, with_new_keys
 from asrsim.samples import TIP
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import names_a_folder, prescribes_motion
@@ -134,7 +134,8 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
 
     Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
-    given = {new_key(key): value for key, value in keys.items()}
+    # An old name beside the new one stays, and is an unknown key.
+    given = {key if KEYS.get(key) in keys else new_key(key): value for key, value in keys.items()}
     return scenario_from_data({"robot": str(robot), **given}, base_dir=base_dir)
 
 
