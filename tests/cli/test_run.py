@@ -116,6 +116,7 @@ def test_equal_warnings_of_variants_are_printed_once(tiny, asrsim_command):
     assert len(warnings) == 1
     assert "pendulum.urdf:25: " in warnings[0]
     assert "warning " not in outcome.out
+    assert "1 warning as above" in outcome.err
 
 
 @pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])
