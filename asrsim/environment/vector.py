@@ -45,7 +45,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
         if autoreset not in AUTORESET:
-            raise InputError("is no way to reset", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
+            raise InputError("is unknown", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
         self.render_mode, self._size = render_mode, size
         self._picture: Any = None
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP

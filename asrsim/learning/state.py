@@ -101,7 +101,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
 
 
 def _fault(path: Path, why: str) -> InputError:
-    message = f"is no state of a learning run, or is damaged ({why})"
+    message = f"is not the state of a learning run, or is damaged ({why})"
     return InputError(message, file=path, hint="Delete it to start again", code="state")
 
 

@@ -170,12 +170,12 @@ def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest:
 
 
 def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
-    message = f"is closer to 0 than {SMALLEST:g}, which no body is"
+    message = f"is closer to 0 than {SMALLEST:g}, too small for a body"
     findings.error(message, tag, place, code="out-of-range", value=f"{value:g}")
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2; an impossible tensor with possible moments is replaced by the nearest possible one."""
+    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest tensor without one."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{_listed(moments)} kg m^2"

@@ -1,4 +1,4 @@
-"""A robot with its world in the page's 3-D scene; ghosts are figures of one colour that one sees through."""
+"""A robot with its world in the page's 3-D scene; ghosts are translucent figures of one colour."""
 
 from __future__ import annotations
 
