@@ -14,9 +14,7 @@ from asrsim.cli.options import argument, into_file, option
 def report(
     folder: Annotated[
         Path,
-        argument(
-            "FOLDER", "Log, or folder of a run, of a scenario's variants, of a fit, of a study, of learning or of a twin."
-        ),
+        argument("FOLDER", "Log, or folder of a run, a scenario's variants, a fit, a study, learning or a twin."),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
     film: Annotated[bool, option("Also draw film strips and the moving view.", "--film/--no-film")] = True,
@@ -25,10 +23,10 @@ def report(
 ) -> Done:
     """Write one HTML page about results: interactive plots, numbers, commands for the next step. The page needs no network.
 
-    The page of runs shows the moving robot, claims, measures, parameters with their sources, and a comparison that `asrsim plot`
-    wrote into the folder. The page of `identify` shows recordings and simulations, residuals and their spectra, intervals,
-    profiles, correlations. The page of `sweep` shows results over keys, Sobol indices, best and worst rows. `ilc` and `twin`
-    have pages with their results, too.
+    The page of runs shows the moving robot, claims, measures, parameters with their sources, and a comparison that
+    `asrsim plot` wrote into the folder. The page of `identify` shows recordings and simulations, residuals and their spectra,
+    intervals, profiles, correlations. The page of `sweep` shows results over keys, Sobol indices, best and worst rows. `ilc` and
+    `twin` have pages with their results, too.
 
     Example: asrsim report out/step_2dof
     """

@@ -63,8 +63,8 @@ def view(
 ) -> Done:
     """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, plots that move.
 
-    A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats it. Listens on this machine only.
-    Ctrl-C ends the view. Needs the extra `view`.
+    A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats the run. Listens on this machine
+    only. Ctrl-C ends the view. Needs the extra `view`.
 
     Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
     """
