@@ -112,7 +112,7 @@ def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None
             _row(trial)
         if step.twin is not None:
             left = f"{step.twin.residual:.2g} rad, {step.twin.before:.2g} before"
-            say(f"masses, stiffnesses, losses and a delay were fitted to the recorded trials; what they do not explain: {left}")
+            say(f"masses, stiffnesses, losses and a delay were fitted to the recorded trials; remaining error: {left}")
         if step.warning:
             say(step.warning, "yellow")
         if step.outcome:

@@ -73,7 +73,7 @@ def init(
         document = out or experiment.with_name(experiment.name + ENDING)
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
-        hints = [f"wrote {document}: check it; every command that reads {experiment.name} obeys it"]
+        hints = [f"wrote {document}: check it; every command reads {experiment.name} as it states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

@@ -25,8 +25,8 @@ def report(
 
     The page of runs shows the moving robot, claims, measures, parameters with their sources, and a comparison that
     `asrsim plot` wrote into the folder. The page of `identify` shows recordings and simulations, residuals and their spectra,
-    intervals, profiles, correlations. The page of `sweep` shows results over keys, Sobol indices, best and worst rows. The pages
-    of `ilc` and `twin` show their results.
+    intervals, profiles, correlations. The page of `sweep` shows results over keys, Sobol indices, best and worst rows. The
+    pages of `ilc` and `twin` show their results.
 
     Example: asrsim report out/step_2dof
     """

@@ -25,7 +25,7 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Number of ghosts from which they are hidden at first, and from which plots begin with one joint."""
+"""Smallest number of ghosts with which they are hidden at first, and plots begin with one joint."""
 PREPARING = "The simulation is being prepared. The first one after an installation is compiled, which may take half a minute."
 NARROW = 700
 """Width of a window whose controls stand below the robot, pixels."""
