@@ -114,5 +114,5 @@ class Learning:
     patience: int = declare(
         Integer(minimum=1),
         default=3,
-        doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
+        doc="stop when the error has grown, or there was no progress, for this number of iterations in a row",
     )
