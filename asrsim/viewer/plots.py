@@ -139,7 +139,7 @@ class Plot:
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
         # A plot whose curves are replaced would show a wrong range of time: viser keeps the part of the time that it shows, and
-        # takes a plot that is not drawn yet for one whose time ends at 1 s.
+        # assumes for a plot that is not drawn yet that its time ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:
