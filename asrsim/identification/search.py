@@ -195,7 +195,7 @@ def refined(problem: FitProblem, x: Array, rounds: int) -> Array:
 def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
     _resolve(best)
-    # With many samples, both are significant even if the residuals look like noise.
+    # With many samples, jumps and pre-sliding friction are significant even if the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     if found.chosen:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost

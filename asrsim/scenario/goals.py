@@ -110,7 +110,7 @@ class Learning:
         shown="law auto: inverse_dynamics; else zero",
     )
     tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it")
-    max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many")
+    max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="largest number of iterations")
     patience: int = declare(
         Integer(minimum=1),
         default=3,

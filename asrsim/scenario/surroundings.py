@@ -143,7 +143,7 @@ class World:
     """Surroundings of the robot: ground and objects."""
 
     ground: bool = declare(
-        Either((_GROUND, Boolean())), default=False, doc="a level ground at height 0, or one with friction and height"
+        Either((_GROUND, Boolean())), default=False, doc="`true`: a level ground at height 0; or its friction and height"
     )
     ground_friction: float = 1.0
     ground_height: float = 0.0

@@ -37,7 +37,8 @@ MANIFEST_SHAPE: dict[str, Any] = {
 }  # fmt: skip
 """Structure of `study.json`."""
 GROUP = 20_000
-"""Number of rows in a group of a file. As many waiting rows are written at once, and a part with as many is complete."""
+"""Number of rows in a group of a file. Waiting rows are written when they are as many as this, and a part with this number of
+rows is complete."""
 PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 MOST_PARTS = 32

@@ -124,7 +124,7 @@ class Page:
         return clock.perf_counter() - self._drawn >= FRAME
 
     def draw(self, samples: Samples, *, pull: Pull | None = None, time: float | None = None) -> None:
-        """Show the only sample, and the plots up to its time, or up to `time` in s."""
+        """Show the last of the samples, and the plots up to its time, or up to `time` in s."""
         now = clock.perf_counter()
         self._drawn = now
         at = float(samples.time[-1]) if time is None else time
