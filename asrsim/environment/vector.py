@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.simulation.prepare import Start
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds, check_number
 
 LARGEST = 8192

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.simulation.drives import SteppedJoint
     from asrsim.simulation.examine import Plan
-    from asrsim.simulation.prepare import Prepared
+    from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.run import Run
 
 TRIALS = 10

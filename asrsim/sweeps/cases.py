@@ -22,7 +22,8 @@ from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
 from asrsim.simulation.examine import Plan, examine_all
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study

@@ -17,9 +17,10 @@ from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import EXTERNAL_TORQUE
-from asrsim.simulation.prepare import Prepared, Start
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from asrsim.summary import Collector
 from asrsim.summary.claims import needs_of

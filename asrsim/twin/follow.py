@@ -24,7 +24,8 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.prepare import Prepared, prepare_worlds
+from asrsim.simulation.prepare import prepare_worlds
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.twin import Twin, TwinStep
 

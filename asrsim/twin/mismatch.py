@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from asrsim.engines.loops import solve_normal
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.statics.sizing import linear_parameters
 
 MEMORY = 5.0

@@ -17,7 +17,8 @@ from asrsim.errors import InputError
 from asrsim.robot.chain_masses import find_masses
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import ScenarioLike, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied

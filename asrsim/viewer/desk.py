@@ -19,7 +19,7 @@ from asrsim.live.session import Session
 from asrsim.plots.style import unit
 from asrsim.samples import Array, HeldWrench, Samples
 from asrsim.simulation.drives import EXTERNAL_TORQUE
-from asrsim.simulation.prepare import Numbers
+from asrsim.simulation.start import Numbers
 from asrsim.summary import RunSummary
 from asrsim.viewer.colours import words_of
 from asrsim.viewer.figure import frames_of

@@ -20,8 +20,9 @@ from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Numbers, Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import simulate
+from asrsim.simulation.start import Numbers
 from asrsim.summary import RunSummary
 from asrsim.viewer.desk import Desk
 from asrsim.viewer.history import History
