@@ -133,7 +133,7 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
             {"overrides": ["references=", "initial.joint_1=0.3"]},
             "begins outside this limit, at 0.3",
         ),
-        (WITHIN, {"duration": 0.2}, "is too short"),
+        (WITHIN, {"duration": 0.2}, "is too short: .* takes at least 0.5 s"),
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
         ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper limit"),
