@@ -13,7 +13,8 @@ from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem
 from asrsim.plugins import load_plugin_file
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot
-from asrsim.robot.mounting import block_for, drive_of
+from asrsim.robot.mounting import drive_of
+from asrsim.robot.values import block_for
 from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
 

@@ -11,6 +11,7 @@ from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import InputError, nearest
+from asrsim.renamed import OLD_KEYS
 
 T = TypeVar("T")
 
@@ -86,9 +87,11 @@ class Block(Kind[T], Generic[T]):
         known = (*self.names, *self.read_before)
         for name, item in node.value.items():
             if name not in self.names:
+                new = OLD_KEYS.get(name)
+                hint = f"It is called '{new}' now, which is given too" if new in node.value else None
                 reading.fault(
-                    item, (*path, name), "unknown key", line=node.key_line(name), choices=known, meant=name, code="unknown-key",
-                    show=False,
+                    item, (*path, name), "unknown key", line=node.key_line(name), choices=known, hint=hint, meant=name,
+                    code="unknown-key", show=False,
                 )  # fmt: skip
                 reading.unread.append((*path, nearest(name, known) or name))
         for key in self.keys:
@@ -97,7 +100,7 @@ class Block(Kind[T], Generic[T]):
             given = node.value.get(key.name)
             if given is None and key.required:
                 message = f"the key '{key.name}' is missing"
-                reading.fault(node, path, message, hint=key.doc, code="missing-key", show=False)
+                reading.fault(node, path, message, hint=key.doc[:1].upper() + key.doc[1:], code="missing-key", show=False)
                 reading.unread.append((*path, key.name))
             elif given is not None and (given.value is not None or key.required):
                 found = attempt(key.kind, given, (*path, key.name), reading)

@@ -18,6 +18,7 @@ from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS, reference_top
 from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable, unique
 from asrsim.recordings.reading import Reading
+from asrsim.samples import Array
 
 _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
@@ -139,6 +140,40 @@ class _Group:
     stamped: array[int] = field(default_factory=lambda: array("q"))
     """Header stamps, ns; 0 for a message without stamp."""
     values: array[float] = field(default_factory=lambda: array("d"))
+
+    @property
+    def rows(self) -> Array:
+        """Values (messages, labels)."""
+        return np.frombuffer(self.values).reshape(-1, len(self.labels))
+
+
+def _series(groups: Mapping[tuple[_Topic, frozenset[Label]], _Group]) -> Iterator[tuple[_Topic, _Group]]:
+    """Numbers of each topic that stand in the same messages. A topic whose messages sometimes lack velocities gives two groups:
+    positions of all messages, and velocities of some."""
+    topics: dict[_Topic, dict[Label, list[_Group]]] = {}
+    for (topic, _), group in groups.items():
+        for label in group.labels:
+            topics.setdefault(topic, {}).setdefault(label, []).append(group)
+    for topic, found in topics.items():
+        alike: dict[tuple[int, ...], list[Label]] = {}
+        for label, own in found.items():
+            alike.setdefault(tuple(map(id, own)), []).append(label)
+        for labels in alike.values():
+            yield topic, _together(found[labels[0]], labels)
+
+
+def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
+    """Numbers with these labels of all messages of the groups, in the order in which they were received."""
+    if len(groups) == 1 and len(labels) == len(groups[0].labels):
+        return groups[0]
+    received = np.concatenate([np.array(one.received, dtype=np.int64) for one in groups])
+    stamped = np.concatenate([np.array(one.stamped, dtype=np.int64) for one in groups])
+    values = np.concatenate([one.rows[:, [one.labels.index(label) for label in labels]] for one in groups])
+    order = np.argsort(received, kind="stable")
+    return _Group(
+        tuple(labels), array("q", received[order].tolist()), array("q", stamped[order].tolist()),
+        array("d", values[order].ravel().tolist()),
+    )  # fmt: skip
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
@@ -288,7 +323,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         hint = "Record each joint once: which of its values is right cannot be known"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
-    for (topic, _), group in groups.items():
+    for topic, group in _series(groups):
         if topic.decode is None:
             continue
         if len(group.received) < 2:
@@ -303,8 +338,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
             )
             hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"
             findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
-        values = np.frombuffer(group.values).reshape(-1, len(group.labels))
-        for (label, own), numbers in zip(group.labels, np.ascontiguousarray(values.T), strict=True):
+        for (label, own), numbers in zip(group.labels, np.ascontiguousarray(group.rows.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)
             name = unique(printable(topic.name if label == "data" else f"{topic.name}/{label}"), seen)
             joint = None if joint is None else printable(joint)

@@ -73,6 +73,11 @@ KIND_UNITS = {
     "PWM duty": "1",
 }
 """SI unit of a command by its kind, for kinds that a column's name may state."""
+BODIES = {
+    "tool", "tcp", "ee", "eef", "effector", "endeffector", "base", "body", "trunk", "torso", "pelvis", "com", "imu", "gyro",
+    "pose", "poses", "twist", "odom", "odometry", "camera", "marker", "world", "cartesian", "wrench",
+}  # fmt: skip
+"""Words for bodies in space and their sensors. A number in the name of their position counts directions, not joints."""
 TAKEN = ("position", "torque", "force", "current", "voltage")
 """Kinds of commands that an operation mode takes; a force only on a prismatic joint."""
 

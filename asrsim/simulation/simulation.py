@@ -146,17 +146,17 @@ class Simulation:
     def _diverge(self) -> None:
         """Raise the DivergenceError of the joint at fault."""
         core, prepared = self._core, self.prepared
-        self.recording.flush(self.substep, core.S[0], check=False)
+        self.recording.flush(self.substep, core.joint_states[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != HEALTH.no_value:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
-            joint = np.nan_to_num(np.abs(core.S[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
+            joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite or sane"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
-        self.recording.flush(self.substep, self._core.S[0])
+        self.recording.flush(self.substep, self._core.joint_states[0])
 
     @property
     def samples(self) -> Samples:
@@ -168,7 +168,7 @@ class Simulation:
     @property
     def counts(self) -> Counts:
         """Number of substeps since the start in which each limit acted."""
-        return counts_of(self._core.S[0], self.substep)
+        return counts_of(self._core.joint_states[0], self.substep)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -219,7 +219,7 @@ class Simulation:
     def observe(self) -> Observation:
         """Present state."""
         self._world.check_open()
-        return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self._core.joint_states[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities at the last completed step by name; arrays (n,) in the order of the joints.

@@ -364,7 +364,7 @@ class Worlds:
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self.check_open()
-        return observe(self.time, self.prepared.drives, self.core.S, self._stride)
+        return observe(self.time, self.prepared.drives, self.core.joint_states, self._stride)
 
     @property
     def _stride(self) -> Any:
@@ -375,7 +375,9 @@ class Worlds:
     def links(self) -> tuple[Array, Array]:
         """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
         self.check_open()
-        return self.core.S[..., JOINT["position"]].copy(), self.core.S[..., JOINT["engine_velocity"]].copy()
+        return self.core.joint_states[..., JOINT["position"]].copy(), self.core.joint_states[
+            ..., JOINT["engine_velocity"]
+        ].copy()
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
@@ -407,7 +409,7 @@ class Worlds:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
         self._check_watched()
         self._numbers(world)
-        return counts_of(self.core.S[world], int(self.core.done[world]))
+        return counts_of(self.core.joint_states[world], int(self.core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshot:
         """Snapshots of some worlds, or of all, for `restore`."""
@@ -594,7 +596,7 @@ class Worlds:
         self._check_watched()
         self._numbers(world)
         guard = EnergyGuard(self._worlds[world].started)
-        return bool(self.healthy[world]) and guard.look(self.core.S[world]) is None
+        return bool(self.healthy[world]) and guard.look(self.core.joint_states[world]) is None
 
     def prepared_of(self, world: int) -> Prepared:
         """The scenario with the parameters of a world."""

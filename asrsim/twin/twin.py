@@ -195,11 +195,17 @@ class Twin:
         if isinstance(measured, Mapping):
             unknown = [name for name in measured if name not in self.joints]
             measured = [measured.get(name, math.nan) for name in self.joints]
-        positions = np.array(measured, dtype=float)
-        if unknown or positions.shape != (len(self.joints),):
-            message = f"must be {len(self.joints)} positions, of {', '.join(self.joints)}"
-            raise InputError(message, key="measured", value=unknown or positions.shape, code="twin-measured")
-        return positions
+        wrong: object = unknown
+        if not unknown:
+            try:
+                positions = np.array(measured, dtype=float)
+                if positions.shape == (len(self.joints),):
+                    return positions
+                wrong = positions.shape
+            except (TypeError, ValueError):
+                wrong = measured
+        message = f"must be {len(self.joints)} positions, of {', '.join(self.joints)}"
+        raise InputError(message, key="measured", value=wrong, code="twin-measured")
 
     def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
         if math.isfinite(value):

@@ -207,7 +207,7 @@ def test_wrong_names_and_bandwidths_are_errors(five):
     with pytest.raises(InputError, match="no dynamics"):
         asrsim.Twin(asrsim.make_scenario(EXAMPLES / "urdf" / "dof5_arm.urdf", engine="bench", duration=1.0))
     with asrsim.Twin(five) as twin:
-        for positions in ({"joint_9": 0.0}, [0.0]):
+        for positions in ({"joint_9": 0.0}, [0.0], ["up"] * 5, {"joint_1": "up"}):
             with pytest.raises(InputError, match="5 positions, of joint_1, joint_2"):
                 twin.step(positions, {})
         for commands in ({"joint_1": 0.3}, goal("fast")):
