@@ -146,9 +146,13 @@ class _Kind:
             values = {name: table[place] for name, table in record.items()}
             collector.write(Samples(time=time, joints=tuple(worlds.joints), values=values))
             run = make_run(
-                prepared, worlds.counts(world), "complete", wall_time=(clock.perf_counter() - began) / len(points),
-                simulated_time=prepared.last_substep(None) * prepared.substep, compiled=worlds.compiled,
-            )  # fmt: skip
+                prepared,
+                worlds.counts(world),
+                "complete",
+                wall_time=(clock.perf_counter() - began) / len(points),
+                simulated_time=prepared.last_substep(None) * prepared.substep,
+                compiled=worlds.compiled,
+            )
             # If a claim cannot be evaluated, the run is simulated alone, and its row gives the reason.
             with suppress(AsrsimError):
                 cells[world] = result_cells(run, collector)

@@ -42,9 +42,15 @@ class Desk:
     """Controls of one live run on a page. It is the operator of `asrsim.live.session.Session`."""
 
     def __init__(
-        self, page: Page, session: Session, subject: Subject, *, variants: Sequence[str] = (),
-        companions: Sequence[Companion] = (), simulate: Callable[[str], Companion] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        page: Page,
+        session: Session,
+        subject: Subject,
+        *,
+        variants: Sequence[str] = (),
+        companions: Sequence[Companion] = (),
+        simulate: Callable[[str], Companion] | None = None,
+    ) -> None:
         """variants: names of the scenario's variants; companions: ghosts; simulate: function that returns the ghost of a
         variant, which is called in a thread of its own."""
         self._simulate = simulate
