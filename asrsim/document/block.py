@@ -17,9 +17,16 @@ T = TypeVar("T")
 
 
 def declare(
-    kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "", spread: bool = False,
+    kind: Kind[Any],
+    *,
+    doc: str,
+    unit: str = "",
+    default: Any = REQUIRED,
+    key: str = "",
+    shown: str = "",
+    spread: bool = False,
     field_default: Any = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Dataclass field that is also a key of a document.
 
     Args:
@@ -90,9 +97,16 @@ class Block(Kind[T], Generic[T]):
                 new = OLD_KEYS.get(name)
                 hint = f"It is called '{new}' now, and '{new}' is given, too" if new in node.value else None
                 reading.fault(
-                    item, (*path, name), "unknown key", line=node.key_line(name), choices=known, hint=hint, meant=name,
-                    code="unknown-key", show=False,
-                )  # fmt: skip
+                    item,
+                    (*path, name),
+                    "unknown key",
+                    line=node.key_line(name),
+                    choices=known,
+                    hint=hint,
+                    meant=name,
+                    code="unknown-key",
+                    show=False,
+                )
                 reading.unread.append((*path, nearest(name, known) or name))
         for key in self.keys:
             if not (key.required or key.spread):

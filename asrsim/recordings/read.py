@@ -69,9 +69,14 @@ def read_recording(
 
 @lru_cache(maxsize=4)
 def read_cached(
-    path: Path, _modified: tuple[int, int], *, mapping: tuple[str, ...] = (), joints: tuple[str, ...] | None = None,
-    rate: float | None = None, in_seconds: bool = False,
-) -> tuple[Content, Recording]:  # fmt: skip
+    path: Path,
+    _modified: tuple[int, int],
+    *,
+    mapping: tuple[str, ...] = (),
+    joints: tuple[str, ...] | None = None,
+    rate: float | None = None,
+    in_seconds: bool = False,
+) -> tuple[Content, Recording]:
     """Content and recording as by `read_tables`, from memory where they were read before.
 
     _modified: `asrsim.recordings.reading.modified` of the path. in_seconds: as in `Reading`. The other arguments are those of
@@ -115,9 +120,11 @@ def _recording(
     columns = _without_repeats(columns, findings)
     findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
-        path=path, format=content.format, time=max(times, key=len),
+        path=path,
+        format=content.format,
+        time=max(times, key=len),
         channels={column.source: column for column in columns},
-    )  # fmt: skip
+    )
 
 
 def _windowed(content: Content, reading: Reading) -> Content:
@@ -256,12 +263,17 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
-        time=time - meaning.late if meaning.late else time, values=values + meaning.offset,
+        time=time - meaning.late if meaning.late else time,
+        values=values + meaning.offset,
         unit="" if unit.si == "1" and not commands else unit.si or usual,
-        joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
-        conversion="; ".join(text for applies, text in steps if applies), stated=bool(unit.symbol),
-        origin=f"not used: {meaning.origin}" if unused else meaning.origin, read_as=meaning,
-    )  # fmt: skip
+        joint=meaning.joint,
+        quantity=meaning.quantity,
+        source=raw.name,
+        conversion="; ".join(text for applies, text in steps if applies),
+        stated=bool(unit.symbol),
+        origin=f"not used: {meaning.origin}" if unused else meaning.origin,
+        read_as=meaning,
+    )
 
 
 def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:

@@ -260,5 +260,9 @@ def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
 
 
 BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (
-    _of_joint, _of_parameters, _idle_stages, _one_controller, _exchanged,
-)  # fmt: skip
+    _of_joint,
+    _of_parameters,
+    _idle_stages,
+    _one_controller,
+    _exchanged,
+)

@@ -76,9 +76,13 @@ class Findings:
         position, angles = self.vector(tags[0], "xyz", key, default=ZERO), self.vector(tags[0], "rpy", key, default=ZERO)
         if beyond_a_turn(angles):
             self.warn(
-                "turns by more than one revolution; angles are in rad", tags[0], key, code="rpy-in-degrees",
-                value=tags[0].get("rpy"), hint="90 degrees are 1.5708 rad",
-            )  # fmt: skip
+                "turns by more than one revolution; angles are in rad",
+                tags[0],
+                key,
+                code="rpy-in-degrees",
+                value=tags[0].get("rpy"),
+                hint="90 degrees are 1.5708 rad",
+            )
         return position, angles
 
     def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:

@@ -90,10 +90,13 @@ def _named(findings: Findings, root: Any, tag: str) -> list[tuple[Any, str]]:
 
 def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Colour], largest: float) -> Link:
     link = Link(
-        name=name, mass=None, inertia=None, line=findings.line(element),
+        name=name,
+        mass=None,
+        inertia=None,
+        line=findings.line(element),
         collisions=_shapes(findings, element, "collision", name, colours),
         visuals=_shapes(findings, element, "visual", name, colours),
-    )  # fmt: skip
+    )
     inertials = elements(element, "inertial")
     if len(inertials) > 1:
         message = "has more than one <inertial>; only the first counts, as in other readers"
@@ -320,8 +323,10 @@ def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, 
 
 
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
-}  # fmt: skip
+    "limit": _limits,
+    "dynamics": _dynamics,
+    "mimic": _mimic,
+}
 """Functions that read the fields of a joint, by tag."""
 
 _PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}

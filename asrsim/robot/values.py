@@ -139,9 +139,12 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:
             yield Problem(
-                f"lower stop of motor {index} is above the upper one", line=low.line or high.line,
-                key=f"parameters.{block.joint}", value=f"{low.value:g} > {high.value:g}", code="limits-crossed",
-            )  # fmt: skip
+                f"lower stop of motor {index} is above the upper one",
+                line=low.line or high.line,
+                key=f"parameters.{block.joint}",
+                value=f"{low.value:g} > {high.value:g}",
+                code="limits-crossed",
+            )
     mode = MODES[block.mode]
     # Voltages and currents are for electric motors.
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()

@@ -75,9 +75,12 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
                 resolved["parameters"] = {**parameters, joint: own}
     metadata = {**info.metadata, UNREPEATABLE: ", ".join(lost)} if lost else info.metadata
     return replace(
-        info, resolved={**info.resolved, "scenario": resolved}, attachments={**info.attachments, **files},
-        scenario_path=origin_of(scenario), metadata=metadata,
-    )  # fmt: skip
+        info,
+        resolved={**info.resolved, "scenario": resolved},
+        attachments={**info.attachments, **files},
+        scenario_path=origin_of(scenario),
+        metadata=metadata,
+    )
 
 
 def _robot_as_read(robot: Robot) -> Robot:

@@ -256,6 +256,15 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _sudden_turns,
-    _missing_references, _contact_words, _released,
-)  # fmt: skip
+    _default_start,
+    _gravity_and_step,
+    _orientations,
+    _delays,
+    _without_effect,
+    _late,
+    _beyond_limits,
+    _sudden_turns,
+    _missing_references,
+    _contact_words,
+    _released,
+)

@@ -32,9 +32,17 @@ NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 KINDS = ("int", "float", "bool", "text")
 """Kinds of columns."""
 MANIFEST_SHAPE: dict[str, Any] = {
-    "scenario": str, "plugins": [str], "study": {"variants": [str], "*": object}, "inputs": object, "versions": object,
-    "runs": int, "columns": [[str]], "claims": {"*": [str]}, "substeps": {"*": {"*": int}}, "*": object,
-}  # fmt: skip
+    "scenario": str,
+    "plugins": [str],
+    "study": {"variants": [str], "*": object},
+    "inputs": object,
+    "versions": object,
+    "runs": int,
+    "columns": [[str]],
+    "claims": {"*": [str]},
+    "substeps": {"*": {"*": int}},
+    "*": object,
+}
 """Structure of `study.json`."""
 GROUP = 20_000
 """Number of rows in a group of a file. Waiting rows are written when they are as many as this, and a part with this number of
@@ -45,9 +53,10 @@ MOST_PARTS = 32
 """Number of incomplete parts that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
-    "study": "its study has other values of", "inputs": "its inputs have changed:",
+    "study": "its study has other values of",
+    "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
-}  # fmt: skip
+}
 """Entries of `study.json` that must be unchanged when a study continues, each with the beginning of the message for a changed
 entry; the names of the changed inputs follow."""
 

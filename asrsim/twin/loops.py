@@ -88,11 +88,19 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     """The arrays at the start. columns: number of columns of the regression's rows."""
     shape = simulations, joints
     return TwinTables(
-        integral=np.zeros(shape), lagged=np.zeros(shape), torques=np.zeros(shape), masses=np.eye(joints),
-        stiffness=np.full(joints, np.nan), rows=np.zeros((2, columns, joints)), before=np.full((2, joints), np.nan),
-        missing=np.zeros(joints, dtype=np.int64), variance=np.zeros(joints), peak=np.zeros(joints), carried=np.zeros(joints),
+        integral=np.zeros(shape),
+        lagged=np.zeros(shape),
+        torques=np.zeros(shape),
+        masses=np.eye(joints),
+        stiffness=np.full(joints, np.nan),
+        rows=np.zeros((2, columns, joints)),
+        before=np.full((2, joints), np.nan),
+        missing=np.zeros(joints, dtype=np.int64),
+        variance=np.zeros(joints),
+        peak=np.zeros(joints),
+        carried=np.zeros(joints),
         noise=np.zeros(joints),
-    )  # fmt: skip
+    )
 
 
 def compare(t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:

@@ -21,7 +21,7 @@ from asrsim.exports.programs.base import Program
 from asrsim.outfile import make_folder, write_text
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, ranges_of
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 
 FILES = "__init__", "robot", "reach", "train"
 """Modules of the package; their texts are in the folder `mjlab_package`."""
