@@ -27,6 +27,10 @@ _OTHERS = 0.3
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 
+_GEARED = 10.0
+"""A motor that moves this many times as far as its link was measured before its gear: a spring so soft would hardly move the link.
+"""
+
 
 def suspicions(columns: Sequence[Column], raw: Sequence[Array]) -> list[Problem]:
     """All suspected errors in the used columns of a recording. raw: values of each column in the file's unit."""
@@ -65,6 +69,21 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
         found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
     return found
+
+
+def gear_between(motor: Column, link: Column | None) -> float:
+    """Ratio of the motions of a motor and its link, if the motor was measured before its gear; else 0."""
+    if link is None or motor is link:
+        return 0.0
+    known = np.isfinite(motor.values) & (motor.time >= link.time[0]) & (motor.time <= link.time[-1])
+    good = np.isfinite(link.values)
+    if not good.any():
+        return 0.0
+    place = np.interp(motor.time[known], link.time[good], link.values[good])
+    if abs(_correlation(place, motor.values[known])) < _FOLLOWS:
+        return 0.0
+    slope = float(np.polyfit(place, motor.values[known], 1)[0])
+    return slope if abs(slope) > _GEARED else 0.0
 
 
 def interchanged(
