@@ -28,8 +28,8 @@ from asrsim.signals.curve import CubicCurve, curve_through
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
 APART = 3.0
-"""Difference between the positions of a motor and of its link with the deflection, in standard deviations of this difference,
-above which the motor's sensor has another zero: chance exceeds three standard deviations once in 400 times.
+"""Largest zero of a motor's sensor that counts as noise, in standard deviations. The zero is the median of motor position minus
+link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
 """
 COMPUTED = 1e-3
 """Relative residual of a linear regression on another column below which a column counts as computed from it."""
@@ -208,7 +208,9 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
             reason = f"mode {mode.number} ({mode.name}) has no spring"
-        elif quantity.endswith("position") and (gear := gear_between(column, possible.get(f"{joint}.link_position", (joint, None))[1])):
+        elif quantity.endswith("position") and (
+            gear := gear_between(column, possible.get(f"{joint}.link_position", (joint, None))[1])
+        ):
             reason = (
                 f"it moves {abs(gear):.4g} times as far as the link; if it was measured before the gear, convert it: --map "
                 f"'{column.source}={1.0 / gear:.4g}*{key}'"

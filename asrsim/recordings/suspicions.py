@@ -26,9 +26,9 @@ _OTHERS = 0.3
 """Error with two columns interchanged, relative to the error as they are, below which they are suspected to be so."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
-
 _GEARED = 10.0
-"""A motor that moves this many times as far as its link was measured before its gear: a spring so soft would hardly move the link.
+"""Ratio of the motions of a motor and its link above which the motor counts as measured before its gear. A spring so soft that
+it caused this ratio would hardly move the link.
 """
 
 
@@ -88,7 +88,7 @@ def gear_between(motor: Column, link: Column | None) -> float:
 
 def interchanged(
     expected: Mapping[str, Array], measured: Mapping[str, Array], columns: Mapping[str, Column], than: str = "the simulation"
-) -> Iterator[Problem]:  # fmt: skip
+) -> Iterator[Problem]:
     """Pairs of columns of one quantity that fit the other's joint far better than their own.
 
     expected, measured: values (n,) by joint, at equal times. columns: column of each joint.

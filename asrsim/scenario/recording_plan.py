@@ -124,15 +124,21 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     lag, end = _span(columns, LATEST if by_scenario else SOON)
     changed, _ = overridden(robot, modes, {})
     return RecordingPlan(
-        robot=changed, modes=modes, recording=recording, played=tuple(played),
+        robot=changed,
+        modes=modes,
+        recording=recording,
+        played=tuple(played),
         compared=tuple(
-            (joint, column) for (joint, quantity), column in columns.items()
+            (joint, column)
+            for (joint, quantity), column in columns.items()
             if not quantity.startswith("reference") and column.source not in sources and np.isfinite(column.values).sum() > 1
         ),
-        lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
-        initial=_initial(robot, columns, played, remarks), initial_motors=_initial_motors(changed, columns, remarks),
+        lag=lag,
+        duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
+        initial=_initial(robot, columns, played, remarks),
+        initial_motors=_initial_motors(changed, columns, remarks),
         remarks=tuple(remarks),
-    )  # fmt: skip
+    )
 
 
 def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[float, float]:
@@ -267,7 +273,9 @@ def _initial(
 def _initial_motors(
     robot: Robot, columns: Mapping[tuple[str, str], Column], remarks: list[str]
 ) -> dict[str, tuple[float, ...]]:
-    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded behind their gears."""
+    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded, behind their
+    gears.
+    """
     found = {}
     for block in robot.actuators:
         names = [(block.joint, f"motor_{i}_position") for i in range(1, ACTUATORS.get(block.actuator).motors + 1)]
@@ -277,8 +285,8 @@ def _initial_motors(
         link = columns.get((block.joint, "link_position"))
         if gear := next(filter(None, (gear_between(columns[name], link) for name in names)), 0.0):
             remarks.append(
-                f"{block.joint}: its motor moves {abs(gear):.4g} times as far as its link, so it was probably measured before its "
-                "gear; its first position is not used"
+                f"{block.joint}: its motor moves {abs(gear):.4g} times as far as its link, so it was probably measured before "
+                "its gear; its first position is not used"
             )
         else:
             found[block.joint] = tuple(float(f"{value:.9g}") for value in first)
@@ -295,9 +303,12 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
     """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
     if undriven:
         return RecordingError(
-            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot", file=recording.path,
-            hint=f"Put one there: --actuator {undriven[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
-        )  # fmt: skip
+            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot",
+            file=recording.path,
+            hint=f"Put one there: --actuator {undriven[0]}=NAME",
+            choices=ACTUATORS.names(),
+            code="no-actuator",
+        )
     columns = ", ".join(
         f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source for c in list(recording.channels.values())[:30]
     )
