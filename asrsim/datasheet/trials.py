@@ -108,7 +108,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
     files[f"{source.name}.yaml"] = _scenario(source, variants, claims)
     return Trials(
         files=files, results=results, faults=faults, change_times=times, ends=ends, unchanged=unchanged, load=load, under=under
-    )  # fmt: skip
+    )
 
 
 def _torque(statics: Statics) -> tuple[float, str]:

@@ -146,8 +146,10 @@ def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyP
 
 
 _LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
-    "minimum": (">=", operator.ge), "exclusiveMinimum": (">", operator.gt), "maximum": ("<=", operator.le),
-}  # fmt: skip
+    "minimum": (">=", operator.ge),
+    "exclusiveMinimum": (">", operator.gt),
+    "maximum": ("<=", operator.le),
+}
 """Sign and comparison of each kind of limit, by its name in JSON Schema."""
 
 

@@ -163,8 +163,9 @@ def _transfers(problem: FitProblem, x: Array) -> bool:
     """Whether a fit predicts held-out parts as well as the parts that were fitted."""
     parts = [
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
-        for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
-    ]  # fmt: skip
+        for part, left in differences(problem.everything, x)
+        if problem.ends[part.track] and np.isfinite(left).all()
+    ]
     return all(len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts)
 
 

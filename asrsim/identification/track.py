@@ -279,9 +279,10 @@ class Track:
     def motor_velocities(self, velocities: Mapping[str, float]) -> dict[str, list[float]]:
         """Velocities of motors at time 0, by joint, rad/s: a motor moves with a link that moves as the recording begins."""
         return {
-            drive.name: [speed] * drive.dynamic_motors for drive in self.door.drives
+            drive.name: [speed] * drive.dynamic_motors
+            for drive in self.door.drives
             if drive.dynamic_motors and not drive.motor_velocities and (speed := velocities.get(drive.name, 0.0))
-        }  # fmt: skip
+        }
 
     def start(self, joint: str, values: Mapping[str, float]) -> tuple[float, float]:
         """Position and velocity of a link at time 0, rad and rad/s."""

@@ -34,9 +34,10 @@ TOPICS: dict[str, str] = {
     **{f"sent_reference_{i}": f"reference_{i}" for i in range(1, MOST_MOTORS + 1)},
     **{
         name: f"reference_{i}"
-        for mode in REFERENCE_TOPICS for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
+        for mode in REFERENCE_TOPICS
+        for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
     },
-}  # fmt: skip
+}
 """Quantity carried by a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
@@ -73,7 +74,7 @@ def _is_number(value: Any) -> bool:
 
 def flatten(
     message: Any, prefix: str = "", names: Sequence[str] = (), joint: str | None = None
-) -> Iterator[tuple[Label, float]]:  # fmt: skip
+) -> Iterator[tuple[Label, float]]:
     """Labels and values of all numbers in a message or JSON object. Raises NoSignal.
 
     names, joint: names of the entries of arrays, and the joint, which the message around this part states.
@@ -171,9 +172,11 @@ def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
     values = np.concatenate([one.rows[:, [one.labels.index(label) for label in labels]] for one in groups])
     order = np.argsort(received, kind="stable")
     return _Group(
-        tuple(labels), array("q", received[order].tolist()), array("q", stamped[order].tolist()),
+        tuple(labels),
+        array("q", received[order].tolist()),
+        array("q", stamped[order].tolist()),
         array("d", values[order].ravel().tolist()),
-    )  # fmt: skip
+    )
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
@@ -193,7 +196,7 @@ def read_bag(path: Path, reading: Reading) -> Content:
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other numeric messages whose definitions are in the "
             "file",
-        )  # fmt: skip
+        )
     return Content(tables=tables, findings=tuple(findings))
 
 

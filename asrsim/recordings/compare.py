@@ -21,7 +21,7 @@ from asrsim.recordings.align import (
     require_overlap,
     resample,
     simulated,
-)  # fmt: skip
+)
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.recordings.suspicions import beside, condense, interchanged
@@ -123,8 +123,10 @@ def compare(
         asked = f" of {', '.join(quantities)}" if quantities else ""
         raise RecordingError(
             f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
-            f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
-        )  # fmt: skip
+            f"{', '.join(samples.values)} of {', '.join(samples.joints)}",
+            file=recording.path,
+            code="no-common-quantity",
+        )
 
     prismatic = {info.name for info in infos if info.prismatic}
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)

@@ -115,9 +115,11 @@ def _recording(
     columns = _without_repeats(columns, findings)
     findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
-        path=path, format=content.format, time=max(times, key=len),
+        path=path,
+        format=content.format,
+        time=max(times, key=len),
         channels={column.source: column for column in columns},
-    )  # fmt: skip
+    )
 
 
 def _windowed(content: Content, reading: Reading) -> Content:

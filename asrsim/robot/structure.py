@@ -320,8 +320,10 @@ def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, 
 
 
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
-}  # fmt: skip
+    "limit": _limits,
+    "dynamics": _dynamics,
+    "mimic": _mimic,
+}
 """Functions that read the fields of a joint, by tag."""
 
 _PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}

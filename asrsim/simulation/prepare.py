@@ -200,9 +200,11 @@ class Prepared:
     def started(self, start: Start) -> Prepared:
         """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
         given = {
-            "initial": start.positions, "velocities": start.velocities, "motors": start.motors,
+            "initial": start.positions,
+            "velocities": start.velocities,
+            "motors": start.motors,
             "motor_velocities": start.motor_velocities,
-        }  # fmt: skip
+        }
         if not any(given.values()):
             return self
         joints = {drive.name: drive for drive in self.drives}
@@ -257,8 +259,9 @@ class Prepared:
         """
         delays = {
             drive.name: {name: own[name] for name in DELAYS if name in own}
-            for drive in self.drives if (own := parameters.get(drive.name))
-        }  # fmt: skip
+            for drive in self.drives
+            if (own := parameters.get(drive.name))
+        }
         numbers = {
             owner: {name: value for name, value in own.items() if name not in delays.get(owner, ())}
             for owner, own in parameters.items()

@@ -30,8 +30,9 @@ from asrsim.sweeps.study import Study
 MEASURES = tuple(field.name for field in fields(JointSummary))
 UNITS = {
     **dict.fromkeys(("steady_state", "steady_state_error", "peak_deflection", "motion_left"), "rad"),
-    "settling": "s", "frequency": "Hz",
-}  # fmt: skip
+    "settling": "s",
+    "frequency": "Hz",
+}
 """Unit of each measure."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096

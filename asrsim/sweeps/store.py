@@ -44,9 +44,10 @@ MOST_PARTS = 32
 """Number of incomplete parts that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
-    "study": "its study has other values of", "inputs": "its inputs have changed:",
+    "study": "its study has other values of",
+    "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
-}  # fmt: skip
+}
 """Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry, which the
 names of what changed in it follow."""
 

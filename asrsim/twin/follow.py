@@ -74,15 +74,17 @@ class Followed:
             if not np.isfinite(torque).any():
                 continue
             largest, known = int(np.nanargmax(np.abs(torque))), np.isfinite(stiffness)
-            found.append({
-                "joint": name,
-                "alarms": self.alarms(j),
-                "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))),
-                "largest": float(torque[largest]),
-                "largest_at": float(self.time[largest]),
-                "residual_rms": float(np.sqrt(np.nanmean(residual**2))),
-                "stiffness": [float(stiffness[known].min()), float(stiffness[known].max())] if known.any() else None,
-            })  # fmt: skip
+            found.append(
+                {
+                    "joint": name,
+                    "alarms": self.alarms(j),
+                    "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))),
+                    "largest": float(torque[largest]),
+                    "largest_at": float(self.time[largest]),
+                    "residual_rms": float(np.sqrt(np.nanmean(residual**2))),
+                    "stiffness": [float(stiffness[known].min()), float(stiffness[known].max())] if known.any() else None,
+                }
+            )
         return found
 
 

@@ -13,9 +13,11 @@ import asrsim  # noqa: E402
 
 URDF = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
 KEYS = {
-    "duration": 0.2, "engine": "mujoco", "modes": {"*": 6},
+    "duration": 0.2,
+    "engine": "mujoco",
+    "modes": {"*": 6},
     "reference_ranges": {"*": {"equilibrium_position": [-1.0, 1.0], "stiffness_preset": [0.05, 0.4]}},
-}  # fmt: skip
+}
 DRAWN = {
     "randomise": {"link_2.mass": "uniform(0.3, 0.9)", "joint_1.damping": "uniform(0.0, 0.1)"},
     "initial": {"joint_1": "uniform(-0.5, 0.5)"},
