@@ -41,7 +41,7 @@ from asrsim.scenario.joints import (
     GivenActuator,
     Imperfections,
     LinkDamping,
-    Range,
+    RangeOf,
 )
 from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys
 from asrsim.scenario.manager import ManagerFile
@@ -228,7 +228,7 @@ class Scenario:
         doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
     )
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
-        MapOf(of=MapOf(of=Range(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
+        MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
         "library): beyond, they are clamped; substeps are chosen for them",
