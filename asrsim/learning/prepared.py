@@ -140,10 +140,18 @@ def prepare_learning(plant: Plant) -> PreparedLearning:
         "inverse_dynamics": lambda: model.guess,
     }
     problem = LearningProblem(
-        joints=plant.joints, units=tuple(map(plant.unit, plant.joints)), time=plant.time, reference=plant.reference,
+        joints=plant.joints,
+        units=tuple(map(plant.unit, plant.joints)),
+        time=plant.time,
+        reference=plant.reference,
         first_guess=guesses[settings.first_guess or "zero"](),
+<<<<<<< HEAD
     )  # fmt: skip
     law: LearningLaw = FixedGain(problem, settings)
+=======
+    )
+    law: Law = FixedGain(problem, settings)
+>>>>>>> next
     if settings.law == "auto":
         law = NormOptimal(problem, model.lifted)
     return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=model.inverse.demands)

@@ -330,7 +330,9 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         if topic.decode is None:
             continue
         if len(group.received) < 2:
-            findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
+            findings.append(
+                Problem("the topic has one message only; a time series needs more", key=topic.name, code="too-short")
+            )
             continue
         columns = [_time_of(topic.name, group, stated, findings)]
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]

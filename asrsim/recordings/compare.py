@@ -81,11 +81,15 @@ class Comparison:
                 values += [(source or "simulation", what, ours), (name, what, recorded)]
             rows += [
                 MetricRow(
-                    source=of, joint=s.joint, quantity=s.quantity, measure=what, value=value,
+                    source=of,
+                    joint=s.joint,
+                    quantity=s.quantity,
+                    measure=what,
+                    value=value,
                     unit=MEASURES.get(what).unit_of(s.unit),
                 )
                 for of, what, value in values
-            ]  # fmt: skip
+            ]
         return rows
 
 
@@ -149,9 +153,16 @@ def compare(
 
 
 def _series(
-    joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float, further: Sequence[tuple[str, bool]], *,
+    joint: str,
+    quantity: str,
+    time: Array,
+    values: Array,
+    column: Column,
+    lag: float,
+    further: Sequence[tuple[str, bool]],
+    *,
     prismatic: bool,
-) -> Series:  # fmt: skip
+) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
     # The coarser record keeps its samples. Interpolating the finer record adds the smallest error.
@@ -175,9 +186,17 @@ def _series(
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in of_both}
     each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in of_each}
     return Series(
-        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b,
-        reading=column.reading, metrics=metrics, each=each, findings=tuple(findings),
-    )  # fmt: skip
+        joint=joint,
+        quantity=quantity,
+        unit=unit,
+        time=grid,
+        simulation=a,
+        recording=b,
+        reading=column.reading,
+        metrics=metrics,
+        each=each,
+        findings=tuple(findings),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,14 +23,22 @@ ALIASES: dict[str, str] = {
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
-        "link_position": "position", "link_velocity": "velocity", "link_torque": "torque,force", "stiffness": "stiffness",
-        "deflection": "deflection,tip deflection", "motor_1_position": "motor position", "motor_1_velocity": "motor velocity",
-        "motor_1_torque": "motor torque", "elastic_torque_1": "elastic torque", "external_torque": "external torque",
-        "position_error": "error position", "reference_2": "preset,stiffness preset",
+        "link_position": "position",
+        "link_velocity": "velocity",
+        "link_torque": "torque,force",
+        "stiffness": "stiffness",
+        "deflection": "deflection,tip deflection",
+        "motor_1_position": "motor position",
+        "motor_1_velocity": "motor velocity",
+        "motor_1_torque": "motor torque",
+        "elastic_torque_1": "elastic torque",
+        "external_torque": "external torque",
+        "position_error": "error position",
+        "reference_2": "preset,stiffness preset",
         "equilibrium_position": "equilibrium,equilibrium position,equilibrium theta",
     }.items()
     for words in spellings.split(",")
-}  # fmt: skip
+}
 """Quantity for the sorted words of a column's name."""
 _ERRORS = {"error", "errors", "err"}
 _NOT_MEASURED = {

@@ -42,10 +42,15 @@ def read_blocks(
             mode = tags.mode()
             *_, external = (tags.switch(name) for name in REQUIRED_TAGS[2:])
             block = ActuatorBlock(
-                actuator=actuator.name, joint=joint or "", mode=mode or 0, namespace=tags.text("namespace"),
+                actuator=actuator.name,
+                joint=joint or "",
+                mode=mode or 0,
+                namespace=tags.text("namespace"),
                 subscribe_external_torque=external,
-                parameters=tags.parameters(actuator, mode), plugin_name=plugin.get("name") or "", line=findings.line(plugin),
-            )  # fmt: skip
+                parameters=tags.parameters(actuator, mode),
+                plugin_name=plugin.get("name") or "",
+                line=findings.line(plugin),
+            )
             if joint is not None:
                 blocks[joint] = block
                 unread |= {joint} if mode is None else set()
@@ -189,9 +194,14 @@ class _Tags:
         if fault:
             self.error(fault, name, code="out-of-range")
         return ParameterValue(
-            name=parameter.name, value=UNREAD if value is None or fault else value, unit=parameter.unit, origin="tag", tag=name,
-            line=self.findings.line(self.by_name[name]), text=self.text(name),
-        )  # fmt: skip
+            name=parameter.name,
+            value=UNREAD if value is None or fault else value,
+            unit=parameter.unit,
+            origin="tag",
+            tag=name,
+            line=self.findings.line(self.by_name[name]),
+            text=self.text(name),
+        )
 
     def number(self, name: str) -> float | None:
         """Number in a tag; None if the number is invalid."""

@@ -63,12 +63,16 @@ def mounted(
     kinds = ACTUATORS.names()
     problems += [
         Problem(
-            "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
-            meant=kind, code="unknown-actuator",
+            "there is no such actuator",
+            key=f"actuators.{name}",
+            value=kind,
+            choices=kinds,
+            meant=kind,
+            code="unknown-actuator",
         )
         for name, (kind, _) in types.items()
         if kind not in kinds
-    ]  # fmt: skip
+    ]
     present = {block.joint: block for block in robot.actuators}
     unread = set(robot.unread)
     blocks = []

@@ -99,9 +99,9 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST_NUMBER:
-            return f"is larger than {LARGEST_NUMBER:g}, which no actuator has"
+            return f"is larger than {LARGEST_NUMBER:g}, too large for an actuator"
         if abs(value) < SMALLEST:
-            return f"is closer to 0 than {SMALLEST:g}, which no actuator is"
+            return f"is closer to 0 than {SMALLEST:g}, too small for an actuator"
     return fault
 
 
@@ -139,9 +139,12 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:
             yield Problem(
-                f"lower stop of motor {index} is above the upper one", line=low.line or high.line,
-                key=f"parameters.{block.joint}", value=f"{low.value:g} > {high.value:g}", code="limits-crossed",
-            )  # fmt: skip
+                f"lower stop of motor {index} is above the upper one",
+                line=low.line or high.line,
+                key=f"parameters.{block.joint}",
+                value=f"{low.value:g} > {high.value:g}",
+                code="limits-crossed",
+            )
     mode = MODES[block.mode]
     # Voltages and currents are for electric motors.
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()

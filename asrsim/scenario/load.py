@@ -35,9 +35,13 @@ def several_variants(loaded: Sequence[Scenario]) -> Problem:
 
 
 def load_scenario(
-    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None,
+    path: str | Path,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    robot: str | Path | None = None,
     plugins: Sequence[str | Path] = (),
-) -> tuple[Scenario, ...]:  # fmt: skip
+) -> tuple[Scenario, ...]:
     """All variants of a scenario file in file order, or the chosen variant.
 
     A file without variants has one variant, `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
@@ -51,9 +55,13 @@ def load_scenario(
 
 
 def read_scenarios(
-    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
-    robot: str | Path | None = None, plugins: Sequence[str | Path] = (),
-) -> tuple[tuple[Scenario, ...], list[Problem]]:  # fmt: skip
+    scenario: str | Path | Scenario,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    robot: str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+) -> tuple[tuple[Scenario, ...], list[Problem]]:
     """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A given scenario is its
     only variant. The plugin files become attachments, so that the log of a run contains them.
 
@@ -86,7 +94,7 @@ def _variants(
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
-        message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
+        message = "is not a scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
     variants, wrong = _split(with_new_keys(root))
     faults += wrong
@@ -217,9 +225,14 @@ def build_scenario(
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
     scenario = Scenario(
-        **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
-        lines=lines, states_engine=stated,
-    )  # fmt: skip
+        **{**keys, **changes},
+        path=path,
+        text=text,
+        attachments=dict(reading.attachments),
+        unread=tuple(reading.unread),
+        lines=lines,
+        states_engine=stated,
+    )
     reading.problems += map(scenario.placed, wrong)
     return replace(scenario, as_read=scenario)
 

@@ -80,8 +80,12 @@ def _check_key(key: str) -> None:
     path = split_path(key)
     if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
         # Sweeps and fits use JOINT.PARAMETER for a joint's parameter.
-        raise ScenarioError("is not a key of a scenario", key=key, code="override",
-                            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}")  # fmt: skip
+        raise ScenarioError(
+            "is not a key of a scenario",
+            key=key,
+            code="override",
+            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}",
+        )
 
 
 def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[str, ...] = ()) -> Node:

@@ -21,7 +21,7 @@ from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngi
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTH
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables

@@ -1,40 +1,28 @@
-"""Preparation of a scenario: read the robot, build actuators and engine, determine the number of substeps.
-
-A prepared scenario is immutable; simulations and worlds are made from it.
-"""
+"""Preparation of a scenario: examine it, build its actuators and its engine, determine the number of substeps."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from asrsim.engines import ENGINES
-from asrsim.engines.base import Engine
-from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
+from asrsim.errors import InputError
 from asrsim.plugins import blame_plugins
-from asrsim.registry.steppings import Stepping
-from asrsim.robot.dynamics import RobotModel, robot_model
-from asrsim.robot.massless import SINGULAR
 from asrsim.robot.model import Robot
-from asrsim.robot.vary import varied_robot
-from asrsim.samples import Array, RunInfo
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
-from asrsim.signals.base import Signal
 from asrsim.simulation.description import describe
-from asrsim.simulation.drives import DELAYS, EXTERNAL_TORQUE, SteppedJoint, make_drives, ranges_of, with_delays, with_sensors
+from asrsim.simulation.drives import ranges_of, with_sensors
+from asrsim.simulation.engine import WARP, make_engine
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan, examine
-from asrsim.simulation.inputs import sampled_signals
-from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.inertia import check_inertia
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.resonance import resonance_doubts
+<<<<<<< HEAD
 from asrsim.simulation.substeps import Resolution, resolution_of
 
 WARP = "mujoco_warp"
@@ -289,6 +277,9 @@ class Prepared:
             return self
         return replace(self, drives=at_equilibrium(self.scenario, self.drives, self.model))
 
+=======
+from asrsim.simulation.substeps import resolution_of
+>>>>>>> next
 
 ScenarioLike = str | Path | Scenario | Plan | Prepared
 """What a simulation is made of. Only a file or a scenario is examined, and only a prepared scenario is not built."""
@@ -373,33 +364,3 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
         ),
         _spare=[engine],
     )
-
-
-def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
-    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
-    with no mass between them.
-    """
-    mass = model.mass_matrix([drive.initial_position for drive in drives])
-    problems = [
-        Problem(
-            f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
-            line=drive.joint.line,
-            key=drive.name,
-            hint=f"Give link '{drive.joint.child}' an inertia, or fix the joint: `locked: [{drive.name}]`",
-            code="massless-joint",
-        )
-        for j, drive in enumerate(drives)
-        if not mass[j, j] > 0.0
-    ]
-    if problems:
-        raise RobotError(problems)
-    scale = 1.0 / np.sqrt(np.diag(mass))
-    values, vectors = np.linalg.eigh(mass * np.outer(scale, scale))
-    if values[0] < SINGULAR:
-        share = np.linalg.norm(vectors[:, values < SINGULAR], axis=1)
-        names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
-        raise RobotError(
-            f"joints {names} can move against each other without moving any mass: their motion is not defined",
-            hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
-            code="massless-motion",
-        )

@@ -13,14 +13,17 @@ from asrsim.errors import InputError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, HeldWrench, RunInfo, Samples
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.blocks import whole_steps
 from asrsim.simulation.divergence import runaway
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Numbers, Prepared, ScenarioLike, Start, prepare
+from asrsim.simulation.prepare import ScenarioLike, prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import RunRecording, Sink
-from asrsim.simulation.worlds import Worlds, count_of, whole_steps
+from asrsim.simulation.start import Numbers, Start
+from asrsim.simulation.worlds import Worlds, count_of
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -125,7 +128,7 @@ class Simulation:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else end)
             length = min(end, boundary) - before
-            rows = self._world.go_on(ONE, length)
+            rows = self._world.blocks.go_on(ONE, length)
             if self.recording.active:
                 first, found = whole_steps(before, self.substep, self.substeps)
                 self.recording.take(first, rows[0, :found])
@@ -203,7 +206,7 @@ class Simulation:
             message = f"the engine '{self.scenario.engine}' takes no wrenches"
             raise InputError(message, key=body, code="wrench", hint="Set `external_torque` on the joints")
         if body not in engine.holdable:
-            message = f"'{body}' is no link and no movable object"
+            message = f"'{body}' is neither a link nor a movable object"
             raise InputError(message, choices=engine.holdable, meant=body, code="wrench")
         wrench = HeldWrench(body, _vector(force, "force"), _vector(torque, "torque"), _vector(point, "point"))
         held = {**self._held, body: wrench}

@@ -21,7 +21,7 @@ from asrsim.simulation.fields import JOINT, motor_column, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTH
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
 from asrsim.simulation.shape import shape_of

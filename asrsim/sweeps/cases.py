@@ -22,7 +22,8 @@ from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
 from asrsim.simulation.examine import Plan, examine_all
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study
@@ -59,9 +60,13 @@ class Case:
     def scenario(self, settings: Mapping[str, Any]) -> Scenario:
         """Scenario with some keys set. Raises ScenarioError."""
         return scenario_from_data(
-            self.resolved, base_dir=self.base_dir, files=self.files, name=self.name, variant=self.variant,
+            self.resolved,
+            base_dir=self.base_dir,
+            files=self.files,
+            name=self.name,
+            variant=self.variant,
             overrides={**settings, **self.substeps},
-        )  # fmt: skip
+        )
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
         """Robot with the parameter values of a run; None if the run needs another robot file."""

@@ -32,9 +32,17 @@ NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 KINDS = ("int", "float", "bool", "text")
 """Kinds of columns."""
 MANIFEST_SHAPE: dict[str, Any] = {
-    "scenario": str, "plugins": [str], "study": {"variants": [str], "*": object}, "inputs": object, "versions": object,
-    "runs": int, "columns": [[str]], "claims": {"*": [str]}, "substeps": {"*": {"*": int}}, "*": object,
-}  # fmt: skip
+    "scenario": str,
+    "plugins": [str],
+    "study": {"variants": [str], "*": object},
+    "inputs": object,
+    "versions": object,
+    "runs": int,
+    "columns": [[str]],
+    "claims": {"*": [str]},
+    "substeps": {"*": {"*": int}},
+    "*": object,
+}
 """Structure of `study.json`."""
 GROUP = 20_000
 """Number of rows in a group of a file. As many waiting rows are written at once, and a part with as many is complete."""

@@ -54,7 +54,7 @@ def test_the_exit_code_of_a_recorded_trial_tells_failed_learning(asrsim_command,
     for share in shares:
         header = "time [s],joint_1.link_position [rad]"
         np.savetxt(tmp_path / "a.csv", np.column_stack([time, share * motion]), delimiter=",", header=header, comments="")
-        done = asrsim_command("ilc", lift, "-e", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1")
+        done = asrsim_command("ilc", lift, "-e", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1", "--no-plot")
     assert done.code == code, done.err
     assert words in done.out + done.err
 

@@ -133,7 +133,7 @@ REFUSED = {
     "no start closes it": ({"loops": [LOOP | {"points": [[3, 0, 0], [0.3, 0, 0]]}]}, "no positions of its joints close it"),
     "dead centre": ({"initial": {"crank": np.pi / 2, "coupler": -np.pi / 2, "rocker": 0.0},
                      "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}]}, "dead centre|close it"),
-    "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is no joint of the loop|no moving joint|elbow"),
+    "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is not a joint of the loop|no moving joint|elbow"),
     "one link twice": ({"loops": [{"links": ["B", "B"], "points": [[0, 0, 0], [0.1, 0, 0]]}]}, "no joints lie between"),
     "two masters": ({"loops": [LOOP | {"master": "crank"}, LOOP | {"master": "rocker"}]}, "two masters"),
 }  # fmt: skip

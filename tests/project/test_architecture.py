@@ -72,8 +72,8 @@ def test_readers_of_logs_do_not_import_the_simulation(folder):
 
 
 INNER = {
-    "arguments", "bound_engine", "core", "divergence", "equilibrium", "fields", "imperfections", "inputs", "joint", "kernel",
-    "laws", "layout", "ledger", "native", "released", "rows", "sensing", "substeps",
+    "arguments", "blocks", "bound_engine", "core", "divergence", "equilibrium", "fields", "imperfections", "inertia", "inputs",
+    "joint", "kernel", "laws", "layout", "ledger", "native", "released", "rows", "sensing", "setups", "substeps",
 }  # fmt: skip
 """Modules of asrsim.simulation that nothing outside it imports."""
 

@@ -137,7 +137,7 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
         ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper limit"),
-        (WITHIN + "choose: {joint_1.controler_1_proportional: [1, 2]}\n", {}, "2: .* is no parameter of the robot"),
+        (WITHIN + "choose: {joint_1.controler_1_proportional: [1, 2]}\n", {}, "2: .* is not a parameter of the robot"),
     ],
 )
 def test_impossible_designs_are_refused_with_the_reason(limits, text, options, said):

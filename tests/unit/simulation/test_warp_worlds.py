@@ -8,7 +8,7 @@ import pytest
 import asrsim
 from asrsim.errors import InputError
 from asrsim.plugins import load_plugin_file
-from asrsim.simulation.prepare import Start
+from asrsim.simulation.start import Start
 from support.paths import EXAMPLES, ROOT
 
 pytest.importorskip("mujoco_warp", reason='needs the extra "warp"')
