@@ -145,13 +145,8 @@ def prepare_learning(plant: Plant) -> PreparedLearning:
         time=plant.time,
         reference=plant.reference,
         first_guess=guesses[settings.first_guess or "zero"](),
-<<<<<<< HEAD
-    )  # fmt: skip
-    law: LearningLaw = FixedGain(problem, settings)
-=======
     )
-    law: Law = FixedGain(problem, settings)
->>>>>>> next
+    law: LearningLaw = FixedGain(problem, settings)
     if settings.law == "auto":
         law = NormOptimal(problem, model.lifted)
     return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=model.inverse.demands)

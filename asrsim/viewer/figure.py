@@ -30,16 +30,12 @@ class Figure:
     """
 
     def __init__(
-<<<<<<< HEAD
-        self, server: viser.ViserServer, scene: RenderScene, *, colour: Rgb | None = None, opacity: float | None = None,
-=======
         self,
         server: viser.ViserServer,
         scene: RenderScene,
         *,
-        colour: Colour | None = None,
+        colour: Rgb | None = None,
         opacity: float | None = None,
->>>>>>> next
         objects: bool = True,
     ) -> None:
         """colour: colour of all bodies; None: their own. objects: whether the objects of the world are shown too."""

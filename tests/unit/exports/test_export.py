@@ -73,6 +73,15 @@ def test_each_part_of_a_drive_moves_in_mujoco_as_in_asrsim(tmp_path, part, motio
     assert found.replay.rms.max() < 0.5
 
 
+def test_a_delay_begins_with_the_first_command(tmp_path):
+    """Until the first command arrives, the joint holds where the first command wants it."""
+    late = {"initial": {"joint_1": {"position": 0.4}}, "imperfections": {"commands": {"joint_1": {"delay": 0.1}}}}
+    given = scenario("sea", references={"joint_1": {"equilibrium_position": 0.4}}, duration=0.3, **late)
+    found = export(given, tmp_path / "soft.xml", plot=False).replay
+    assert np.abs(found.ours - 0.4).max() < 0.05
+    assert np.abs(found.error).max() < 2.0
+
+
 @pytest.mark.parametrize("actuator", ["qbmove", "bavs"])
 def test_variable_stiffness_actuators_follow_a_step_at_their_limits(tmp_path, actuator):
     references = {"equilibrium_position": STEP, "stiffness_preset": 0.1}
