@@ -278,7 +278,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
             if possible and parameter is not None and parameter.key not in free:
                 beside = f"{joint}.{BESIDE.get(name, '')}"
                 more = (known[beside],) if beside in known.keys() - free else ()
-                # A joint that too much friction holds moves only without friction.
+                # If the friction is so large that the joint does not move, the search starts without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]

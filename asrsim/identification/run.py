@@ -221,7 +221,7 @@ def _judged(
         with watch.in_time(), suppress(OutOfTime):
             for level in slow:
                 for one in _causes(*level):
-                    # Other levels say the same without a trial.
+                    # A cause that is found without a trial fit is the same at every level: take it once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
                         causes.append(one.text)

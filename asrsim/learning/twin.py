@@ -60,7 +60,7 @@ class LearningTwin:
     """Plants drawn from the posterior."""
 
     def unexplained(self, best: Trial, trials: Sequence[Trial]) -> Unexplained:
-        """What this twin does not explain of recorded trials."""
+        """Part of the recorded trials that this twin does not explain."""
         forecast, others = _forecast(self.plant, best), [trial for trial in trials if trial is not best]
         return Unexplained(
             most=largest(best.outputs - self.plant.outputs(best.inputs)),
@@ -74,7 +74,7 @@ class LearningTwin:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """What a twin does not explain of recorded motions, rad. Predictions assume that it stays as in the best trial."""
+    """Part of recorded motions that a twin does not explain, rad. Predictions assume that it is that of the best trial."""
 
     most: float
     """Largest difference between the best trial and the twin's motion."""
@@ -84,8 +84,8 @@ class Unexplained:
     def of_change(self, size: float) -> float:
         """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.
 
-        What is not explained changes at most by itself, at most by the predicted change, and at most by the error of the
-        prediction of a recorded trial that differs as much.
+        The bound is the smallest of three: the predicted change, the unexplained part of the best trial, and the error of the
+        prediction of a recorded trial that differs from the best trial at least as much.
         """
         return min(size, self.most, *(miss for distance, miss in self.misses if distance >= size))
 

@@ -21,7 +21,7 @@ Use = Literal["read", "no physics", "contacts", "left out"]
 
 
 class Effect(NamedTuple):
-    """What a word would do that is left out."""
+    """Effect of a word that is left out."""
 
     text: str
     size: float = 0.0
@@ -379,6 +379,6 @@ UNKNOWN_PLUGIN = special(
     lambda plugin, _text: Effect(
         f"the plugin '{plugin.get('filename', '')}' is unknown: what it does in Gazebo has no effect here"
     ),
-    "a plugin that is none of asrsim's, and no known one of Gazebo: it has no effect",
+    "a plugin that is neither an actuator of asrsim nor a known plugin of Gazebo: it has no effect",
 )
 """Any other plugin in `<gazebo>`."""

@@ -180,7 +180,7 @@ def judge(
     ready: bool, error: Any, alarm: Any, found: Any,
 ) -> bool:  # fmt: skip
     """Compute the external torques, thresholds and alarms of each joint. Returns whether a joint's threshold, from noise alone,
-    exceeds all that its springs have carried in motion.
+    exceeds the largest torque that its springs have carried in motion.
 
     rows: recorded values of the simulations (w, n, columns); springs: columns with the torques of the springs, N m; stiffness:
     column with the joints' stiffness, -1 without springs; learned: whether the model's errors are estimated (n,); friction: of

@@ -283,7 +283,7 @@ class Twin:
         )
 
     def _say_deaf(self, notes: list[str]) -> None:
-        """Note joints whose threshold, from noise alone, exceeds all that their springs have carried in motion."""
+        """Note joints whose threshold, from noise alone, exceeds the largest torque of their springs in motion."""
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])

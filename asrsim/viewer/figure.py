@@ -84,7 +84,7 @@ class Figure:
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
     def place(self, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-        """Move the bodies to the only sample; returns the frame (4, 4) of each body in the world.
+        """Move the bodies to the last of the samples; returns the frame (4, 4) of each body in the world.
 
         positions: positions (joints,) instead of the links' positions, rad (m).
         """
@@ -151,7 +151,7 @@ class Figure:
 
 
 def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-    """Frame (4, 4) of each body in the world at the only sample. Joints without a position are at 0."""
+    """Frame (4, 4) of each body in the world at the last of the samples. Joints without a position are at 0."""
     values = samples.values["link_position"][-1] if positions is None else positions
     return scene.frames(
         {name: float(value) for name, value in zip(samples.joints, values, strict=True) if math.isfinite(value)},

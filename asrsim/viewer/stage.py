@@ -145,7 +145,7 @@ class ViewerStage:
     # -- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self, samples: Samples, *, pull: Pull | None = None) -> None:
-        """Show the only sample."""
+        """Show the last of the samples."""
         time, look = float(samples.time[-1]), self.look
         frames = self.figure.place(samples)
         error = values_of(samples, "position_error", self.subject.joints)
