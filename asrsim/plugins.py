@@ -64,7 +64,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     The file may also add to any other registry of asrsim: signals, measures, recording readers, engines. The file
     runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
     Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
-    malformed actuator or stage; then nothing that the file adds stays.
+    malformed actuator or stage; then everything that the file added is removed.
     """
     path = Path(path)
     if not path.is_file():
@@ -144,7 +144,7 @@ def plugin_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _law_hint(frame: FrameType) -> str:
-    """The command that checks the law whose code a frame runs; empty for code that is no law."""
+    """The command that checks the law whose code a frame runs; empty for code that is not a law."""
     for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
         for one in registry.loaded():
             law = inspect.getattr_static(one, frame.f_code.co_name, None)

@@ -17,7 +17,7 @@ class Progress:
     fraction: float = math.nan
     """Finished fraction of this part, from 0 to 1; nan: unknown."""
     time: float = math.nan
-    """Simulated time in s that a run has reached; nan: the work is no run."""
+    """Simulated time in s that a run has reached; nan: the work is not a run."""
 
 
 Tell: TypeAlias = Callable[[Progress], None]
@@ -27,9 +27,9 @@ Stop: TypeAlias = Callable[[], bool]
 
 
 def tell_nobody(_: Progress) -> None:
-    """Function `progress` of a caller who does not want to know."""
+    """Function `progress` that ignores the progress."""
 
 
 def never() -> bool:
-    """Function `stop` of a caller who waits for the end."""
+    """Function `stop` that never stops the work."""
     return False

@@ -30,7 +30,7 @@ class Source:
     name: str
     """Name of the sheet and its files."""
     short: str
-    """Name beside other sheets: the actuator's, or the joint's."""
+    """Name in comparisons of sheets: that of the actuator or of the joint."""
     drive: Drive
     """Drive in `SHEET_MODE`."""
     origin: str
@@ -77,7 +77,7 @@ def sources_of(
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
-            message = "is no actuator"
+            message = "is not an actuator"
             raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
         raise InputError("needs a robot or a scenario among the targets", key="--joint", value=joints[0], code="no-robot")

@@ -79,7 +79,7 @@ class Block(Kind[T], Generic[T]):
     noun: str = "mapping"
     doc: str = ""
     main: str = ""
-    """Main key: a value that is no mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
+    """Main key: a value that is not a mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
     read_before: tuple[str, ...] = ()
     """Further valid keys, which other code reads; messages list them too."""
 
@@ -95,7 +95,7 @@ class Block(Kind[T], Generic[T]):
         for name, item in node.value.items():
             if name not in self.names:
                 new = OLD_KEYS.get(name)
-                hint = f"It is called '{new}' now, which is given too" if new in node.value else None
+                hint = f"It is called '{new}' now, and '{new}' is given, too" if new in node.value else None
                 reading.fault(
                     item,
                     (*path, name),
@@ -137,7 +137,7 @@ class Block(Kind[T], Generic[T]):
             for problem in error.problems:
                 head, *inner = (problem.key or "").split(".")
                 own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
-                # Keys inside another file are no keys of this document; they stay in the message.
+                # A key of another file is not in this document: the message keeps it.
                 elsewhere = problem.file is not None
                 item, place = node, path
                 for name in own if elsewhere or not own else (*own, *inner):

@@ -424,7 +424,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
         if all(for_all):
             return self.of.merge(base, over)
-        # As with values that are no mappings, a value for all names and a mapping replace each other.
+        # As with values that are not mappings, a value for all names and a mapping replace each other.
         return over if any(for_all) else super().merge(base, over)
 
     def _is_bare(self, node: Node) -> bool:

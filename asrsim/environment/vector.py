@@ -62,7 +62,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
         if autoreset not in AUTORESET:
-            raise InputError("is no way to reset", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
+            raise InputError("is unknown", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
         self.render_mode, self._size = render_mode, size
         self._picture: Any = None
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP
@@ -220,7 +220,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             now = np.concatenate(parts[:-1], axis=1)
             if moved:
                 self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
-            # The history of a new episode is its start, with actions in the middle.
+            # The history of a new episode repeats its start, with actions in the middle of their range.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
         shown = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")

@@ -330,13 +330,15 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         if topic.decode is None:
             continue
         if len(group.received) < 2:
-            findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
+            findings.append(
+                Problem("the topic has one message only; a time series needs more", key=topic.name, code="too-short")
+            )
             continue
         columns = [_time_of(topic.name, group, stated, findings)]
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
         if topic.kind.endswith("/JointState") and nameless:
             message = (
-                f"no names of joints for {listed(nameless, 4)}: they go to the robot's joints by order, "
+                f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
                 "unless --map states others"
             )
             hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"

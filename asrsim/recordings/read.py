@@ -100,7 +100,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
-        # The time may be in a column whose text is no date.
+        # The time may be in a column whose text is not a date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
@@ -158,7 +158,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problem = replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
-            message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({unit_of(one.quantity)})"
+            message = f"is in {unit.symbol}, which is not a unit of {one.quantity} ({unit_of(one.quantity)})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
             problem = replace(problem, message=message, hint=hint, code="wrong-unit")
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
@@ -286,8 +286,8 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
     def order(column: Column) -> tuple[int, bool, bool]:
-        """Rank; of the commands of one joint, a position stands before the torque or current of a controller inside; a name
-        that states the joint stands before one that numbers it."""
+        """Rank. Among the commands of one joint, a position precedes the torque or current of an inner controller; a column
+        that names the joint precedes a column that numbers it."""
         inner = column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
         return rank(column), inner, column.joint is not None and find_joint(column.source, [column.joint])[0] is None
 

@@ -101,7 +101,7 @@ class TimeKeys:
 
     def __post_init__(self) -> None:
         if self.unit is not None and (self.stated is None or self.stated.si != "s"):
-            raise _error("unit", f"{self.unit} is no unit of time", choices=("s", "ms", "us", "ns"))
+            raise _error("unit", f"{self.unit} is not a unit of time", choices=("s", "ms", "us", "ns"))
 
 
 TIME = block_of(TimeKeys, "time", main="column")

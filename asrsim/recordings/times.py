@@ -168,7 +168,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
     """The first column with the name of a time, and the next one if both are seconds and parts of a second of one stamp.
 
-    A flag, which has two values at most, is no time beside a column that has more.
+    A flag, which has two values at most, is not taken as the time if another column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
@@ -244,7 +244,7 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     if period is None:
         return values
     message = f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight or a full counter"
-    findings.append(Problem(f"{message}; its times go on", key=name, code="restarted-clock"))
+    findings.append(Problem(f"{message}; its times continue", key=name, code="restarted-clock"))
     found = values.copy()
     found[known[1:]] += period * np.cumsum(steps < 0.0)
     return found

@@ -28,7 +28,7 @@ DENSITY = 100.0
 AWAY = 2.0
 """Largest plausible distance of a centre of mass from all known parts of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Range, rad, in which a limit of a revolute joint means several turns or was stated in degrees by mistake."""
+"""Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
@@ -167,7 +167,7 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     if joint.effort is None:
         yield Problem("the joint has no effort limit: torques are not clipped", code="no-effort-limit")
     elif joint.effort == 0.0:
-        message = "the joint's effort limit is 0: every torque is clipped to nothing"
+        message = "the joint's effort limit is 0: every torque is clipped to 0"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
     yield from _left_rotor(block, joint)
     if MODES[block.mode].spring and not has_spring(block):

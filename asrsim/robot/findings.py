@@ -24,7 +24,7 @@ _HINTS = (
     (re.compile(r"[-+]?\d+,\d+"), "Write a decimal point"),
     (re.compile(r"[-+]?[\d.]+\s*[^\W\d].*"), "Write the number without its unit, in SI units"),
 )
-"""Patterns of texts that are no numbers, and what to write instead."""
+"""Patterns of texts that are not numbers, and what to write instead."""
 
 
 _BLANKS = re.compile(f"[{BLANKS}]+")
@@ -113,7 +113,7 @@ class Findings:
         return x, y, z
 
     def value(self, text: str, shown: str, at: Any, place: str, *, finite: bool = True) -> float:
-        """Number in a text; 0 with an error if the text is no number, is infinite where this is invalid, or is too large."""
+        """Number in a text; 0 with an error if the text is not a number, is infinite where this is invalid, or is too large."""
         fault, code = "", "not-a-number"
         try:
             number = plain_number(text)
@@ -123,7 +123,7 @@ class Findings:
             if math.isnan(number) or (finite and math.isinf(number)):
                 fault, code = "must be finite", "not-finite"
             elif finite and abs(number) > LARGEST_NUMBER:
-                fault, code = f"is larger than {LARGEST_NUMBER:g}, which no robot has", "out-of-range"
+                fault, code = f"is larger than {LARGEST_NUMBER:g}, too large for a robot", "out-of-range"
         if fault:
             hint = next((hint for pattern, hint in _HINTS if pattern.fullmatch(text.strip())), None)
             self.error(fault, at, place, code=code, value=shown, hint=hint)

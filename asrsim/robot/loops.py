@@ -396,7 +396,7 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         if fault:
             problems.append(Problem(fault, key=f"loops.{number}", code="loop"))
         elif loop.master and loop.master not in names:
-            message = f"its master '{loop.master}' is no joint of the loop"
+            message = f"its master '{loop.master}' is not a joint of the loop"
             problems.append(Problem(message, key=f"loops.{number}", choices=tuple(names), code="loop"))
         elif path:
             paths.append(path)

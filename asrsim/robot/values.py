@@ -99,9 +99,9 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST_NUMBER:
-            return f"is larger than {LARGEST_NUMBER:g}, which no actuator has"
+            return f"is larger than {LARGEST_NUMBER:g}, too large for an actuator"
         if abs(value) < SMALLEST:
-            return f"is closer to 0 than {SMALLEST:g}, which no actuator is"
+            return f"is closer to 0 than {SMALLEST:g}, too small for an actuator"
     return fault
 
 

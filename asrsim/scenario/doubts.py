@@ -51,7 +51,7 @@ def _gravity_and_step(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         message = "points upwards: z points up, so weight is negative in z"
         yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
     if not STEPS[0] <= scenario.step <= STEPS[1]:
-        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        message = f"is unusual: steps of simulated robots are {STEPS[0]:g} to {STEPS[1]:g} s"
         yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
 
 

@@ -94,7 +94,7 @@ def _variants(
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
-        message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
+        message = "is not a scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
     variants, wrong = _split(with_new_keys(root))
     faults += wrong

@@ -56,7 +56,7 @@ class BoundEngine:
         self.engine.step(self._parts[pieces], wrenches, lengths)
 
     def leave(self) -> None:
-        """Save the engine's state, before a new state replaces this state."""
+        """Save the engine's state before another world's state is loaded."""
         if self._world is not None:
             self.states[self._world] = self.engine.state
             self._world = None
@@ -139,7 +139,7 @@ class NativeEngine(BoundEngine):
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
         self._calls: list[EngineCall] = []
-        """Records with exchanges that no thread uses at present."""
+        """Calls that are free for the next thread."""
 
     def borrow(self, pieces: int) -> EngineCall:
         """What one call of the kernel receives; each call gets its own, since threads may call in parallel."""

@@ -206,7 +206,7 @@ class Simulation:
             message = f"the engine '{self.scenario.engine}' takes no wrenches"
             raise InputError(message, key=body, code="wrench", hint="Set `external_torque` on the joints")
         if body not in engine.holdable:
-            message = f"'{body}' is no link and no movable object"
+            message = f"'{body}' is neither a link nor a movable object"
             raise InputError(message, choices=engine.holdable, meant=body, code="wrench")
         wrench = HeldWrench(body, _vector(force, "force"), _vector(torque, "torque"), _vector(point, "point"))
         held = {**self._held, body: wrench}

@@ -511,7 +511,7 @@ def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
 
 
 def check_number(value: Any, key: str) -> None:
-    """Raise InputError for what is no whole number of at least 1."""
+    """Raise InputError if a value is not a whole number of at least 1."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
         raise InputError("must be a whole number of at least 1", key=key, value=value, code="worlds")
 

@@ -67,7 +67,7 @@ a few seconds, even with good damping."""
 CARRYING = 3.0
 """Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
 MARGIN = 1.5
-"""Factor on the change of the weight's torques within the sag that needs no warning, for what single edges do not show."""
+"""Safety factor on the change of the weight's torques within the tolerated sag, since only single edges are evaluated."""
 SHORT = 0.01
 """Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
