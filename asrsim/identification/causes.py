@@ -357,10 +357,11 @@ for name, cause in {
     "commands": Cause(title="zeros of commands", extensions=_commands),
     "robot": Cause(
         title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
-        "motors and of deflections, masses of links", extensions=_robot,
+        "motors and of deflections, masses of links",
+        extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands", extensions=_delays),
     "ties": Cause(title="wrong ties", extensions=_wrong_ties),
     "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
-}.items():  # fmt: skip
+}.items():
     CAUSES.add(name, cause)

@@ -41,7 +41,7 @@ LIKELY = 6
 
 Forecast = Callable[[Array], Array]
 """Function from inputs (n, joints) to expected outputs (n, joints)."""
-Group = Mapping[tuple[str, str], float]
+ParameterGroup = Mapping[tuple[str, str], float]
 """Values of parameters that are scaled together, by pairs (joint or link, name)."""
 
 
@@ -150,11 +150,11 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     )
 
 
-def _groups(plant: Plant) -> dict[str, Group]:
+def _groups(plant: Plant) -> dict[str, ParameterGroup]:
     """Fitted groups of parameters of each joint: mass of its body, springs, friction of joint and motors, damping."""
     robot = plant.prepared.robot
     blocks = {block.joint: block.values() for block in robot.actuators}
-    found: dict[str, Group] = {}
+    found: dict[str, ParameterGroup] = {}
     for drive in plant.drives:
         joint = drive.name
         found[f"mass.{joint}"] = _body(robot, joint)
@@ -167,7 +167,7 @@ def _groups(plant: Plant) -> dict[str, Group]:
     return {name: group for name, group in found.items() if any(group.values())}
 
 
-def _body(robot: Robot, joint: str) -> Group:
+def _body(robot: Robot, joint: str) -> ParameterGroup:
     """Masses and inertias of the links that move with the joint as one body."""
     body, waiting = {robot.joint(joint).child}, [robot.joint(joint).child]
     while waiting:

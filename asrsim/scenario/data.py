@@ -41,7 +41,7 @@ from asrsim.scenario.joints import (
     GivenActuator,
     Imperfections,
     LinkDamping,
-    Range,
+    RangeOf,
 )
 from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys
 from asrsim.scenario.manager import ManagerFile
@@ -228,7 +228,7 @@ class Scenario:
         doc="desired motion of the link if it differs from the reference (a learned input); the summary's errors refer to it",
     )
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
-        MapOf(of=MapOf(of=Range(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
+        MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
         "library): beyond, they are clamped; substeps are chosen for them",

@@ -20,7 +20,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
 from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
+from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, JointWatch, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
@@ -129,7 +129,7 @@ class Twin:
         )
         self._coupled = np.array([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T.copy()
-        self._watch = Watch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
+        self._watch = JointWatch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
         self._limits = AlarmLimits(
             forgotten=step / PEAK_MEMORY,
