@@ -5,6 +5,7 @@ A prepared scenario is immutable; simulations and worlds are made from it.
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from asrsim.engines import ENGINES
-from asrsim.engines.base import Engine
+from asrsim.engines.base import MEMBERS, Engine
 from asrsim.errors import InputError, Problem, RobotError, SimulationError, did_you_mean
 from asrsim.plugins import blame_plugins
+from asrsim.registry import result_fault
 from asrsim.registry.steppings import Stepping
 from asrsim.robot.dynamics import RobotModel, robot_model
 from asrsim.robot.massless import SINGULAR
@@ -48,7 +50,15 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
-    engine, warnings = entry.make(scenario, robot)
+    made = entry.make(scenario, robot)
+    if not isinstance(made, tuple) or len(made) != 2:
+        message = f"`make` of the engine '{scenario.engine}' must return an engine and a tuple of warnings; it returns {made!r}"
+        raise result_fault(entry.make, message)
+    engine, warnings = made
+    for name in MEMBERS:
+        if inspect.getattr_static(engine, name, MEMBERS) is MEMBERS:
+            message = f"the engine '{scenario.engine}' must have the member `{name}`; {type(engine).__name__} lacks it"
+            raise result_fault(entry.make, message)
     if scenario.wrenches and not engine.takes_wrenches:
         engine.close()
         raise SimulationError(f"the engine '{scenario.engine}' takes no wrenches: the scenario's would have no effect")
