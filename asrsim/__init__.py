@@ -29,8 +29,10 @@ if TYPE_CHECKING:
     from asrsim.runs.rerun import Repetition, rerun
     from asrsim.scenario import Scenario, load_scenario, make_scenario
     from asrsim.simulation.observation import Observation
-    from asrsim.simulation.prepare import Prepared, Start, prepare
+    from asrsim.simulation.prepare import prepare
+    from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.simulation import Simulation
+    from asrsim.simulation.start import Start
     from asrsim.simulation.worlds import Worlds
     from asrsim.summary import RunSummary
     from asrsim.sweeps import sweep
@@ -51,8 +53,10 @@ _HOMES = {
     "asrsim.runs.rerun": ("Repetition", "rerun"),
     "asrsim.scenario": ("Scenario", "load_scenario", "make_scenario"),
     "asrsim.simulation.observation": ("Observation",),
-    "asrsim.simulation.prepare": ("Prepared", "Start", "prepare"),
+    "asrsim.simulation.prepare": ("prepare",),
+    "asrsim.simulation.prepared": ("Prepared",),
     "asrsim.simulation.simulation": ("Simulation",),
+    "asrsim.simulation.start": ("Start",),
     "asrsim.simulation.worlds": ("Worlds",),
     "asrsim.summary": ("RunSummary",),
     "asrsim.sweeps": ("sweep",),

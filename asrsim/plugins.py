@@ -144,7 +144,7 @@ def plugin_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _law_hint(frame: FrameType) -> str:
-    """The command that checks the law whose code a frame runs; empty for code that is no law."""
+    """The command that checks the law whose code a frame runs; empty for code that is not a law."""
     for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
         for one in registry.loaded():
             law = inspect.getattr_static(one, frame.f_code.co_name, None)

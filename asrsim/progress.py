@@ -17,7 +17,7 @@ class Progress:
     fraction: float = math.nan
     """Finished fraction of this part, from 0 to 1; nan: unknown."""
     time: float = math.nan
-    """Simulated time in s that a run has reached; nan: the work is no run."""
+    """Simulated time in s that a run has reached; nan: the work is not a run."""
 
 
 Tell: TypeAlias = Callable[[Progress], None]

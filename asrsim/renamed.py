@@ -33,6 +33,8 @@ STUDY_KEYS = {"design": "sampler"}
 """Keys of a study: old and new name."""
 KEYS = {"effects": "imperfections", "substep_cap": "max_substeps"}
 """Keys of a scenario: old and new name. Logs keep the old names for ever."""
+OLD_KEYS = STUDY_KEYS | KEYS
+"""Keys of all documents: old and new name."""
 
 
 class OldKeyWarning(FutureWarning):

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import is_dataclass, replace
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -84,14 +85,21 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
 def check_stage(stage: type[Stage]) -> CheckReport:
     """Results of all checks. An exception in a law fails the checks that need the law and is not raised."""
     doc = "name, parameters, records and laws are declared as `Stage` requires"
-    return report_of(stage, stage_problems(stage), doc, (_run(stage, *check) for check in CHECKS))
+    trial_of = cache(partial(StageTrial, stage))
+    return report_of(stage, stage_problems(stage), doc, (_run(trial_of, *check) for check in CHECKS))
 
 
-def _run(stage: type[Stage], name: str, doc: str, limit: float, measure: Callable[[StageTrial], Iterable[float]]) -> Check:
+def _run(
+    trial_of: Callable[[int], StageTrial],
+    name: str,
+    doc: str,
+    limit: float,
+    measure: Callable[[StageTrial], Iterable[float]],
+) -> Check:
     worst, where = 0.0, ""
     try:
         for seed in range(len(SIZES)):
-            trial = StageTrial(stage, seed)
+            trial = trial_of(seed)
             found = float(np.max(np.fromiter(measure(trial), float), initial=0.0))
             if not found <= worst:
                 worst, where = found, ", ".join(f"{key} = {value:.4g}" for key, value in trial.values.items())
@@ -130,14 +138,16 @@ class StageTrial:
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 
-    def kicks(self) -> Iterator[tuple[Any, Any, float, float]]:
+    @cached_property
+    def kicks(self) -> Sequence[tuple[Any, Any, float, float]]:
         """Memory before and after each kick, and the deflection and its velocity at the kick."""
-        memory = self.stage.Memory()
+        memory, kicks = self.stage.Memory(), []
         for x, v, torque in zip(self.deflection, self.velocity, self.torque, strict=True):
             after = replace(memory)
             self.stage.remember(after, self.own, x, v, torque, self.step)
-            yield memory, after, x, v
+            kicks.append((memory, after, x, v))
             memory = after
+        return kicks
 
 
 def _drawn(one: Parameter, source: np.random.Generator) -> float:
@@ -153,7 +163,7 @@ def _acts(trial: StageTrial) -> Iterator[float]:
 
 def _finite(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
-    for (memory, _, x, v), torque in zip(trial.kicks(), trial.torque, strict=True):
+    for (memory, _, x, v), torque in zip(trial.kicks, trial.torque, strict=True):
         found = (
             stage.place(memory, own, x),
             stage.torque(memory, own, x, v),
@@ -175,7 +185,7 @@ def _excess(trial: StageTrial, bound: float, *, way: float = 0.0, speed: float =
     """Relative excess of the torque's slope over its bound. way or speed: half of the difference, in rad or rad/s, from which
     the slope follows."""
     stage, own = trial.stage, trial.own
-    for memory, _, x, v in trial.kicks():
+    for memory, _, x, v in trial.kicks:
         change = stage.torque(memory, own, x + way, v + speed) - stage.torque(memory, own, x - way, v - speed)
         slope = abs(change) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
@@ -185,7 +195,7 @@ def _balance(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
     work = lost = turned = stored = first = before = 0.0
     last = trial.deflection[0]
-    for number, (memory, after, x, v) in enumerate(trial.kicks()):
+    for number, (memory, after, x, v) in enumerate(trial.kicks):
         pull = stage.torque(memory, own, x, v)
         stored = stage.energy(after, own)
         if number == 0:
@@ -198,19 +208,19 @@ def _balance(trial: StageTrial) -> Iterator[float]:
 
 
 def _gains(trial: StageTrial) -> Iterator[float]:
-    for number, (_, after, *_) in enumerate(trial.kicks()):
+    for number, (_, after, *_) in enumerate(trial.kicks):
         yield max(-trial.stage.loss(after, trial.own), 0.0) if number else 0.0
 
 
 def _series(trial: StageTrial) -> Iterator[float]:
     stage, own, near = trial.stage, trial.own, 1e-6
-    for memory, _, x, _ in trial.kicks():
+    for memory, _, x, _ in trial.kicks:
         slope = (stage.place(memory, own, x + near) - stage.place(memory, own, x - near)) / (2.0 * near)
         yield max(slope - 1.0 - SLACK, -slope - SLACK, 0.0)
 
 
 def _limits(trial: StageTrial) -> Iterator[float]:
-    for memory, *_ in trial.kicks():
+    for memory, *_ in trial.kicks:
         found = trial.stage.limit(memory, trial.own, LARGEST)
         yield max(found - LARGEST, -found, 0.0)
 

@@ -99,9 +99,13 @@ def first_sentence(function: Any) -> str:
 
 # Disable typer's rich markup: plain help appears in half the time.
 app = typer.Typer(
-    cls=LazyGroup, no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
+    cls=LazyGroup,
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     context_settings=HELP,
-)  # fmt: skip
+)
 
 
 def _version(wanted: bool) -> None:

@@ -65,10 +65,16 @@ def design(
     message = "asrsim: stopping; the best so far is kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
-            scenario, limits, duration=duration, experiments=experiment or (), robust=robust, seed=seed, stop=interruption.stop,
+            scenario,
+            limits,
+            duration=duration,
+            experiments=experiment or (),
+            robust=robust,
+            seed=seed,
+            stop=interruption.stop,
             progress=bar.update,
             **{name: value for name, value in options.items() if value not in (None, [])},
-        )  # fmt: skip
+        )
         files = write_design(found, out, plot=plot)
 
     def text() -> None:

@@ -116,9 +116,17 @@ def identify(
     from asrsim.identification.write import fit_data
 
     options: dict[str, Any] = {
-        "validate": validate, "free": free, "ties": tie, "own": own, "mapping": mapping,
-        "rate": rate, "variant": variant, "overrides": overrides, "hold_out": hold_out, "plugins": plugin,
-    }  # fmt: skip
+        "validate": validate,
+        "free": free,
+        "ties": tie,
+        "own": own,
+        "mapping": mapping,
+        "rate": rate,
+        "variant": variant,
+        "overrides": overrides,
+        "hold_out": hold_out,
+        "plugins": plugin,
+    }
     task = task_of(
         scenario, experiment or [], **{name: value for name, value in options.items() if value not in (None, [], ())}
     )

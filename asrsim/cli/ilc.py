@@ -80,10 +80,15 @@ def _learn(plan: Plan, folder: Path, plugins: list[Path], resume: bool, overwrit
         "asrsim: stopping; the best trial so far is kept, and --resume continues (Ctrl-C again to abort)"
     ) as interruption:
         session = learn(
-            plan, folder, on_start=None if quiet else start, on_trial=None if quiet else _row,
+            plan,
+            folder,
+            on_start=None if quiet else start,
+            on_trial=None if quiet else _row,
             stop=interruption.stop,
-            resume=resume, overwrite=overwrite, picture=plot,
-        )  # fmt: skip
+            resume=resume,
+            overwrite=overwrite,
+            picture=plot,
+        )
     good = session.result.converged
     code = INTERRUPTED if session.result.outcome == "interrupted" else int(not good)
 
@@ -122,11 +127,16 @@ def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None
             say(f"play {folder / NEXT} on the robot, record it, and give the recording to --experiment again")
 
     data = {
-        "ok": True, "folder": str(folder), "converged": step.converged, "outcome": step.outcome, "clock": step.clock,
+        "ok": True,
+        "folder": str(folder),
+        "converged": step.converged,
+        "outcome": step.outcome,
+        "clock": step.clock,
         "findings": step.findings,
-        "foretold_ratio": finite_or_none(step.foretold), "warning": step.warning,
+        "foretold_ratio": finite_or_none(step.foretold),
+        "warning": step.warning,
         "trial": trial_data(step.trials[-1], plant.joints),
-    }  # fmt: skip
+    }
     return Done(data=data, always=text, code=int(bool(step.outcome) and not step.converged))
 
 

@@ -77,9 +77,12 @@ def init(
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {
-        "mode": mode, "actuators": mounted, "force": overwrite, "arguments": pairs(arg, "--arg"),
+        "mode": mode,
+        "actuators": mounted,
+        "force": overwrite,
+        "arguments": pairs(arg, "--arg"),
         "packages": folders(package, "--package"),
-    }  # fmt: skip
+    }
     run = f"run it: {command_line('run', target, plugin)}"
     if experiment is None:
         if mapping or rate is not None:

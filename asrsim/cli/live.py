@@ -75,9 +75,12 @@ def live(
         return out or Path("out") / one.name / f"{one.variant}_live"
 
     plan = examine(
-        scenario, variant=variant, overrides=overrides or (), plugins=plugin,
+        scenario,
+        variant=variant,
+        overrides=overrides or (),
+        plugins=plugin,
         beside=None if twin else lambda own: folder_problems(own, folder_of, overwrite=overwrite),
-    )  # fmt: skip
+    )
     access = Access(network=network, port=port, domain=domain, origins=tuple(map(origin_of, allow_origin or ())))
     if twin:
         return _follow(plan, names, access, namespace, duration, view=view, quiet=quiet)
@@ -126,9 +129,13 @@ def _follow(
     from asrsim.twin.live import LiveTwin
 
     twin = LiveTwin(
-        plan, transports=transports, access=access, namespace=namespace, duration=duration,
+        plan,
+        transports=transports,
+        access=access,
+        namespace=namespace,
+        duration=duration,
         tell=(lambda text: None) if quiet else say,
-    )  # fmt: skip
+    )
     with Interruption("") as interruption:
         if view:
             from asrsim.cli.view import show_page

@@ -69,9 +69,12 @@ def run(
         return default_folder(one) if out is None else (out / one.variant if variants > 1 else out)
 
     plans = examine_all(
-        scenario, variants=variant or (), overrides=settings, plugins=plugin,
+        scenario,
+        variants=variant or (),
+        overrides=settings,
+        plugins=plugin,
         beside=lambda own: folder_problems(own, lambda one: folder_of(one, len(own)), overwrite=overwrite),
-    )  # fmt: skip
+    )
     done: list[Executed] = []
     printed: set[str] = set()
     failure: tuple[str, AsrsimError] | None = None
@@ -83,9 +86,15 @@ def run(
                 with owned(folder):
                     with RunBar(title, one.duration, show=not quiet) as progress:
                         executed = execute(
-                            plan, folder, overwrite=overwrite, certify=certify, cross_check=cross_check,
-                            started=progress.start, progress=progress.update, stop=interruption.stop,
-                        )  # fmt: skip
+                            plan,
+                            folder,
+                            overwrite=overwrite,
+                            certify=certify,
+                            cross_check=cross_check,
+                            started=progress.start,
+                            progress=progress.update,
+                            stop=interruption.stop,
+                        )
                     # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
                     done.append(write_summary(executed))
                     for wanted, add in ((plot, _drawn), (report, _reported)):

@@ -71,9 +71,14 @@ def sweep(
     On a cluster: asrsim sweep study.yaml --cluster tcp://host:8786
     """
     given: dict[str, Any] = {
-        "variants": variant or [], "overrides": overrides or [], "sampler": sampler, "samples": samples, "seed": seed,
-        "fit": fit, "plugins": plugin,
-    }  # fmt: skip
+        "variants": variant or [],
+        "overrides": overrides or [],
+        "sampler": sampler,
+        "samples": samples,
+        "seed": seed,
+        "fit": fit,
+        "plugins": plugin,
+    }
     if run is not None:
         return _repeated(study, run, out, plugin, quiet=quiet)
     if study.is_dir():
@@ -104,9 +109,17 @@ def sweep(
 
 
 def _swept(
-    path: Path, over: list[str], given: dict[str, Any], workers: int | None, cluster: str | None, out: Path | None,
-    *, resume: bool, overwrite: bool, quiet: bool,
-) -> tuple[Table, int]:  # fmt: skip
+    path: Path,
+    over: list[str],
+    given: dict[str, Any],
+    workers: int | None,
+    cluster: str | None,
+    out: Path | None,
+    *,
+    resume: bool,
+    overwrite: bool,
+    quiet: bool,
+) -> tuple[Table, int]:
     from asrsim.cli.progress import SweepBar
     from asrsim.sweeps import sweep
     from asrsim.sweeps.run import study_of
@@ -118,9 +131,15 @@ def _swept(
     message = "asrsim: stopping; finished rows are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, SweepBar(study.name, show=not quiet) as progress:
         table = sweep(
-            study, workers=workers, cluster=cluster, out=folder, resume=resume, overwrite=overwrite,
-            progress=progress.update, stop=interruption.stop,
-        )  # fmt: skip
+            study,
+            workers=workers,
+            cluster=cluster,
+            out=folder,
+            resume=resume,
+            overwrite=overwrite,
+            progress=progress.update,
+            stop=interruption.stop,
+        )
     return table, INTERRUPTED if interruption.requested and table.missing else 0
 
 

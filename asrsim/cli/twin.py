@@ -43,9 +43,13 @@ def twin(
     from asrsim.twin.follow import Followed, follow_recording, write
 
     options: dict[str, Any] = {
-        "bandwidth": bandwidth, "mapping": mapping, "rate": rate, "clock_offset": clock_offset, "variant": variant,
+        "bandwidth": bandwidth,
+        "mapping": mapping,
+        "rate": rate,
+        "clock_offset": clock_offset,
+        "variant": variant,
         "overrides": overrides or (),
-    }  # fmt: skip
+    }
     written: list[Path] = []
     message = "asrsim: stopping; the results so far are kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:

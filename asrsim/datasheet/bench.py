@@ -51,9 +51,12 @@ def measured_curve(
     missing = [name for name in needed if name not in columns] + ([] if torques else ["link_torque"])
     if missing:
         raise RecordingError(
-            f"has no column for {', '.join(missing)}", file=path, code="no-such-quantity",
-            choices=tuple(recording.channels), hint=f"Map one with --map COLUMN={source.drive.joint}.{missing[0]}",
-        )  # fmt: skip
+            f"has no column for {', '.join(missing)}",
+            file=path,
+            code="no-such-quantity",
+            choices=tuple(recording.channels),
+            hint=f"Map one with --map COLUMN={source.drive.joint}.{missing[0]}",
+        )
     time = columns[torques[0]].time
 
     def values(name: str) -> Array:

@@ -89,10 +89,14 @@ class Sheet:
     def as_dict(self) -> dict[str, Any]:
         """Plain data of numbers; charts are left out."""
         return {
-            "name": self.name, "title": self.title, "source": self.source, "law": self.law, "origin": self.origin,
+            "name": self.name,
+            "title": self.title,
+            "source": self.source,
+            "law": self.law,
+            "origin": self.origin,
             "command": self.command,
             "numbers": {one.key: one.as_dict() for one in self.entries},
             "published": [vars(one) for one in self.published],
             "doubts": [*self.doubts],
             "parameters": {name: value if math.isfinite(value) else None for name, value in self.values.items()},
-        }  # fmt: skip
+        }

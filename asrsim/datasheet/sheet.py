@@ -32,9 +32,12 @@ SOFTEST = 1e-9
 
 
 def make_sheet(
-    source: Source, *, presets: tuple[float, float] | None = None, inertia: float | None = None,
+    source: Source,
+    *,
+    presets: tuple[float, float] | None = None,
+    inertia: float | None = None,
     measured: Sequence[MeasuredCurve] = (),
-) -> Sheet:  # fmt: skip
+) -> Sheet:
     """Data sheet of an actuator, with simulated trials.
 
     Args:
@@ -55,14 +58,21 @@ def make_sheet(
     entries = (*_torques(statics), *_springs(source, statics), *_dynamics(source, statics, trials), *_stated(source))
     rows = (_laws(statics, measured), _limits(statics), _responses(trials))
     return Sheet(
-        name=source.name, short=source.short, title=actuator.title, source=actuator.source, law=actuator.law,
+        name=source.name,
+        short=source.short,
+        title=actuator.title,
+        source=actuator.source,
+        law=actuator.law,
         origin=source.origin,
         entries=tuple(replace(one, unit=unit(one.unit), how=unit(one.how)) for one in entries),
         rows=tuple(tuple(replace(one, unit=unit(one.unit), across_unit=unit(one.across_unit)) for one in row) for row in rows),
-        published=PUBLISHED.get(actuator.name, ()), files=trials.files, plugins=source.plugins,
-        values=dict(source.drive.values), units={one.name: unit(one.unit) for one in actuator.all_parameters()},
+        published=PUBLISHED.get(actuator.name, ()),
+        files=trials.files,
+        plugins=source.plugins,
+        values=dict(source.drive.values),
+        units={one.name: unit(one.unit) for one in actuator.all_parameters()},
         doubts=tuple(doubt for curve in measured for doubt in curve.doubts),
-    )  # fmt: skip
+    )
 
 
 def _torques(statics: Statics) -> Iterator[Entry]:
@@ -76,10 +86,14 @@ def _torques(statics: Statics) -> Iterator[Entry]:
     held = None if lasting is None else lasting.peak_torque
     yield Entry(key="nominal_torque", words="nominal torque", unit="N m", value=held, how=at_rest)
     yield Entry(
-        key="top_speed", words="speed without load", unit="rad/s", value=_finite(most.top_speed),
+        key="top_speed",
+        words="speed without load",
+        unit="rad/s",
+        value=_finite(most.top_speed),
         how=f"{LAW}: where the motors' torque less damping and friction ends, or their largest speed"
-        if math.isfinite(most.top_speed) else "not limited by the motors' torque, voltage or largest speed",
-    )  # fmt: skip
+        if math.isfinite(most.top_speed)
+        else "not limited by the motors' torque, voltage or largest speed",
+    )
     product = f"{LAW}: largest product of torque and speed of the third chart"
     largest = (
         ("power", "largest output power"),
@@ -115,16 +129,23 @@ def _springs(source: Source, statics: Statics) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     width = 2.0 * values["hysteresis_torque"] * source.drive.actuator.motors
     yield Entry(
-        key="hysteresis", words="width of the torque's hysteresis", unit="N m", value=width or None,
+        key="hysteresis",
+        words="width of the torque's hysteresis",
+        unit="N m",
+        value=width or None,
         how=f"{LAW}: twice the hysteresis torque of all springs" if width else f"not stated: <{tags['hysteresis_torque']}>",
-    )  # fmt: skip
+    )
     turn = min(high - low for low, high in (*source.drive.motor_ranges, source.stops))
     stops = [f"<{tags[f'motor_1_{name}_position']}>" for name in ("min", "max")]
     yield Entry(
-        key="rotation", words="active rotation", unit="rad", value=_finite(turn),
-        how=f"{LAW}: the smallest range of the motors and the joint" if math.isfinite(turn)
+        key="rotation",
+        words="active rotation",
+        unit="rad",
+        value=_finite(turn),
+        how=f"{LAW}: the smallest range of the motors and the joint"
+        if math.isfinite(turn)
         else f"not stated: {' and '.join(stops)}, or the joint's limits",
-    )  # fmt: skip
+    )
 
 
 def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entry]:
@@ -152,17 +173,28 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
         yield Entry(key=key, words=words, unit="s", value=value, how=how)
     about = f"behind {trials.load.inertia:.3g} kg m^2 and {trials.load.damping:.3g} N m s/rad, without friction"
     yield from _at_both_ends(
-        statics, "bandwidth", "bandwidth of position", "Hz", lambda preset: _bandwidth(statics, preset, trials.load),
-        f"{LAW}: linearised, 3 dB, {about}", "does not apply: no stiffness without load, or no controller that moves the link",
-    )  # fmt: skip
+        statics,
+        "bandwidth",
+        "bandwidth of position",
+        "Hz",
+        lambda preset: _bandwidth(statics, preset, trials.load),
+        f"{LAW}: linearised, 3 dB, {about}",
+        "does not apply: no stiffness without load, or no controller that moves the link",
+    )
     two = drive.actuator.motors == 2
     yield Entry(
-        key="bandwidth_stiffness", words="bandwidth of stiffness", unit="Hz",
+        key="bandwidth_stiffness",
+        words="bandwidth of stiffness",
+        unit="Hz",
         value=preset_bandwidth(drive, statics.stiffest) if two else None,
-        how=f"{LAW}: linearised, 3 dB, motors against each other at the stiffest setting, link locked" if two
-        else "not in the model: the adjuster's motor has no dynamics" if drive.actuator.adjuster
-        else "does not apply: one spring" if drive.actuator.motors == 1 else "does not apply: more than two motors",
-    )  # fmt: skip
+        how=f"{LAW}: linearised, 3 dB, motors against each other at the stiffest setting, link locked"
+        if two
+        else "not in the model: the adjuster's motor has no dynamics"
+        if drive.actuator.adjuster
+        else "does not apply: one spring"
+        if drive.actuator.motors == 1
+        else "does not apply: more than two motors",
+    )
 
 
 def _bandwidth(statics: Statics, preset: float, load: Load) -> float | None:
@@ -183,10 +215,14 @@ def _at_both_ends(
 def _stated(source: Source) -> Iterator[Entry]:
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
     yield Entry(
-        key="resolution", words="resolution of position", unit="rad", value=source.resolution,
-        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario" if source.resolution
+        key="resolution",
+        words="resolution of position",
+        unit="rad",
+        value=source.resolution,
+        how=f"stated: imperfections.sensors.{source.drive.joint}.quantum of the scenario"
+        if source.resolution
         else "not stated: `imperfections: {sensors: {JOINT: {quantum: ...}}}` in a scenario (`asrsim datasheet FILE.yaml`)",
-    )  # fmt: skip
+    )
     for key, words, name, unit in (
         ("voltage", "largest voltage", "motor_1_max_voltage", "V"),
         ("current", "largest current", "motor_1_max_current", "A"),

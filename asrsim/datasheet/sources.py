@@ -13,7 +13,8 @@ from asrsim.actuators.drive import Drive
 from asrsim.errors import InputError, Problem
 from asrsim.plugins import load_plugin_file
 from asrsim.robot import ActuatorBlock, Joint, Robot, load_robot
-from asrsim.robot.mounting import block_for, drive_of
+from asrsim.robot.mounting import drive_of
+from asrsim.robot.values import block_for
 from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
 
@@ -47,9 +48,13 @@ class Source:
 
 
 def sources_of(
-    targets: Sequence[str], *, joints: Sequence[str] = (), arguments: Mapping[str, str] | None = None,
-    packages: Mapping[str, Path] | None = None, plugins: Sequence[Path] = (),
-) -> tuple[Source, ...]:  # fmt: skip
+    targets: Sequence[str],
+    *,
+    joints: Sequence[str] = (),
+    arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, Path] | None = None,
+    plugins: Sequence[Path] = (),
+) -> tuple[Source, ...]:
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
     joints: joints of robots; all with actuators if there are none. arguments, packages: of xacro files. plugins: plugin files
@@ -72,7 +77,7 @@ def sources_of(
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
-            message = "is no actuator"
+            message = "is not an actuator"
             raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
         raise InputError("needs a robot or a scenario among the targets", key="--joint", value=joints[0], code="no-robot")
@@ -92,9 +97,12 @@ def _by_name(name: str, origin: str, plugins: tuple[Path, ...]) -> Source:
 
 
 def _of_robot(
-    path: Path, joints: Sequence[str], arguments: Mapping[str, str] | None, packages: Mapping[str, Path] | None,
+    path: Path,
+    joints: Sequence[str],
+    arguments: Mapping[str, str] | None,
+    packages: Mapping[str, Path] | None,
     plugins: tuple[Path, ...],
-) -> list[Source]:  # fmt: skip
+) -> list[Source]:
     return sources_in(load_robot(path, xacro_arguments=arguments, package_paths=packages), joints, plugins)
 
 
@@ -142,8 +150,13 @@ def _of_block(path: Path, block: ActuatorBlock, joint: Joint, plugins: tuple[Pat
     values = {name: value for name, value in block.values().items() if name in usual}
     drive = Drive(joint=block.joint, actuator=ACTUATORS.get(block.actuator), mode=MODES[SHEET_MODE], values={**usual, **values})
     return Source(
-        name=_named(path, block.joint), short=block.joint, drive=drive, effort=joint.most_effort, stops=joint.stops,
+        name=_named(path, block.joint),
+        short=block.joint,
+        drive=drive,
+        effort=joint.most_effort,
+        stops=joint.stops,
         prismatic=joint.kind == "prismatic",
-        origin=f"{path.name}, joint {block.joint}", plugins=plugins,
+        origin=f"{path.name}, joint {block.joint}",
+        plugins=plugins,
         stated={name: value for name, value in values.items() if value != usual[name] and math.isfinite(value)},
-    )  # fmt: skip
+    )

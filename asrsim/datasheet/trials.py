@@ -108,7 +108,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
     files[f"{source.name}.yaml"] = _scenario(source, variants, claims)
     return Trials(
         files=files, results=results, faults=faults, change_times=times, ends=ends, unchanged=unchanged, load=load, under=under
-    )  # fmt: skip
+    )
 
 
 def _torque(statics: Statics) -> tuple[float, str]:
@@ -131,9 +131,14 @@ def _claim(variant: str, time: float) -> dict[str, Any]:
     """The claim that repeats the time of a change."""
     value = float(f"{time:.5g}")
     return {
-        "variant": variant, "joint": JOINT, "quantity": "stiffness", "measure": MEASURE, "value": value,
-        "tolerance": float(f"{TOLERANCE * value:.2g}"), "options": OPTIONS,
-    }  # fmt: skip
+        "variant": variant,
+        "joint": JOINT,
+        "quantity": "stiffness",
+        "measure": MEASURE,
+        "value": value,
+        "tolerance": float(f"{TOLERANCE * value:.2g}"),
+        "options": OPTIONS,
+    }
 
 
 def _robot(source: Source, load: Load) -> str:
@@ -178,12 +183,15 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
     import yaml
 
     data: dict[str, Any] = {
-        "robot": f"{source.name}.urdf", "duration": LASTS, "gravity": [0, 0, 0], "initial": "equilibrium",
+        "robot": f"{source.name}.urdf",
+        "duration": LASTS,
+        "gravity": [0, 0, 0],
+        "initial": "equilibrium",
         "actuators": {JOINT: {"type": source.drive.actuator.name, "mode": SHEET_MODE}},
         **({"parameters": {JOINT: dict(source.stated)}} if source.stated else {}),
         **({"variants": variants} if len(variants) > 1 else variants["soft"]),
         **({"expect": claims} if claims else {}),
-    }  # fmt: skip
+    }
     settings = " at the softest and at the stiffest setting" if len(variants) > 1 else ""
     head = f"# Trials of the data sheet of {source.name}: steps of the equilibrium{settings}.\n"
     if claims:

@@ -99,7 +99,7 @@ class DesignPlant:
         parameters = tuple(parameters_of(self.door.robot, (), {}))
         for key in limits.gains:
             if key not in parameters:
-                self._fault(f"choose.{key}", "is no parameter of the robot", hint=did_you_mean(key, parameters))
+                self._fault(f"choose.{key}", "is not a parameter of the robot", hint=did_you_mean(key, parameters))
         self.presets = np.array([one.slot == 1 for one in self.references])
         if self.presets.all() and not self._problems:
             self._fault("limits", "no joint that a reference moves has limits")

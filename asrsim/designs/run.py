@@ -133,9 +133,16 @@ def design(
         if best.name != DESIGN:
             remarks.append(f"no designed motion is better than this plain motion: {best.name}")
         return Design(
-            scenario=ready, references=plant.references, step=plant.step, gains=search.plant.gains, keys=keys, found=best,
-            intervals=intervals, remarks=tuple(remarks), interrupted=stop(),
-        )  # fmt: skip
+            scenario=ready,
+            references=plant.references,
+            step=plant.step,
+            gains=search.plant.gains,
+            keys=keys,
+            found=best,
+            intervals=intervals,
+            remarks=tuple(remarks),
+            interrupted=stop(),
+        )
 
 
 def design_task(scenario: Path, experiments: Sequence[str | Path], options: Mapping[str, Any]) -> Task:

@@ -11,14 +11,22 @@ from asrsim.document.kinds import REQUIRED, Key, Kind, Schema, attempt
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import InputError, nearest
+from asrsim.renamed import OLD_KEYS
 
 T = TypeVar("T")
 
 
 def declare(
-    kind: Kind[Any], *, doc: str, unit: str = "", default: Any = REQUIRED, key: str = "", shown: str = "", spread: bool = False,
+    kind: Kind[Any],
+    *,
+    doc: str,
+    unit: str = "",
+    default: Any = REQUIRED,
+    key: str = "",
+    shown: str = "",
+    spread: bool = False,
     field_default: Any = None,
-) -> Any:  # fmt: skip
+) -> Any:
     """Dataclass field that is also a key of a document.
 
     Args:
@@ -71,7 +79,7 @@ class Block(Kind[T], Generic[T]):
     noun: str = "mapping"
     doc: str = ""
     main: str = ""
-    """Main key: a value that is no mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
+    """Main key: a value that is not a mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
     read_before: tuple[str, ...] = ()
     """Further valid keys, which other code reads; messages list them too."""
 
@@ -86,10 +94,19 @@ class Block(Kind[T], Generic[T]):
         known = (*self.names, *self.read_before)
         for name, item in node.value.items():
             if name not in self.names:
+                new = OLD_KEYS.get(name)
+                hint = f"It is called '{new}' now, which is given too" if new in node.value else None
                 reading.fault(
-                    item, (*path, name), "unknown key", line=node.key_line(name), choices=known, meant=name, code="unknown-key",
+                    item,
+                    (*path, name),
+                    "unknown key",
+                    line=node.key_line(name),
+                    choices=known,
+                    hint=hint,
+                    meant=name,
+                    code="unknown-key",
                     show=False,
-                )  # fmt: skip
+                )
                 reading.unread.append((*path, nearest(name, known) or name))
         for key in self.keys:
             if not (key.required or key.spread):
@@ -97,7 +114,7 @@ class Block(Kind[T], Generic[T]):
             given = node.value.get(key.name)
             if given is None and key.required:
                 message = f"the key '{key.name}' is missing"
-                reading.fault(node, path, message, hint=key.doc, code="missing-key", show=False)
+                reading.fault(node, path, message, hint=key.doc[:1].upper() + key.doc[1:], code="missing-key", show=False)
                 reading.unread.append((*path, key.name))
             elif given is not None and (given.value is not None or key.required):
                 found = attempt(key.kind, given, (*path, key.name), reading)
@@ -120,7 +137,7 @@ class Block(Kind[T], Generic[T]):
             for problem in error.problems:
                 head, *inner = (problem.key or "").split(".")
                 own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
-                # Keys inside another file are no keys of this document; they stay in the message.
+                # A key of another file is not in this document: the message keeps it.
                 elsewhere = problem.file is not None
                 item, place = node, path
                 for name in own if elsewhere or not own else (*own, *inner):

@@ -29,9 +29,11 @@ COMMANDS = {
 }
 """Command that reads each kind of file."""
 ENDINGS = {
-    ".urdf": "robot", ".xacro": "robot", ".mcap": "log",
+    ".urdf": "robot",
+    ".xacro": "robot",
+    ".mcap": "log",
     **dict.fromkeys((".csv", ".tsv", ".bag", ".db3", ".mat", ".npz", ".npy", ".xlsx", ".parquet", ".feather"), "recording"),
-}  # fmt: skip
+}
 """Kind of file for each file ending."""
 FOLDERS = {"log.mcap": "log", "study.json": "study"}
 """Kind of a folder, by the name of a file that the folder contains."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -146,9 +147,18 @@ def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyP
 
 
 _LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
-    "minimum": (">=", operator.ge), "exclusiveMinimum": (">", operator.gt), "maximum": ("<=", operator.le),
-}  # fmt: skip
+    "minimum": (">=", operator.ge),
+    "exclusiveMinimum": (">", operator.gt),
+    "maximum": ("<=", operator.le),
+}
 """Sign and comparison of each kind of limit, by its name in JSON Schema."""
+
+
+def unit_hint(value: object) -> str | None:
+    """Advice for a text that is a number with a unit; None for other values."""
+    number = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+    stated = isinstance(value, str) and re.fullmatch(rf"{number}\s*[^\W\d]\S*|{number}\s*[°%]\S*", value.strip())
+    return "Write the number alone, in SI units (s, m, rad, N, N m)" if stated else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +178,7 @@ class Number(Kind[float]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.wrong(node, path, reading)
+            raise reading.fault(node, path, f"must be a {self.text}", hint=unit_hint(value), code="type")
         if not abs(value) <= sys.float_info.max:  # infinities, NaN, and integers that overflow
             raise reading.fault(node, path, "must be a finite number", code="range")
         if not all(_LIMITS[name][1](value, limit) for name, limit in self._limits.items()):
@@ -422,7 +432,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
         if all(for_all):
             return self.of.merge(base, over)
-        # As with values that are no mappings, a value for all names and a mapping replace each other.
+        # As with values that are not mappings, a value for all names and a mapping replace each other.
         return over if any(for_all) else super().merge(base, over)
 
     def _is_bare(self, node: Node) -> bool:

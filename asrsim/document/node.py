@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -33,6 +33,14 @@ class Node:
         if isinstance(self.value, list):
             return [(str(index), node) for index, node in enumerate(self.value)]
         return list(self.value.items()) if isinstance(self.value, dict) else []
+
+    def lines(self, file: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
+        """Pairs (dotted key, line) of all values that stand in the file. key: prefix of the keys."""
+        for name, item in self.items():
+            line = self.key_line(name) if isinstance(self.value, dict) else item.line
+            if item.file == file and line is not None:
+                yield f"{key}{name}", line
+            yield from item.lines(file, f"{key}{name}.")
 
     def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
         """Value as plain JSON-like data. renamed: id of a node -> value that replaces it."""

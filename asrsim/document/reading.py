@@ -41,9 +41,12 @@ class DocumentReading:
         show: state the value in the message. details: further fields of the `Problem`, such as its code.
         """
         own = {
-            "file": node.file, "line": node.line, "key": ".".join(path) or None, "code": "value",
+            "file": node.file,
+            "line": node.line,
+            "key": ".".join(path) or None,
+            "code": "value",
             "value": node.describe() if show else None,
-        }  # fmt: skip
+        }
         self.problems.append(Problem(message, **{**own, **details}))
         return Rejected(message)
 

@@ -52,12 +52,13 @@ def solve_states(room: Any) -> None:
     `room.push` becomes the impulse (N m s) of friction and stop that causes this velocity.
     """
     matrix, diagonal, change, regime, push = room.matrix, room.diagonal, room.change, room.regime, room.push
+    impulse, bound = room.impulse, room.bound
     size, prescribed = room.freedoms, 0
     for i in range(size):
         change[i] = 0.0
-        push[i] = room.impulse[i]
-        if room.bound[i] > 0.0:
-            push[i] += room.bound[i] if regime[i] == NEGATIVE else -room.bound[i]
+        push[i] = impulse[i]
+        if bound[i] > 0.0:
+            push[i] += bound[i] if regime[i] == NEGATIVE else -bound[i]
         if abs(regime[i]) != POSITIVE:
             prescribed += 1
             goal = 0.0
@@ -77,7 +78,7 @@ def solve_states(room: Any) -> None:
         change[i] = push[i]
     for i in range(size if prescribed > 0 else 0):
         if abs(regime[i]) != POSITIVE:
-            push[i] = -room.impulse[i]
+            push[i] = -impulse[i]
             for k in range(size):
                 push[i] += (diagonal[i] if k == i else matrix[i, k]) * change[k]
 

@@ -37,7 +37,7 @@ from asrsim.engines.mujoco_library import (
     overlaps,
     stop_the_clock,
 )
-from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, Calculation, RigidEngine, make_room, unused
+from asrsim.engines.rigid import BEFORE, IMPLICITNESS, NOW, STEP, WORK_SPACE, Calculation, RigidEngine, make_room, unused
 from asrsim.errors import Problem
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import LinkPlacement, merge_for_engine
@@ -96,7 +96,7 @@ class MujocoEngine(RigidEngine):
         """Wrenches that are held; all records share them."""
         self._record = self._make_record(self._d)
         make = partial(compiled_step, self.version, unused(self._record.room))
-        step = Calculation(bound(mujoco_step.step), self._record, make)
+        step = Calculation(bound(mujoco_step.step), self._record, make, own=WORK_SPACE)
         super().__init__(self._record.room, home, step, scenario=scenario)
 
     # -- setting up -------------------------------------------------------------------------------------------------

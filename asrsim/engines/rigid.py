@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import ctypes
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from math import cos, inf, sin, sqrt
 from operator import is_
@@ -98,6 +98,8 @@ class Room(NamedTuple):
     The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
     rebound: AnyArray
     """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
+    impacts: AnyArray
+    """Number (1,) of degrees of freedom that have struck their stops in the last drift."""
     velocity: AnyArray
     """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the eight
     fields after `middle`."""
@@ -166,7 +168,7 @@ def make_room(
         **square, **{f"full_{name}": array for name, array in whole.items()},
         "joints": len(joints), "freedoms": size, "speeds": w, "coordinates": len(qpos), "scheme": np.zeros(4),
         "free": int(free), "reduced": int(reduced), "qpos": qpos, "qvel": qvel,
-        "regime": np.zeros(size, dtype=np.int64), "parent": tree,
+        "regime": np.zeros(size, dtype=np.int64), "impacts": np.zeros(1, dtype=np.int64), "parent": tree,
         "square": np.zeros((size, size)), "slowest": np.full(size, -inf), "fastest": np.full(size, inf),
         "owner": owner.astype(np.int64), "factor": factor, "joint_q": np.array(joint_q, dtype=np.int64), "joint_v": at,
         "joint_z": owner[at].astype(np.int64), "master": couplings.master if reduced else np.arange(len(joints)),
@@ -197,10 +199,23 @@ def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
     return tree
 
 
-def plain(record: Any) -> Any:
-    """The record with memoryviews of its arrays, since Python reads single numbers from memoryviews several times faster."""
-    kinds: dict[type, Any] = {np.ndarray: lambda array: array.data, int: int}
-    return type(record)._make(kinds.get(type(field), plain)(field) for field in record)
+WORK_SPACE = (
+    "diagonal", "rebound", "impacts", "velocity", "middle", "impulse", "bound", "slowest", "fastest", "change", "push",
+    "regime", "parent", "owner", "joint_q", "joint_v", "joint_z", "master", "lower", "upper",
+)  # fmt: skip
+"""Arrays of a room that are constant, or that a step which begins with `aim` writes before it reads them."""
+
+
+def plain(record: Any, own: Collection[str] = ()) -> Any:
+    """The record with memoryviews of its arrays, since Python reads single numbers from memoryviews several times faster. own:
+    names of the arrays that only the function of the record uses; they become lists, which are faster still."""
+
+    def field(name: str, value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value.tolist() if name in own else value.data
+        return value if isinstance(value, int) else plain(value, own)
+
+    return type(record)._make(map(field, record._fields, record))
 
 
 def aim(room: Any, state: Any) -> None:
@@ -211,8 +226,8 @@ def aim(room: Any, state: Any) -> None:
     then: f = v / v_before, where v is the velocity that led to the stop. The forces of this kick act on it since the impact,
     for 1.5 - f steps instead of one; `room.rebound` stores this number, and 1 for all other degrees of freedom.
     """
-    qpos, qvel, scheme, velocity = room.qpos, room.qvel, room.scheme, room.velocity
-    first, size = room.coordinates, room.freedoms
+    qpos, qvel, scheme, velocity, regime, rebound = room.qpos, room.qvel, room.scheme, room.velocity, room.regime, room.rebound
+    first, size, impacts = room.coordinates, room.freedoms, 0
     for i in range(first):
         qpos[i] = state[i]
     for i in range(size):
@@ -220,11 +235,13 @@ def aim(room: Any, state: Any) -> None:
         before = state[first + size + i]
         if room.reduced == 0:
             qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
-        room.regime[i] = int(state[first + 2 * size + i])
-        room.rebound[i] = 1.0
+        regime[i] = int(state[first + 2 * size + i])
+        rebound[i] = 1.0
         # At rest on a stop, rounding may leave a velocity.
-        if abs(room.regime[i]) == AT_UPPER and velocity[i] * room.regime[i] > ROUNDING * abs(before):
-            room.rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
+        if abs(regime[i]) == AT_UPPER and velocity[i] * regime[i] > ROUNDING * abs(before):
+            rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
+            impacts += 1 if rebound[i] != 1.0 else 0
+    room.impacts[0] = impacts
     if room.loops.chains:
         find_ratios(room.loops, room.ratio, room.factor, qpos)
     for k in range(room.speeds if room.reduced else 0):
@@ -276,7 +293,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     for i in range(room.freedoms if piece == 0 else 0):
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
-    impact = piece == 0 and _has_impact(room)
+    impact = piece == 0 and room.impacts[0] > 0
     # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
     part, whole = 0.0 if impact else length, not impact
     # `find_change` is called at one place: it is compiled into each place where it is called.
@@ -329,36 +346,38 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
     length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, only joints that
     rest at their stops feel these.
     """
-    step = room.scheme[STEP]
+    step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
+    velocity, impulse, diagonal, bound = room.velocity, room.impulse, room.diagonal, room.bound
+    slowest, fastest, regime = room.slowest, room.fastest, room.regime
     time = length * step
     for i in range(room.freedoms):
-        room.impulse[i] = time * (room.force[i] - room.bias[i])
-        room.diagonal[i] = room.matrix[i, i]
-        room.bound[i] = 0.0
+        impulse[i] = time * (room.force[i] - room.bias[i])
+        diagonal[i] = room.matrix[i, i]
+        bound[i] = 0.0
     for j in range(room.joints):
         i, damping = room.joint_z[j], exchange[piece, j, DAMPING]
         if room.reduced:
             ratio = room.ratio[j]
-            room.impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * room.velocity[i])))
-            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * (ratio * ratio * damping)
-            room.bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
+            impulse[i] += time * (ratio * (exchange[piece, j, TORQUE] - damping * (ratio * velocity[i])))
+            diagonal[i] += implicitness * time * (ratio * ratio * damping)
+            bound[i] += time * abs(ratio) * exchange[piece, j, FRICTION]
             if room.master[j] != j:
                 continue
         else:
-            room.impulse[i] += time * (exchange[piece, j, TORQUE] - damping * room.velocity[i])
-            room.diagonal[i] += room.scheme[IMPLICITNESS] * time * damping
-            room.bound[i] += time * exchange[piece, j, FRICTION]
+            impulse[i] += time * (exchange[piece, j, TORQUE] - damping * velocity[i])
+            diagonal[i] += implicitness * time * damping
+            bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
         # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
         # back would give the joint a velocity.
-        room.slowest[i] = min((room.lower[j] - position) / step, 0.0)
-        room.fastest[i] = max((room.upper[j] - position) / step, 0.0)
-        if not last and room.slowest[i] < -SLOW:
-            room.slowest[i] = -inf
-            room.regime[i] = max(room.regime[i], NEGATIVE)
-        if not last and room.fastest[i] > SLOW:
-            room.fastest[i] = inf
-            room.regime[i] = min(room.regime[i], POSITIVE)
+        slowest[i] = min((room.lower[j] - position) / step, 0.0)
+        fastest[i] = max((room.upper[j] - position) / step, 0.0)
+        if not last and slowest[i] < -SLOW:
+            slowest[i] = -inf
+            regime[i] = max(regime[i], NEGATIVE)
+        if not last and fastest[i] > SLOW:
+            fastest[i] = inf
+            regime[i] = min(regime[i], POSITIVE)
     settle(room)
 
 
@@ -400,21 +419,12 @@ def _reaches_zero(room: Any, i: int) -> bool:
     return room.regime[i] == STICKING or velocity * (velocity + room.change[i]) < 0.0  # type: ignore[no-any-return]
 
 
-def _has_impact(room: Any) -> bool:
-    """Whether a joint has struck its stop in the last drift."""
-    count = 0
-    for i in range(room.freedoms):
-        if room.rebound[i] != 1.0:
-            count += 1
-    return count > 0
-
-
 def _leave_stops(room: Any, state: Any) -> None:
     """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
 
     A joint that forces turn round within a step has no velocity from which the time of its impact follows.
     """
-    old = room.coordinates + room.freedoms
+    old, leaving = room.coordinates + room.freedoms, 0
     for i in range(room.freedoms):
         room.impulse[i] = room.bound[i] = 0.0
         room.diagonal[i] = room.matrix[i, i]
@@ -424,7 +434,8 @@ def _leave_stops(room: Any, state: Any) -> None:
             # The states of a joint at a stop are those of sliding times two; such a joint gets a given velocity.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
-    if not _has_impact(room):
+            leaving += 1
+    if leaving == 0:
         return
     solve_states(room)
     for i in range(room.freedoms):
@@ -437,7 +448,7 @@ def _leave_stops(room: Any, state: Any) -> None:
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     """Compute the drift after the kick, and the new state."""
     step = room.scheme[STEP]
-    if _has_impact(room):
+    if room.impacts[0]:
         _leave_stops(room, state)
     first, size = room.coordinates, room.freedoms
     total = 0.0
@@ -558,11 +569,14 @@ class Calculation:
     The function runs as Python until it is compiled; the results are bitwise identical.
     """
 
-    def __init__(self, function: Callable[..., None], record: Any, make: Callable[[Any], Callback] | None = None) -> None:
+    def __init__(
+        self, function: Callable[..., None], record: Any, make: Callable[[Any], Callback] | None = None, *,
+        own: Collection[str] = (),
+    ) -> None:  # fmt: skip
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
-        compiled if this process has imported Numba."""
+        compiled if this process has imported Numba. own: names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make
-        self._plain, self.packed = plain(record), pack(record)
+        self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
         """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""

@@ -66,9 +66,17 @@ def make_env(
 
 
 def make_vec_env(
-    scenario: str | Path | Scenario, num_envs: int, *, threads: int = 1, engine: str | None = None, device: str = "cpu",
-    render_mode: str | None = None, size: int = 256, autoreset: str = "next_step", **options: Unpack[Options],
-) -> SoftRobotVectorEnv:  # fmt: skip
+    scenario: str | Path | Scenario,
+    num_envs: int,
+    *,
+    threads: int = 1,
+    engine: str | None = None,
+    device: str = "cpu",
+    render_mode: str | None = None,
+    size: int = 256,
+    autoreset: str = "next_step",
+    **options: Unpack[Options],
+) -> SoftRobotVectorEnv:
     """Many environments of one scenario that are stepped together (`gymnasium.vector.VectorEnv`), several times faster than
     separate environments.
 
@@ -91,9 +99,16 @@ def make_vec_env(
     from asrsim.environment.vector import SoftRobotVectorEnv
 
     return SoftRobotVectorEnv(
-        scenario, checked(options), num_envs=num_envs, threads=threads, engine=engine, device=device,
-        render_mode=render_mode, size=size, autoreset=autoreset,
-    )  # fmt: skip
+        scenario,
+        checked(options),
+        num_envs=num_envs,
+        threads=threads,
+        engine=engine,
+        device=device,
+        render_mode=render_mode,
+        size=size,
+        autoreset=autoreset,
+    )
 
 
 def register() -> None:

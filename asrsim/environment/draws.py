@@ -19,7 +19,7 @@ from asrsim.sweeps.study import axis_of, present_name
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
-    from asrsim.simulation.prepare import Prepared
+    from asrsim.simulation.prepared import Prepared
 
 
 class Draws:

@@ -59,20 +59,28 @@ def _fits(value: Any, types: Any) -> bool:
 _NAMES = "a name or a list of names"
 _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}"
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
-# Names are no sets, whose order differs from process to process.
+# Names are given in sequences, since the order of a set differs from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
-    "variant": (None, object, ""), "overrides": ((), object, ""), "plugins": ((), object, ""),
+    "variant": (None, object, ""),
+    "overrides": ((), object, ""),
+    "plugins": ((), object, ""),
     "control_rate": (50.0, int | float | np.number, "a number of Hz"),
-    "observe": (("link_position", "link_velocity"), Sequence, _NAMES), "act": (None, Sequence | None, _NAMES),
-    "reward": _FUNCTION, "terminated": _FUNCTION, "randomise": _LAWS, "initial": _LAWS, "goal": _LAWS,
-    "batched": (False, bool, "True or False"), "adaptive": (False, bool, "True or False"),
+    "observe": (("link_position", "link_velocity"), Sequence, _NAMES),
+    "act": (None, Sequence | None, _NAMES),
+    "reward": _FUNCTION,
+    "terminated": _FUNCTION,
+    "randomise": _LAWS,
+    "initial": _LAWS,
+    "goal": _LAWS,
+    "batched": (False, bool, "True or False"),
+    "adaptive": (False, bool, "True or False"),
     "fit": (None, str | Path | None, "the path of a fit.json"),
     "push": ({}, Mapping, "a mapping from joints to laws of a torque in N m, such as {'joint_1': 'uniform(-0.1, 0.1)'}"),
     "delay": (None, object, ""),
     "noise": ({}, Mapping, "a mapping from observed quantities to standard deviations in their units"),
     "history": (0, int, "a number of control periods"),
     "tip": (None, object, ""),
-}  # fmt: skip
+}
 """Options by name: default, types of valid values, and description of valid values."""
 
 

@@ -19,9 +19,15 @@ _MOTORS = {f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOT
 """Quantities of the motors at the present time: field of the observation, and index of the motor. The positions of ideal motors
 are those of the last step."""
 _STEP = (
-    "link_torque", "damping_torque", *each_motor("elastic_torque_{}"), *each_motor("motor_{}_torque"),
-    *each_motor("friction_torque_{}"), *each_motor("reference_{}"), "external_torque", "stiffness",
-)  # fmt: skip
+    "link_torque",
+    "damping_torque",
+    *each_motor("elastic_torque_{}"),
+    *each_motor("motor_{}_torque"),
+    *each_motor("friction_torque_{}"),
+    *each_motor("reference_{}"),
+    "external_torque",
+    "stiffness",
+)
 """Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
 step."""
 TIP = "tip"

@@ -21,8 +21,10 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE, ranges_of
 from asrsim.simulation.examine import examine
-from asrsim.simulation.prepare import Prepared, Start, prepare_worlds
+from asrsim.simulation.prepare import prepare_worlds
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import recorded_quantities
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from asrsim.environment.task import ControlTask, Episode, Single, State
 from asrsim.errors import InputError
 from asrsim.samples import Array
-from asrsim.simulation.prepare import Start
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds, check_number
 
 LARGEST = 8192
@@ -31,21 +31,38 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"]}  # noqa: RUF012
 
     def __init__(
-        self, scenario: Any, options: Mapping[str, Any], *, num_envs: int, threads: int, engine: str | None = None,
-        device: str = "cpu", render_mode: str | None = None, size: int = 256, autoreset: str = "next_step",
-    ) -> None:  # fmt: skip
+        self,
+        scenario: Any,
+        options: Mapping[str, Any],
+        *,
+        num_envs: int,
+        threads: int,
+        engine: str | None = None,
+        device: str = "cpu",
+        render_mode: str | None = None,
+        size: int = 256,
+        autoreset: str = "next_step",
+    ) -> None:
         """Arguments as in `asrsim.environment.make_vec_env`."""
         self._make = partial(
-            type(self), scenario, options, num_envs=num_envs, threads=threads, engine=engine, device=device,
-            render_mode=render_mode, size=size, autoreset=autoreset,
-        )  # fmt: skip
+            type(self),
+            scenario,
+            options,
+            num_envs=num_envs,
+            threads=threads,
+            engine=engine,
+            device=device,
+            render_mode=render_mode,
+            size=size,
+            autoreset=autoreset,
+        )
         check_number(num_envs, "num_envs")
         if render_mode not in (None, "rgb_array"):
             raise InputError(f"there is no render mode '{render_mode}'", choices=("rgb_array",), code="render-mode")
         if not (isinstance(size, int) and not isinstance(size, bool) and 1 <= size <= LARGEST):
             raise InputError(f"the size of a picture must be 1 to {LARGEST} pixels", value=size, code="picture-size")
         if autoreset not in AUTORESET:
-            raise InputError("is no way to reset", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
+            raise InputError("is unknown", key="autoreset", value=autoreset, choices=tuple(AUTORESET), code="autoreset")
         self.render_mode, self._size = render_mode, size
         self._picture: Any = None
         self._same_step = AUTORESET[autoreset] == AutoresetMode.SAME_STEP

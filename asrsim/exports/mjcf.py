@@ -36,7 +36,7 @@ from asrsim.robot.model import Link
 from asrsim.robot.poses import roll_pitch_yaw
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 
 MARGIN, LEAST_REACH = 2.0, 1.0
 """Range of deflections in which springs are fitted, as a multiple of the scenario's largest deflection; smallest range, rad."""

@@ -16,7 +16,7 @@ from asrsim.exports.constructs import Constructs
 from asrsim.exports.springs import Spline, spline_of
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 
 TINY = 1e-9
 """Smallest mass (kg) and moment of inertia (kg m^2) of a body: MuJoCo rejects bodies without mass. Motors have this mass; their

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.outfile import write_text
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.sweeps.fitted import JointDistribution
 
 FIELDS = {

@@ -21,7 +21,7 @@ from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
 from asrsim.registry import result_fault
 from asrsim.samples import Array
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
 
 

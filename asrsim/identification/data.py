@@ -27,12 +27,12 @@ from asrsim.signals.curve import CubicCurve, curve_through
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
 GEARED, FOLLOWS = 10.0, 0.9
-"""A motor that moves this many times as far as its link, and with this correlation, was measured before its gear: a spring so
-soft would hardly move the link.
+"""Smallest ratio of the motions of a motor and its link, and smallest correlation of the two, at which the motor counts as
+measured before its gear. A spring so soft that it caused this ratio would hardly move the link.
 """
 APART = 3.0
-"""Difference between the positions of a motor and of its link with the deflection, in standard deviations of this difference,
-above which the motor's sensor has another zero: chance exceeds three standard deviations once in 400 times.
+"""Largest zero of a motor's sensor that counts as noise, in standard deviations. The zero is the median of motor position minus
+link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
 """
 COMPUTED = 1e-3
 """Relative residual of a linear regression on another column below which a column counts as computed from it."""

@@ -17,9 +17,10 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import EXTERNAL_TORQUE as EXTERNAL
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.examine import examine
-from asrsim.simulation.prepare import Numbers, Start, prepare
+from asrsim.simulation.prepare import prepare
 from asrsim.simulation.quantities import columns_of, simulated_quantities
 from asrsim.simulation.shape import shape_of
+from asrsim.simulation.start import Numbers, Start
 from asrsim.simulation.worlds import Observer, Worlds
 from asrsim.workers import cores
 

@@ -46,7 +46,7 @@ class Extension:
     """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
 
     text: str = ""
-    """Words for the extension as a cause of a misfit; empty: the extension is no cause."""
+    """Words for the extension as a cause of a misfit; empty: the extension is not a cause."""
     parameters: tuple[FitParameter, ...] = ()
     """Parameters at the end of the extended parameter vector."""
     ties: tuple[Tie, ...] = ()

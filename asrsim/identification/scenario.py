@@ -162,7 +162,7 @@ def _as_played(
 
 
 def _playback_of(references: Any, name: str) -> dict[str, Any] | None:
-    """Keys of the playback of a reference; None if the reference is no playback with keys."""
+    """Keys of the playback of a reference; None if the reference is not a playback with keys."""
     signal = references.get(name) if isinstance(references, Mapping) else None
     keys = signal.get("playback") if isinstance(signal, Mapping) and len(signal) == 1 else None
     return {**keys} if isinstance(keys, Mapping) else None

@@ -198,10 +198,18 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
 
     def add(what: str, motor: int, unit: str, needed: Array, limits: Array, scores: Array) -> None:
         worst = int(np.argmax(scores))
-        found.append(Demand(
-            joint=drive.joint, what=what, motor=motor, unit=linear_unit(unit) if joint.kind == "prismatic" else unit,
-            needed=float(needed[worst]), limit=float(limits[worst]), time=float(time[worst]), score=float(scores[worst]),
-        ))  # fmt: skip
+        found.append(
+            Demand(
+                joint=drive.joint,
+                what=what,
+                motor=motor,
+                unit=linear_unit(unit) if joint.kind == "prismatic" else unit,
+                needed=float(needed[worst]),
+                limit=float(limits[worst]),
+                time=float(time[worst]),
+                score=float(scores[worst]),
+            )
+        )
 
     for what, motor, unit, needed, limit in rows:
         limits = np.broadcast_to(np.abs(limit), needed.shape)

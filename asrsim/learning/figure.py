@@ -41,13 +41,20 @@ def _errors(problem: LearningProblem, result: LearningResult, settings: Learning
     ends = np.array(reach)
     band = Shade(label=TOLERANCE, x=ends, low=np.full(2, span[0]), high=np.full(2, settings.tolerance), colour=style.GREEN)
     return Chart(
-        words="largest error", unit=problem.unit, head=head, across="iteration", across_unit="",
+        words="largest error",
+        unit=problem.unit,
+        head=head,
+        across="iteration",
+        across_unit="",
         lines=[
             Line(label="norm of all joints", x=numbers, y=norms, colour=style.GREY, kind="both", dash=1, width=0.9),
             Line(label="", x=numbers, y=largest, colour=style.VERMILION, kind="both"),
         ],
-        bands=[band], logarithmic="y", span=span, reach=reach,
-    )  # fmt: skip
+        bands=[band],
+        logarithmic="y",
+        span=span,
+        reach=reach,
+    )
 
 
 def _motions(problem: LearningProblem, result: LearningResult, settings: Learning, column: int, *, unit: str) -> list[Chart]:
@@ -69,14 +76,17 @@ def _motions(problem: LearningProblem, result: LearningResult, settings: Learnin
 
     return [
         Chart(
-            words="link position", unit=unit, bands=[band],
+            words="link position",
+            unit=unit,
+            bands=[band],
             lines=[*trials("outputs", style.colour("link_position"), f"link position,\n{BEST}"), desired],
         ),
         Chart(
-            words="learned input", unit=unit,
+            words="learned input",
+            unit=unit,
             lines=[*trials("inputs", style.BLUE, f"input, {BEST}"), desired],
         ),
-    ]  # fmt: skip
+    ]
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:

@@ -61,9 +61,13 @@ class Linearised:
 
         time = np.concatenate([self.time, self.time[-1] + step * np.arange(1, more + 1)])
         return replace(
-            self, time=time, mass=longer(self.mass), rates=longer(self.rates), slopes=longer(self.slopes),
+            self,
+            time=time,
+            mass=longer(self.mass),
+            rates=longer(self.rates),
+            slopes=longer(self.slopes),
             springs=longer(self.springs),
-        )  # fmt: skip
+        )
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:

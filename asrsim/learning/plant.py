@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from asrsim.robot.model import Robot
     from asrsim.simulation.drives import SteppedJoint
     from asrsim.simulation.examine import Plan
-    from asrsim.simulation.prepare import Prepared
+    from asrsim.simulation.prepared import Prepared
     from asrsim.simulation.run import Run
 
 TRIALS = 10
@@ -112,11 +112,14 @@ def make_plant(plan: Plan) -> Plant:
     choices = tuple(f"{mode} {MODES[mode].name}" for mode in INVERTED_MODES)
     problems = [
         Problem(
-            f"mode {block.mode} has no position as its first reference to learn", key=f"ilc.trajectory.{block.joint}",
-            choices=choices, code="mode-not-learned",
+            f"mode {block.mode} has no position as its first reference to learn",
+            key=f"ilc.trajectory.{block.joint}",
+            choices=choices,
+            code="mode-not-learned",
         )
-        for block in blocks if block.mode not in INVERTED_MODES
-    ]  # fmt: skip
+        for block in blocks
+        if block.mode not in INVERTED_MODES
+    ]
     joints = tuple(block.joint for block in blocks)
     unknown = [joint for joint in learning.joint_gains if joint not in joints]
     problems += [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=joints) for joint in unknown]
@@ -144,6 +147,11 @@ def make_plant(plan: Plan) -> Plant:
         },
     )
     return Plant(
-        scenario=scenario, robot=plan.source, learning=learning, prepared=build(played), joints=joints, time=time,
+        scenario=scenario,
+        robot=plan.source,
+        learning=learning,
+        prepared=build(played),
+        joints=joints,
+        time=time,
         reference=reference,
-    )  # fmt: skip
+    )

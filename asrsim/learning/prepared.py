@@ -140,9 +140,12 @@ def prepare_learning(plant: Plant) -> PreparedLearning:
         "inverse_dynamics": lambda: model.guess,
     }
     problem = LearningProblem(
-        joints=plant.joints, units=tuple(map(plant.unit, plant.joints)), time=plant.time, reference=plant.reference,
+        joints=plant.joints,
+        units=tuple(map(plant.unit, plant.joints)),
+        time=plant.time,
+        reference=plant.reference,
         first_guess=guesses[settings.first_guess or "zero"](),
-    )  # fmt: skip
+    )
     law: Law = FixedGain(problem, settings)
     if settings.law == "auto":
         law = NormOptimal(problem, model.lifted)

@@ -33,12 +33,21 @@ from asrsim.scenario.relocate import relocated
 from asrsim.simulation.examine import Plan, examine
 
 STATE, INPUTS, DESIRED, PLAYBACK, NUMBERS, PICTURE = (
-    "state.npz", "learned.csv", "desired.csv", "learned.yaml", "ilc.json", "ilc.png",
-)  # fmt: skip
+    "state.npz",
+    "learned.csv",
+    "desired.csv",
+    "learned.yaml",
+    "ilc.json",
+    "ilc.png",
+)
 KINDS = {
-    STATE: "learning state", INPUTS: "learned input", DESIRED: "learned input", PLAYBACK: "learned scenario", NUMBERS: "json",
+    STATE: "learning state",
+    INPUTS: "learned input",
+    DESIRED: "learned input",
+    PLAYBACK: "learned scenario",
+    NUMBERS: "json",
     PICTURE: "picture",
-}  # fmt: skip
+}
 """Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
 """Largest number of demands that are written."""
@@ -223,9 +232,12 @@ def write_playback(
             resolution = plant.prepared.resolution
             data |= {"substeps": resolution.substeps, "motor_substeps": resolution.motor_substeps}
         claim = {
-            "quantity": "link_position", "measure": "maximum_error", "comparison": "<=",
-            "against": os.path.relpath(desired, folder), "options": {"lag": "off"},
-        }  # fmt: skip
+            "quantity": "link_position",
+            "measure": "maximum_error",
+            "comparison": "<=",
+            "against": os.path.relpath(desired, folder),
+            "options": {"lag": "off"},
+        }
         data["expect"] = [
             {"joint": joint, "value": rounded_up(error), **claim}
             for joint, error in zip(plant.joints, largest, strict=True)

@@ -64,9 +64,13 @@ def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> No
     basis: hashes of everything that must be unchanged when learning continues, by the names of these things.
     """
     head = {
-        "format": FORMAT, "basis": dict(basis), "recordings": state.recordings, "start": dict(state.start),
-        "changes": dict(state.changes), "seconds": [trial.seconds for trial in state.trials],
-    }  # fmt: skip
+        "format": FORMAT,
+        "basis": dict(basis),
+        "recordings": state.recordings,
+        "start": dict(state.start),
+        "changes": dict(state.changes),
+        "seconds": [trial.seconds for trial in state.trials],
+    }
     make_folder(path.parent)
     with written(path, "learning state") as file:
         np.savez(
@@ -101,7 +105,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
 
 
 def _fault(path: Path, why: str) -> InputError:
-    message = f"is no state of a learning run, or is damaged ({why})"
+    message = f"is not the state of a learning run, or is damaged ({why})"
     return InputError(message, file=path, hint="Delete it to start again", code="state")
 
 
@@ -122,9 +126,14 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise _fault(path, str(error) or type(error).__name__) from error
     changes = {"*": float}
     shape = {
-        "format": str, "basis": {"*": str}, "recordings": [str], "start": changes, "changes": changes, "seconds": [float],
+        "format": str,
+        "basis": {"*": str},
+        "recordings": [str],
+        "start": changes,
+        "changes": changes,
+        "seconds": [float],
         "*": object,
-    }  # fmt: skip
+    }
     if wrong := misfit(head, shape):
         raise _fault(path, wrong)
     if head["format"] != FORMAT:

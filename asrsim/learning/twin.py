@@ -142,9 +142,12 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
     changes = {name: float(np.expm1(value)) for name, value in zip(groups, found.x, strict=False)}
     return LearningTwin(
-        plant=plant_of(found.x), changes=changes | {"delay": max(float(found.x[-1]), 0.0)}, residual=residual,
-        before=before, likely=tuple(plant_of(found.x + step) for step in steps),
-    )  # fmt: skip
+        plant=plant_of(found.x),
+        changes=changes | {"delay": max(float(found.x[-1]), 0.0)},
+        residual=residual,
+        before=before,
+        likely=tuple(plant_of(found.x + step) for step in steps),
+    )
 
 
 def _groups(plant: Plant) -> dict[str, Group]:

@@ -132,7 +132,7 @@ class CommandInput:
             elif not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(topic, "a value that is not finite")
             elif received.points and max(map(abs, (*values, *velocities))) > LARGEST_NUMBER:
-                self._refuse(topic, f"a value larger than {LARGEST_NUMBER:g}, which no robot has")
+                self._refuse(topic, f"a value larger than {LARGEST_NUMBER:g}, too large for a robot")
             else:
                 self.taken += 1
                 moving = velocities if len(velocities) == len(times) else ()

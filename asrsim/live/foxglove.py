@@ -59,9 +59,14 @@ class FoxgloveTransport:
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
         listener: Any = self  # the library's type has further optional methods
         self._server = foxglove.start_server(
-            name=f"asrsim {__version__}", host=behind, port=0, context=context, server_listener=listener,
-            capabilities=[Capability.ClientPublish, Capability.Time], supported_encodings=["json"],
-        )  # fmt: skip
+            name=f"asrsim {__version__}",
+            host=behind,
+            port=0,
+            context=context,
+            server_listener=listener,
+            capabilities=[Capability.ClientPublish, Capability.Time],
+            supported_encodings=["json"],
+        )
         self._proxy.start(behind, self._server.port)
         self.port = self._proxy.port
         tell(f"foxglove: ws://{host}:{self.port}")

@@ -30,7 +30,7 @@ _REFUSAL = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\
 
 
 def origin_of(text: str) -> str:
-    """Origin in the form that browsers send. Raises InputError for a text that is no origin."""
+    """Origin in the form that browsers send. Raises InputError for a text that is not an origin."""
     origin = text.strip().rstrip("/").lower()
     if not re.fullmatch(r"[a-z][a-z0-9+.-]*://[^/\s]+", origin):
         hint = "An origin is a page's address without its path, such as https://app.foxglove.dev"

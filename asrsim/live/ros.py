@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Event, Lock, Thread
 from typing import Any
 
-from asrsim.errors import InputError
+from asrsim.errors import InputError, counted
 from asrsim.extras import install
 from asrsim.live.mailbox import Mailbox
 from asrsim.live.transport import Access, Interface, Received, TellUser, received
@@ -65,11 +65,32 @@ again. A message blocked by a subscriber is dropped after 1 ms instead of 100 ms
 """
 
 
+class Outbox:
+    """Sends messages, and tells the user when a subscriber does not take them in time."""
+
+    def __init__(self, publishers: Sequence[Any], tell: TellUser) -> None:
+        """publishers: rclpy's publisher of each outlet that is not latched; None if the package of its message is not
+        installed.
+        """
+        self._publishers, self._tell, self._unsent = publishers, tell, 0
+
+    def send(self, messages: Sequence[bytes], wanted: Sequence[bool]) -> None:
+        """Send one message to each topic that is wanted; an empty message is left out. The first lost message is told, and the
+        thousandth."""
+        for publisher, message, one_wanted in zip(self._publishers, messages, wanted, strict=True):
+            if one_wanted and message:
+                try:
+                    publisher.handle.publish_raw(message)
+                except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
+                    self._unsent += 1
+                    if self._unsent in (1, 1000):
+                        self._tell(f"{counted(self._unsent, 'message')} dropped so far: a subscriber does not keep up")
+
+
 class RosTransport:
     """Node with the run's topics."""
 
     def __init__(self, interface: Interface, access: Access, tell: TellUser) -> None:
-        self._tell = tell
         rclpy = load_rclpy()
         from rclpy.context import Context
         from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -88,7 +109,7 @@ class RosTransport:
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         missing = set[str]()
         self._publishers: list[Any] = []
-        """Publisher of each outlet that is not latched; None if the package of its message is not installed."""
+        """As for `Outbox`."""
         for outlet in interface.outlets:
             kind = message_type(outlet.message)
             quality = once if outlet.latched else QoSProfile(depth=DEPTH)
@@ -105,7 +126,8 @@ class RosTransport:
             if (kind := message_type(inlet.message))
         ]
         self._kinds = {number: kind for number, kind, _ in self._subscriptions}
-        self._unsent, self._mailbox, self._lock, self._closed = 0, Mailbox(), Lock(), Event()
+        self._outbox = Outbox(self._publishers, tell)
+        self._mailbox, self._lock, self._closed = Mailbox(), Lock(), Event()
         self._look()
         self._taken = clock.monotonic()
         self._thread = Thread(target=self._empty, daemon=True)
@@ -116,14 +138,7 @@ class RosTransport:
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
         """Implements `Transport.publish`."""
-        for publisher, message, wanted in zip(self._publishers, messages, self.wanted, strict=True):
-            if wanted and message:
-                try:
-                    publisher.handle.publish_raw(message)
-                except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
-                    self._unsent += 1
-                    if self._unsent in (1, 1000):
-                        self._tell(f"{self._unsent} messages dropped so far: a subscriber does not keep up")
+        self._outbox.send(messages, self.wanted)
 
     def poll(self) -> Iterator[Received]:
         """Implements `Transport.poll`."""

@@ -97,9 +97,12 @@ class Session:
         self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
-            prepared, sinks=[self], duration=self._duration,
-            chunk=max(1, round(settings.batch / self._step)) * prepared.resolution.substeps, expected_substeps=10**6,
-        )  # fmt: skip
+            prepared,
+            sinks=[self],
+            duration=self._duration,
+            chunk=max(1, round(settings.batch / self._step)) * prepared.resolution.substeps,
+            expected_substeps=10**6,
+        )
         self.publisher = Publisher(self.simulation, namespace=settings.namespace)
         self.commands = CommandInput(prepared.info.joints, self.publisher.ranges, prefix=self.publisher.prefix, tell=tell)
         self.pace = Pace(settings.speed)

@@ -49,7 +49,7 @@ class Received:
 
 
 def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
-    """Content of a message object of any library. A message has a fault if it is None or if its content is no command."""
+    """Content of a message object of any library. A message has a fault if it is None or if its content is not a command."""
     try:
         if hasattr(message, "points"):
             points = [

@@ -52,7 +52,7 @@ def encoded(command: Command | WrenchCommand, time: float) -> bytes:
 
 
 def decoded(topic: str, data: bytes) -> Command | WrenchCommand:
-    """Command in a message of a topic. Raises ValueError or struct.error if the message is no command."""
+    """Command in a message of a topic. Raises ValueError or struct.error if the message is not a command."""
     count = 2 if topic == COMMAND_TOPIC else 1
     place = 4 + 8
     texts = []

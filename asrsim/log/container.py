@@ -131,8 +131,13 @@ COLUMNS_KEY = "asrsim_columns"
 """Key in a channel's metadata: JSON list of [offset in the message's data, kind, name, part] for each number to read back."""
 
 _SUMMARY = (
-    Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX
-)  # fmt: skip
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
 """Kinds of records in the summary, in order."""
 
 Aside = tuple[int, int, bytes]
@@ -174,9 +179,14 @@ class McapContainer:
         for name, (media_type, data) in attachments.items():
             record = encode(Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data))
             index = AttachmentIndex(
-                offset=start + len(body), length=len(record), log_time=0, create_time=0,
-                data_size=len(data), name=name, media_type=media_type,
-            )  # fmt: skip
+                offset=start + len(body),
+                length=len(record),
+                log_time=0,
+                create_time=0,
+                data_size=len(data),
+                name=name,
+                media_type=media_type,
+            )
             self._summarise(Opcode.ATTACHMENT_INDEX, encode(index))
             body += record
         for name, items in metadata.items():
@@ -223,18 +233,30 @@ class McapContainer:
         content = rows.messages(prefix)
         packed = self._compress(content)
         head = _CHUNK_HEAD.pack(
-            Opcode.CHUNK, _CHUNK_HEAD.size - 9 + len(packed), start, end, len(content), zlib.crc32(content),
-            len(_COMPRESSION), _COMPRESSION, len(packed),
-        )  # fmt: skip
+            Opcode.CHUNK,
+            _CHUNK_HEAD.size - 9 + len(packed),
+            start,
+            end,
+            len(content),
+            zlib.crc32(content),
+            len(_COMPRESSION),
+            _COMPRESSION,
+            len(packed),
+        )
         offset, length = self._storage.size, len(head) + len(packed)
         self._storage.append(b"".join((head, packed, index)))
         after = offset + length
         index_record = ChunkIndex(
-            chunk_length=length, chunk_start_offset=offset, compression=_COMPRESSION.decode(), compressed_size=len(packed),
-            message_start_time=start, message_end_time=end, message_index_length=len(index),
+            chunk_length=length,
+            chunk_start_offset=offset,
+            compression=_COMPRESSION.decode(),
+            compressed_size=len(packed),
+            message_start_time=start,
+            message_end_time=end,
+            message_index_length=len(index),
             message_index_offsets={channel: after + place for channel, place in index_offsets},
             uncompressed_size=len(content),
-        )  # fmt: skip
+        )
         self._summarise(Opcode.CHUNK_INDEX, encode(index_record))
         self._pending = b""
         for channel in rows.channels:
@@ -248,11 +270,16 @@ class McapContainer:
         start = self._storage.size + len(body)
         first, last = self._span or (0, 0)
         statistics = Statistics(
-            attachment_count=self._records[Opcode.ATTACHMENT_INDEX], channel_count=self._records[Opcode.CHANNEL],
-            channel_message_counts=self._counts, chunk_count=self._records[Opcode.CHUNK_INDEX],
-            message_count=sum(self._counts.values()), message_end_time=last, message_start_time=first,
-            metadata_count=self._records[Opcode.METADATA_INDEX], schema_count=self._records[Opcode.SCHEMA],
-        )  # fmt: skip
+            attachment_count=self._records[Opcode.ATTACHMENT_INDEX],
+            channel_count=self._records[Opcode.CHANNEL],
+            channel_message_counts=self._counts,
+            chunk_count=self._records[Opcode.CHUNK_INDEX],
+            message_count=sum(self._counts.values()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=self._records[Opcode.METADATA_INDEX],
+            schema_count=self._records[Opcode.SCHEMA],
+        )
         self._summarise(Opcode.STATISTICS, encode(statistics))
         summary = b"".join(self._summary.values())
         checked = summary + struct.pack("<BQQQ", Opcode.FOOTER, 20, start, 0)

@@ -22,12 +22,24 @@ _FOLDER = "attachments/"
 _COPIED = ("robot", "variant", "step", "log_every", "urdf_path", "scenario_path")
 """Fields of `RunInfo` that `run.json` contains unchanged."""
 _JOINT_SHAPE: PlainShape = {
-    "name": str, "actuator": str, "mode": (int, None), "namespace": str, "motors": int, "prismatic": bool, "quantities": [str],
-}  # fmt: skip
+    "name": str,
+    "actuator": str,
+    "mode": (int, None),
+    "namespace": str,
+    "motors": int,
+    "prismatic": bool,
+    "quantities": [str],
+}
 _RUN_SHAPE: PlainShape = {
-    "robot": str, "variant": str, "step": float, "log_every": int, "urdf_path": str, "scenario_path": str,
-    "joints": [_JOINT_SHAPE], "metadata": {"*": str},
-}  # fmt: skip
+    "robot": str,
+    "variant": str,
+    "step": float,
+    "log_every": int,
+    "urdf_path": str,
+    "scenario_path": str,
+    "joints": [_JOINT_SHAPE],
+    "metadata": {"*": str},
+}
 _RESOLVED_SHAPE: PlainShape = {
     "scenario?": {"robot": (str, {"file": str}), "*": object},
     "parameters?": {"*": {"*": float}},

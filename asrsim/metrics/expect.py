@@ -15,7 +15,7 @@ import numpy as np
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text, attempt
 from asrsim.document.node import node_from_data
 from asrsim.document.reading import DocumentReading
-from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.metrics.measures import MEASURES, measure, option_problems, unrest
 from asrsim.metrics.motion import AXES
 from asrsim.plugins import plugin_fault
@@ -161,8 +161,8 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
     problems: list[Problem] = []
     if expectation.measure not in MEASURES:
         names = MEASURES.names()
-        hint = did_you_mean(expectation.measure, names)
-        raise _error(expectation, f"no measure is called '{expectation.measure}'", choices=names, hint=hint)
+        message = f"no measure is called '{expectation.measure}'"
+        raise _error(expectation, message, choices=names, meant=expectation.measure)
     options = {key: value for key, value in _of_measure(expectation).items() if key not in ("start", "end")}
     problems += option_problems(MEASURES.get(expectation.measure), options)
     if expectation.against is not None:

@@ -74,9 +74,14 @@ def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
     axes[0, -1].legend(handles=handles, loc="upper left", bbox_to_anchor=(1.02, 1.0), labelspacing=0.8)
     if any((one.response.coherence >= TRUSTED).any() for one in moving):
         axes[1, -1].text(
-            1.02, 1.0, f"shaded: {CONFIDENCE:.0%}\nconfidence", transform=axes[1, -1].transAxes, va="top",
-            fontsize=8, color=style.GREY,
-        )  # fmt: skip
+            1.02,
+            1.0,
+            f"shaded: {CONFIDENCE:.0%}\nconfidence",
+            transform=axes[1, -1].transAxes,
+            va="top",
+            fontsize=8,
+            color=style.GREY,
+        )
     if title:
         set_title(figure, title)
     return figure

@@ -37,9 +37,15 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
     left = max(LEFT + 0.2, LETTER * _longest(name for row in rows for one in row if one for name in one.places) + 0.3)
     right = max(style.LEGEND_WIDTH, LETTER * _longest(name for row in rows for name in _labels(row)) + 0.55)
     grid = PanelGrid(
-        columns=len(columns), heights=[_height(row, height) for row in rows], width=width, title=0.24,
-        gap_y=(0.2 if every else 0.55) + 0.18 * headed, left=left, gap_x=max(1.1, left + 0.15), right=right,
-    )  # fmt: skip
+        columns=len(columns),
+        heights=[_height(row, height) for row in rows],
+        width=width,
+        title=0.24,
+        gap_y=(0.2 if every else 0.55) + 0.18 * headed,
+        left=left,
+        gap_x=max(1.1, left + 0.15),
+        right=right,
+    )
     figure, axes = grid.figure([])
     for r, row in enumerate(rows):
         for c, chart in enumerate(row):

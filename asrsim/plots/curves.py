@@ -104,9 +104,15 @@ class CurveSource:
         """Description of this log's run together with the given curves."""
         reader = self.reader
         return RunCurves(
-            path=reader.path, info=reader.info, label=reader.info.variant or reader.path.stem, joints=self.joints,
-            curves=curves, bodies=self.bodies, status=reader.status, samples=samples,
-        )  # fmt: skip
+            path=reader.path,
+            info=reader.info,
+            label=reader.info.variant or reader.path.stem,
+            joints=self.joints,
+            curves=curves,
+            bodies=self.bodies,
+            status=reader.status,
+            samples=samples,
+        )
 
     def span(self, first: float) -> tuple[float, float]:
         """Start and end of the part to read, s; `first` is the time of its first sample."""
@@ -209,10 +215,16 @@ def require_names(reader: LogReader, kind: str, names: Sequence[str], choices: S
     unknown = [name for name in names if name not in choices]
     if unknown:
         raise LogError(
-            Problem(f"the log has no {kind} '{name}'", file=reader.path, key=kind, choices=tuple(choices),
-                    meant=name, code=f"unknown-{kind}")
+            Problem(
+                f"the log has no {kind} '{name}'",
+                file=reader.path,
+                key=kind,
+                choices=tuple(choices),
+                meant=name,
+                code=f"unknown-{kind}",
+            )
             for name in unknown
-        )  # fmt: skip
+        )
 
 
 def _members(reader: LogReader, names: Sequence[str] | None) -> tuple[JointInfo, ...]:

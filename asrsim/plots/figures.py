@@ -128,22 +128,26 @@ def _object_pages(runs: Sequence[RunCurves]) -> Iterator[FigurePage]:
 
 for name, figure in {
     "overview": RunFigure(
-        title=f"the positions of all joints, for robots with {OVERVIEW_FROM} joints or more", pages=_overview_pages,
+        title=f"the positions of all joints, for robots with {OVERVIEW_FROM} joints or more",
+        pages=_overview_pages,
     ),
     "joints": RunFigure(
         title="per joint: link, motor and equilibrium positions with the reference; deflection; stiffness; torques at link and "
         "motors; limits of joints, torques and deflections where the motion comes near them (of several runs: the limits that "
-        "they share)", pages=_joint_pages,
+        "they share)",
+        pages=_joint_pages,
     ),
     "energy": RunFigure(
         title="per joint: work of the motors, energy in the springs, losses, work on the link; what is left over (the "
-        "residual)", pages=_energy_pages,
+        "residual)",
+        pages=_energy_pages,
     ),
     "objects": RunFigure(
         title="displacement and contact force of the world's objects; of a task's tip its way, its goal's and the distance "
-        "between them", pages=_object_pages,
+        "between them",
+        pages=_object_pages,
     ),
-}.items():  # fmt: skip
+}.items():
     FIGURES.add(name, figure)
 
 

@@ -104,20 +104,24 @@ class PlotResult:
                 for (path, label), recording in zip(self.assigned, self.recordings, strict=True)
             ],
             "alignment": [
-                {"run": one.label, "experiment": name, "lag": a.lag, "how": a.how,
-                 "correlation": a.found.correlation if a.found else None}
-                for one in self.compared for name, a in one.alignments.items()
+                {
+                    "run": one.label,
+                    "experiment": name,
+                    "lag": a.lag,
+                    "how": a.how,
+                    "correlation": a.found.correlation if a.found else None,
+                }
+                for one in self.compared
+                for name, a in one.alignments.items()
             ],
-            "metrics": [
-                {**row.__dict__, "value": finite_or_none(row.value)} for row in self.rows
-            ],
+            "metrics": [{**row.__dict__, "value": finite_or_none(row.value)} for row in self.rows],
             "expect": [
                 {"run": label, "holds": r.holds, "measured": finite_or_none(r.measured), "text": r.text}
                 for label, r in self.claims
             ],
             "findings": [problem.as_dict() for problem in self.findings],
             "files": [str(path) for path in self.files],
-        }  # fmt: skip
+        }
 
 
 def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
@@ -127,8 +131,12 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     """
     formats = check_formats(job.formats)
     if job.empty:
-        raise InputError("no log was named", key="logs", code="no-log",
-                         hint="Without one, a recording's response can be drawn: --experiment FILE --bode")  # fmt: skip
+        raise InputError(
+            "no log was named",
+            key="logs",
+            code="no-log",
+            hint="Without one, a recording's response can be drawn: --experiment FILE --bode",
+        )
     if job.figures is not None and (job.experiments or job.bode or job.quantities is not None):
         message = "figures by name show runs alone: without experiments, frequency responses and single quantities"
         raise InputError(message, key="figures", value=", ".join(job.figures), code="figures")
@@ -169,10 +177,14 @@ def _read_runs(job: PlotJob, progress: Tell | None) -> list[RunCurves]:
     for number, path in enumerate(job.logs):
         runs.append(
             read_curves(
-                path, joints=job.joints, quantities=job.quantities if alone else _beside(path),
-                bodies=alone and job.quantities is None, start=job.start, end=job.end,
+                path,
+                joints=job.joints,
+                quantities=job.quantities if alone else _beside(path),
+                bodies=alone and job.quantities is None,
+                start=job.start,
+                end=job.end,
             )
-        )  # fmt: skip
+        )
         if progress is not None:
             progress(Progress(task="reading", fraction=(number + 1) / len(job.logs)))
     return distinct_labels(runs)
@@ -210,10 +222,15 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
         if not mine:
             continue
         one = compare_run(
-            run.path, mine, label=run.label, joints=job.joints, quantities=job.quantities,
+            run.path,
+            mine,
+            label=run.label,
+            joints=job.joints,
+            quantities=job.quantities,
             # A recording has one clock: the lag found with the first run is used for the other runs too.
-            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine}, measures=job.measures,
-        )  # fmt: skip
+            lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
+            measures=job.measures,
+        )
         for name, alignment in one.alignments.items():
             lags.setdefault(name, alignment.lag)
         known = {n: replace(a, how="as `expect` compares them") if n in claimed else a for n, a in one.alignments.items()}

@@ -49,13 +49,20 @@ class PanelGrid:
         figure = AggFigure(width, height)
         mean = sum(self.heights) / len(self.heights)
         axes = figure.subplots(
-            len(self.heights), self.columns, squeeze=False, **more,
+            len(self.heights),
+            self.columns,
+            squeeze=False,
+            **more,
             gridspec_kw={
-                "height_ratios": list(self.heights), "hspace": self.gap_y / mean, "wspace": self.gap_x / self.width,
-                "left": self.left / width, "right": 1 - self.right / width, "bottom": foot / height,
+                "height_ratios": list(self.heights),
+                "hspace": self.gap_y / mean,
+                "wspace": self.gap_x / self.width,
+                "left": self.left / width,
+                "right": 1 - self.right / width,
+                "bottom": foot / height,
                 "top": 1 - (HEAD + self.title) / height,
             },
-        )  # fmt: skip
+        )
         for ax in axes.flat:
             # Fixed position: otherwise axis labels would move with the width of the tick labels.
             ax.yaxis.set_label_coords(-0.62 / self.width, 0.5)
@@ -66,5 +73,12 @@ class PanelGrid:
 
 def set_title(figure: Figure, text: str) -> None:
     """Write the figure's title in one line at the top left."""
-    figure.suptitle(text, fontsize=10.5, x=0.12 / figure.get_figwidth(), y=1 - 0.12 / figure.get_figheight(), ha="left",
-                    va="top", color=style.BLACK)  # fmt: skip
+    figure.suptitle(
+        text,
+        fontsize=10.5,
+        x=0.12 / figure.get_figwidth(),
+        y=1 - 0.12 / figure.get_figheight(),
+        ha="left",
+        va="top",
+        color=style.BLACK,
+    )

@@ -35,10 +35,13 @@ def legend(
         own = several and name in plain
         text = (words or {}).get(name) or _WORDS.get(name) or fill(style.plain(style.name(name)), LETTERS)
         handles[text] = Line2D(
-            [], [], linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
-            label=text, color=style.BLACK if own else style.colour(name),
+            [],
+            [],
+            linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
+            label=text,
+            color=style.BLACK if own else style.colour(name),
             linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
-        )  # fmt: skip
+        )
     if handles or extra:
         length = 3.0 if several else 2.2
         axes.legend(handles=[*handles.values(), *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)

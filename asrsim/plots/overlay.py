@@ -77,8 +77,11 @@ def overlay_figure(
 
 def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str) -> None:
     """Draw simulations in the variants' colours over thin dark experiments; several experiments form a band."""
-    found = [(n, run, one.pairs[joint, quantity]) for n, (run, one) in enumerate(zip(runs, compared, strict=True))
-             if (joint, quantity) in one.pairs]  # fmt: skip
+    found = [
+        (n, run, one.pairs[joint, quantity])
+        for n, (run, one) in enumerate(zip(runs, compared, strict=True))
+        if (joint, quantity) in one.pairs
+    ]
     shared = len({one.recordings for one in compared}) == 1
     drawn = [
         curve for _, _, pair in found for curve in (pair.simulation, pair.recording, pair.low, pair.high) if curve is not None
@@ -113,10 +116,15 @@ def draw_difference(
         if math.isfinite(pair.rmse) and place < SHOWN:
             share = f" ({100 * pair.nrmse:.{0 if pair.nrmse >= 0.1 else 1}f} %)" if math.isfinite(pair.nrmse) else ""
             axes.text(
-                1.0 - 0.3 * (min(len(found), SHOWN) - 1 - place), 1.02,
-                f"{'' if place else 'RMSE '}{shown(pair.rmse, unit)}{share}", transform=axes.transAxes, ha="right", va="bottom",
-                fontsize=7.5, color=colour if len(compared) > 1 else style.GREY,
-            )  # fmt: skip
+                1.0 - 0.3 * (min(len(found), SHOWN) - 1 - place),
+                1.02,
+                f"{'' if place else 'RMSE '}{shown(pair.rmse, unit)}{share}",
+                transform=axes.transAxes,
+                ha="right",
+                va="bottom",
+                fontsize=7.5,
+                color=colour if len(compared) > 1 else style.GREY,
+            )
     axes.axhline(0.0, color=style.GREY, linewidth=0.6, zorder=1.0)
     size = max((pair.difference.extent for _, pair in found), default=0.0)
     whole = max(

@@ -159,10 +159,16 @@ def _pairs(compared: Sequence[Comparison]) -> dict[tuple[str, str], Pair]:
         time, simulated, recorded = found[0].time, found[0].simulation, found[0].recording if runs is None else runs.mean
         low, high = (None, None) if runs is None else _hull(runs.time, runs.low, runs.high)
         pairs[key] = Pair(
-            joint=key[0], quantity=key[1], simulation=_thin(time, simulated), recording=_thin(time, recorded),
-            difference=_thin(time, simulated - recorded), low=low, high=high, count=len(found),
+            joint=key[0],
+            quantity=key[1],
+            simulation=_thin(time, simulated),
+            recording=_thin(time, recorded),
+            difference=_thin(time, simulated - recorded),
+            low=low,
+            high=high,
+            count=len(found),
             **{name: float(np.mean([one.metrics[name] for one in found])) for name in ("rmse", "nrmse")},
-        )  # fmt: skip
+        )
     return pairs
 
 
@@ -183,12 +189,15 @@ def write_recorded(path: Path, compared: Iterable[RunComparison]) -> Path:
     """Write the recorded curves, thinned and on the run's clock, for a report and return the file. Raises OutputError."""
     curves = [
         {
-            "run": one.label, "joint": pair.joint, "quantity": pair.quantity,
+            "run": one.label,
+            "joint": pair.joint,
+            "quantity": pair.quantity,
             "time": [round(t, 6) for t in pair.recording.time.tolist()],
             "values": [float(f"{v:.6g}") if math.isfinite(v) else None for v in pair.recording.values.tolist()],
         }
-        for one in compared for pair in one.pairs.values()
-    ]  # fmt: skip
+        for one in compared
+        for pair in one.pairs.values()
+    ]
     data = {"generator": f"asrsim {__version__}", "curves": curves}
     write_text(path, json.dumps(data, separators=(",", ":"), allow_nan=False), "json")
     return path

@@ -168,26 +168,38 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
         shared = reference and sum(other == name for other, _, _ in drawn) == 1
         colour = style.variant_colour(number) if several and not shared else style.colour(name)
         draw_curve(
-            axes, curve, colour=colour, linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
-            reference=reference, gid=f"{joint}.{name}.{number}",
+            axes,
+            curve,
+            colour=colour,
+            linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
+            reference=reference,
+            gid=f"{joint}.{name}.{number}",
             alpha=0.35 if reference and several and not shared else None,
-        )  # fmt: skip
+        )
     infos = [info for run in runs for info in _info(run, joint)]
     units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn for info in infos[:1])
     words = panel.words.replace("torque", "force") if infos and infos[0].prismatic else panel.words
     limits = _common_limits(runs, joint, panel.key) if drawn else []
     show_values(
-        axes, [curve for _, _, curve in drawn], limits=limits, brief=any("N" in unit for unit in units),
+        axes,
+        [curve for _, _, curve in drawn],
+        limits=limits,
+        brief=any("N" in unit for unit in units),
         still=_STILL if panel.key in ("position", "link") else 1e-12,
-    )  # fmt: skip
+    )
     label_values(axes, words, " or ".join(filter(None, units)))
     low, high = axes.get_ylim()
     seen = [limit for limit in limits if ((limit.values >= low) & (limit.values <= high)).any()]
     for limit in seen:
         axes.plot(
-            limit.time, limit.values, color=style.colour(LIMIT), linewidth=0.9, linestyle=LIMIT_LINE, zorder=1.2,
+            limit.time,
+            limit.values,
+            color=style.colour(LIMIT),
+            linewidth=0.9,
+            linestyle=LIMIT_LINE,
+            zorder=1.2,
             gid=f"{joint}.{panel.key}.limit",
-        )  # fmt: skip
+        )
     return (*dict.fromkeys(name for name, _, _ in drawn), *([LIMIT] if seen else []))
 
 

@@ -203,9 +203,14 @@ def _recorded_input(one: ResponseExperiment, info: JointInfo) -> Column | None:
 
 
 def _response(
-    joint: JointInfo, label: str, variant: int, u: Column, y: Column, band: tuple[float, float] | None,
+    joint: JointInfo,
+    label: str,
+    variant: int,
+    u: Column,
+    y: Column,
+    band: tuple[float, float] | None,
     recording: Recording | None = None,
-) -> Response:  # fmt: skip
+) -> Response:
     """Frequency response of the output column y to the input column u, resampled at the times of y. recording: None for a run.
     Raises RecordingError.
     """
@@ -218,13 +223,26 @@ def _response(
     found = frequency_response(y.time[both], excitation[both], y.values[both], band=band)
     findings = found.findings
     if recording is not None and u.source == _RUN:
-        findings = (Problem("has no recorded reference; the input is the simulation's", file=recording.path, key=joint.name,
-                            code="reference-of-simulation"), *findings)  # fmt: skip
+        findings = (
+            Problem(
+                "has no recorded reference; the input is the simulation's",
+                file=recording.path,
+                key=joint.name,
+                code="reference-of-simulation",
+            ),
+            *findings,
+        )
     return Response(
-        joint=joint, label=label, variant=variant, source=label if recording is None else recording.path.name,
-        experiment=recording is not None, unit=_ratio(y.unit, u.unit), output=y.quantity or "", response=found,
+        joint=joint,
+        label=label,
+        variant=variant,
+        source=label if recording is None else recording.path.name,
+        experiment=recording is not None,
+        unit=_ratio(y.unit, u.unit),
+        output=y.quantity or "",
+        response=found,
         findings=findings,
-    )  # fmt: skip
+    )
 
 
 def _ratio(above: str, below: str) -> str:

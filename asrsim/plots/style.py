@@ -22,9 +22,11 @@ BLUE, VERMILION, PURPLE = "#0072b2", "#d55e00", "#b3599a"
 EXPERIMENT = BLACK
 
 _OF_MOTORS = (
-    (GREEN, "#b5dfd2", "#7fceb9", "#00573f"), (PURPLE, "#e3c6dc", "#dcb0d2", "#6b2f5b"),
-    (ORANGE, "#f5d9a6", "#f0c266", "#8a5f00"), (SKY, "#cfe8f7", "#a3d5f2", "#1f6a9a"),
-)  # fmt: skip
+    (GREEN, "#b5dfd2", "#7fceb9", "#00573f"),
+    (PURPLE, "#e3c6dc", "#dcb0d2", "#6b2f5b"),
+    (ORANGE, "#f5d9a6", "#f0c266", "#8a5f00"),
+    (SKY, "#cfe8f7", "#a3d5f2", "#1f6a9a"),
+)
 MOTORS = {i: _OF_MOTORS[(i - 1) % len(_OF_MOTORS)] for i in range(1, MOST_MOTORS + 1)}
 """Colours of each motor: of its motion, its reference, its spring's torque, and its friction."""
 COLOURS: dict[str, str] = {
@@ -155,9 +157,11 @@ def name(quantity: str) -> str:
 
 
 _BODY_NAMES = {
-    **{f"d{axis}": f"along {axis}" for axis in "xyz"}, **{f"reference_{axis}": f"goal along {axis}" for axis in "xyz"},
-    "force": "without ground", "error": "distance",
-}  # fmt: skip
+    **{f"d{axis}": f"along {axis}" for axis in "xyz"},
+    **{f"reference_{axis}": f"goal along {axis}" for axis in "xyz"},
+    "force": "without ground",
+    "error": "distance",
+}
 
 
 def unit(quantity: str, joint: JointInfo | None = None) -> str:

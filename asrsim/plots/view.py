@@ -113,7 +113,12 @@ def _mark(axes: Axes, time: float, value: float, *, above: bool) -> None:
     late = share > 0.7
     axes.annotate(
         f"{'▲' if above else '▼'} {value:.3g}" if not late else f"{value:.3g} {'▲' if above else '▼'}",
-        (share, 0.985 if above else 0.015), xycoords="axes fraction", ha="right" if late else "left",
-        va="top" if above else "bottom", fontsize=7, color=style.BLACK, zorder=5,
+        (share, 0.985 if above else 0.015),
+        xycoords="axes fraction",
+        ha="right" if late else "left",
+        va="top" if above else "bottom",
+        fontsize=7,
+        color=style.BLACK,
+        zorder=5,
         bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75},
-    )  # fmt: skip
+    )

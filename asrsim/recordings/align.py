@@ -151,9 +151,14 @@ class Alignment:
 
 
 def align(
-    time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, *, choice: LagChoice = "auto",
+    time_simulation: Array,
+    simulation: Array,
+    time_recording: Array,
+    recording: Array,
+    *,
+    choice: LagChoice = "auto",
     name: str = "",
-) -> Alignment:  # fmt: skip
+) -> Alignment:
     """Lag of a recording behind a simulation.
 
     Args:

@@ -69,9 +69,13 @@ def of_tree(tree: Mapping[str, Any], findings: list[Problem], reading: Reading) 
     tables = tuple(_tables([*_leaves(tree, "", findings)], {*reading.time.columns}))
     if not tables:
         raise RecordingError(
-            findings or Problem("contains no series of numbers", code="no-numbers",
-                                hint="Expected vectors of time and signals, also in a struct, or as columns of a matrix")
-        )  # fmt: skip
+            findings
+            or Problem(
+                "contains no series of numbers",
+                code="no-numbers",
+                hint="Expected vectors of time and signals, also in a struct, or as columns of a matrix",
+            )
+        )
     return Content(tables=tables, findings=tuple(findings))
 
 

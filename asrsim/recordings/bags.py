@@ -18,6 +18,7 @@ from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS, reference_top
 from asrsim.quantities import MOST_MOTORS, QUANTITIES
 from asrsim.recordings.data import EPOCH, Content, RawColumn, RawTable, unique
 from asrsim.recordings.reading import Reading
+from asrsim.samples import Array
 
 _SAME_CLOCK = 1.0
 """Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
@@ -33,9 +34,10 @@ TOPICS: dict[str, str] = {
     **{f"sent_reference_{i}": f"reference_{i}" for i in range(1, MOST_MOTORS + 1)},
     **{
         name: f"reference_{i}"
-        for mode in REFERENCE_TOPICS for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
+        for mode in REFERENCE_TOPICS
+        for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
     },
-}  # fmt: skip
+}
 """Quantity carried by a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
@@ -72,7 +74,7 @@ def _is_number(value: Any) -> bool:
 
 def flatten(
     message: Any, prefix: str = "", names: Sequence[str] = (), joint: str | None = None
-) -> Iterator[tuple[Label, float]]:  # fmt: skip
+) -> Iterator[tuple[Label, float]]:
     """Labels and values of all numbers in a message or JSON object. Raises NoSignal.
 
     names, joint: names of the entries of arrays, and the joint, which the message around this part states.
@@ -140,6 +142,42 @@ class _Group:
     """Header stamps, ns; 0 for a message without stamp."""
     values: array[float] = field(default_factory=lambda: array("d"))
 
+    @property
+    def rows(self) -> Array:
+        """Values (messages, labels)."""
+        return np.frombuffer(self.values).reshape(-1, len(self.labels))
+
+
+def _series(groups: Mapping[tuple[_Topic, frozenset[Label]], _Group]) -> Iterator[tuple[_Topic, _Group]]:
+    """Numbers of each topic that stand in the same messages. A topic whose messages sometimes lack velocities gives two groups:
+    positions of all messages, and velocities of some."""
+    topics: dict[_Topic, dict[Label, list[_Group]]] = {}
+    for (topic, _), group in groups.items():
+        for label in group.labels:
+            topics.setdefault(topic, {}).setdefault(label, []).append(group)
+    for topic, found in topics.items():
+        alike: dict[tuple[int, ...], list[Label]] = {}
+        for label, own in found.items():
+            alike.setdefault(tuple(map(id, own)), []).append(label)
+        for labels in alike.values():
+            yield topic, _together(found[labels[0]], labels)
+
+
+def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
+    """Numbers with these labels of all messages of the groups, in the order in which they were received."""
+    if len(groups) == 1 and len(labels) == len(groups[0].labels):
+        return groups[0]
+    received = np.concatenate([np.array(one.received, dtype=np.int64) for one in groups])
+    stamped = np.concatenate([np.array(one.stamped, dtype=np.int64) for one in groups])
+    values = np.concatenate([one.rows[:, [one.labels.index(label) for label in labels]] for one in groups])
+    order = np.argsort(received, kind="stable")
+    return _Group(
+        tuple(labels),
+        array("q", received[order].tolist()),
+        array("q", stamped[order].tolist()),
+        array("d", values[order].ravel().tolist()),
+    )
+
 
 def read_bag(path: Path, reading: Reading) -> Content:
     """All numeric series of a bag. Raises RecordingError where nothing can be read."""
@@ -158,7 +196,7 @@ def read_bag(path: Path, reading: Reading) -> Content:
             code="unknown-message-type" if unknown else "no-numbers",
             hint="Expected sensor_msgs/JointState, std_msgs/Float64 or other numeric messages whose definitions are in the "
             "file",
-        )  # fmt: skip
+        )
     return Content(tables=tables, findings=tuple(findings))
 
 
@@ -288,11 +326,13 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         hint = "Record each joint once: which of its values is right cannot be known"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
-    for (topic, _), group in groups.items():
+    for topic, group in _series(groups):
         if topic.decode is None:
             continue
         if len(group.received) < 2:
-            findings.append(Problem("the topic has one message only, which is no series", key=topic.name, code="too-short"))
+            findings.append(
+                Problem("the topic has one message only; a time series needs more", key=topic.name, code="too-short")
+            )
             continue
         columns = [_time_of(topic.name, group, stated, findings)]
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
@@ -303,8 +343,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
             )
             hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"
             findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
-        values = np.frombuffer(group.values).reshape(-1, len(group.labels))
-        for (label, own), numbers in zip(group.labels, np.ascontiguousarray(values.T), strict=True):
+        for (label, own), numbers in zip(group.labels, np.ascontiguousarray(group.rows.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)
             name = unique(printable(topic.name if label == "data" else f"{topic.name}/{label}"), seen)
             joint = None if joint is None else printable(joint)

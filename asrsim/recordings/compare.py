@@ -21,7 +21,7 @@ from asrsim.recordings.align import (
     require_overlap,
     resample,
     simulated,
-)  # fmt: skip
+)
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints
 from asrsim.recordings.suspicions import beside, condense, interchanged
@@ -81,11 +81,15 @@ class Comparison:
                 values += [(source or "simulation", what, ours), (name, what, recorded)]
             rows += [
                 MetricRow(
-                    source=of, joint=s.joint, quantity=s.quantity, measure=what, value=value,
+                    source=of,
+                    joint=s.joint,
+                    quantity=s.quantity,
+                    measure=what,
+                    value=value,
                     unit=MEASURES.get(what).unit_of(s.unit),
                 )
                 for of, what, value in values
-            ]  # fmt: skip
+            ]
         return rows
 
 
@@ -123,8 +127,10 @@ def compare(
         asked = f" of {', '.join(quantities)}" if quantities else ""
         raise RecordingError(
             f"no common quantity{asked}: the recording has {', '.join(recorded)}; the simulation has "
-            f"{', '.join(samples.values)} of {', '.join(samples.joints)}", file=recording.path, code="no-common-quantity",
-        )  # fmt: skip
+            f"{', '.join(samples.values)} of {', '.join(samples.joints)}",
+            file=recording.path,
+            code="no-common-quantity",
+        )
 
     prismatic = {info.name for info in infos if info.prismatic}
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
@@ -147,9 +153,16 @@ def compare(
 
 
 def _series(
-    joint: str, quantity: str, time: Array, values: Array, column: Column, lag: float, further: Sequence[tuple[str, bool]], *,
+    joint: str,
+    quantity: str,
+    time: Array,
+    values: Array,
+    column: Column,
+    lag: float,
+    further: Sequence[tuple[str, bool]],
+    *,
     prismatic: bool,
-) -> Series:  # fmt: skip
+) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
     # The coarser record keeps its samples. Interpolating the finer record adds the smallest error.
@@ -173,9 +186,17 @@ def _series(
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in of_both}
     each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in of_each}
     return Series(
-        joint=joint, quantity=quantity, unit=unit, time=grid, simulation=a, recording=b,
-        reading=column.reading, metrics=metrics, each=each, findings=tuple(findings),
-    )  # fmt: skip
+        joint=joint,
+        quantity=quantity,
+        unit=unit,
+        time=grid,
+        simulation=a,
+        recording=b,
+        reading=column.reading,
+        metrics=metrics,
+        each=each,
+        findings=tuple(findings),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -107,9 +107,12 @@ def _confined(name: str, path: Path, reading: Reading) -> Content:
     """Content read in a child process, as damaged files may crash a library or make it request all memory."""
     # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
     request = {
-        "root": str(Path(__file__).parents[2]), "reader": name, "path": str(path.resolve()),
-        "reading": pickle.dumps(reading).hex(), "plugin": READERS.file_of(name),
-    }  # fmt: skip
+        "root": str(Path(__file__).parents[2]),
+        "reader": name,
+        "path": str(path.resolve()),
+        "reading": pickle.dumps(reading).hex(),
+        "plugin": READERS.file_of(name),
+    }
     size = sum(file.stat().st_size for file in ([path, *path.iterdir()] if path.is_dir() else [path]))
     limits = {"seconds": round(SECONDS + size / RATE), "memory": MEMORY + RATIO * size}
     try:

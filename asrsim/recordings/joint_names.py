@@ -28,7 +28,7 @@ _FIELDS = ("position", "velocity", "effort")
 
 
 def entries(cell: str) -> list[str] | None:
-    """Entries of a list in a cell, without quotes; None for a cell that is no list."""
+    """Entries of a list in a cell, without quotes; None for a cell that is not a list."""
     if cell[:1] not in ("[", "(", "a") or (found := _LIST.fullmatch(cell)) is None:
         return None
     inner = found["all"] if found["inner"] is None else found["inner"]

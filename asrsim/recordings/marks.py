@@ -1,4 +1,4 @@
-"""Numbers as text writes them: decimal marks, groups of three digits, and signs that are no hyphen."""
+"""Numbers as text writes them: decimal marks, groups of three digits, and minus signs other than the hyphen."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from asrsim.recordings.commands import is_command, kind_of, unknown_words
 from asrsim.recordings.data import RawColumn
 from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.units import Unit, fits, split_header
-from asrsim.recordings.words import REFERENCE, CommandDoubtError, DoubtError, one_of, tokens_of, words_of
+from asrsim.recordings.words import BODIES, REFERENCE, CommandDoubtError, DoubtError, one_of, tokens_of, words_of
 
 ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
@@ -23,14 +23,22 @@ ALIASES: dict[str, str] = {
 _QUANTITIES = {
     " ".join(sorted(words.split())): quantity
     for quantity, spellings in {
-        "link_position": "position", "link_velocity": "velocity", "link_torque": "torque,force", "stiffness": "stiffness",
-        "deflection": "deflection,tip deflection", "motor_1_position": "motor position", "motor_1_velocity": "motor velocity",
-        "motor_1_torque": "motor torque", "elastic_torque_1": "elastic torque", "external_torque": "external torque",
-        "position_error": "error position", "reference_2": "preset,stiffness preset",
+        "link_position": "position",
+        "link_velocity": "velocity",
+        "link_torque": "torque,force",
+        "stiffness": "stiffness",
+        "deflection": "deflection,tip deflection",
+        "motor_1_position": "motor position",
+        "motor_1_velocity": "motor velocity",
+        "motor_1_torque": "motor torque",
+        "elastic_torque_1": "elastic torque",
+        "external_torque": "external torque",
+        "position_error": "error position",
+        "reference_2": "preset,stiffness preset",
         "equilibrium_position": "equilibrium,equilibrium position,equilibrium theta",
     }.items()
     for words in spellings.split(",")
-}  # fmt: skip
+}
 """Quantity for the sorted words of a column's name."""
 _ERRORS = {"error", "errors", "err"}
 _NOT_MEASURED = {
@@ -120,6 +128,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         raise DoubtError("the number in its name is ambiguous")
     if joint is None and not count and words_of(tokens_of(owner)):
         return _joint_called(owner, joints), quantity  # for example elbow/position, /joint_states/elbow/position
+    if joint is None and count and BODIES.intersection(tokens_of(f"{rest} {file}")):
+        return None, None  # for example tool.position[1], imu.angular_velocity[0]
     if joint is None:
         place = int(array[1]) if array else next(iter(numbers), None)
         joint = joint_of(place, joints, indexed=array is not None)

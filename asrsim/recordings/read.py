@@ -69,9 +69,14 @@ def read_recording(
 
 @lru_cache(maxsize=4)
 def read_cached(
-    path: Path, _modified: tuple[int, int], *, mapping: tuple[str, ...] = (), joints: tuple[str, ...] | None = None,
-    rate: float | None = None, in_seconds: bool = False,
-) -> tuple[Content, Recording]:  # fmt: skip
+    path: Path,
+    _modified: tuple[int, int],
+    *,
+    mapping: tuple[str, ...] = (),
+    joints: tuple[str, ...] | None = None,
+    rate: float | None = None,
+    in_seconds: bool = False,
+) -> tuple[Content, Recording]:
     """Content and recording as by `read_tables`, from memory where they were read before.
 
     _modified: `asrsim.recordings.reading.modified` of the path. in_seconds: as in `Reading`. The other arguments are those of
@@ -95,7 +100,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
-        # The time may be in a column whose text is no date.
+        # The time may be in a column whose text is not a date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
@@ -115,9 +120,11 @@ def _recording(
     columns = _without_repeats(columns, findings)
     findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
     return Recording(
-        path=path, format=content.format, time=max(times, key=len),
+        path=path,
+        format=content.format,
+        time=max(times, key=len),
         channels={column.source: column for column in columns},
-    )  # fmt: skip
+    )
 
 
 def _windowed(content: Content, reading: Reading) -> Content:
@@ -151,7 +158,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problem = replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
-            message = f"is in {unit.symbol}, which is no unit of {one.quantity} ({unit_of(one.quantity)})"
+            message = f"is in {unit.symbol}, which is not a unit of {one.quantity} ({unit_of(one.quantity)})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
             problem = replace(problem, message=message, hint=hint, code="wrong-unit")
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
@@ -256,12 +263,17 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
         values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
-        time=time - meaning.late if meaning.late else time, values=values + meaning.offset,
+        time=time - meaning.late if meaning.late else time,
+        values=values + meaning.offset,
         unit="" if unit.si == "1" and not commands else unit.si or usual,
-        joint=meaning.joint, quantity=meaning.quantity, source=raw.name,
-        conversion="; ".join(text for applies, text in steps if applies), stated=bool(unit.symbol),
-        origin=f"not used: {meaning.origin}" if unused else meaning.origin, read_as=meaning,
-    )  # fmt: skip
+        joint=meaning.joint,
+        quantity=meaning.quantity,
+        source=raw.name,
+        conversion="; ".join(text for applies, text in steps if applies),
+        stated=bool(unit.symbol),
+        origin=f"not used: {meaning.origin}" if unused else meaning.origin,
+        read_as=meaning,
+    )
 
 
 def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
@@ -273,9 +285,11 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     def rank(column: Column) -> int:
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
-    def order(column: Column) -> tuple[int, bool]:
-        """Rank; of the commands of one joint, a position stands before the torque or current of a controller inside."""
-        return rank(column), column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
+    def order(column: Column) -> tuple[int, bool, bool]:
+        """Rank; of the commands of one joint, a position stands before the torque or current of a controller inside; a name
+        that states the joint stands before one that numbers it."""
+        inner = column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
+        return rank(column), inner, column.joint is not None and find_joint(column.source, [column.joint])[0] is None
 
     owner: dict[tuple[str | None, str], Column] = {}
     problems: list[Problem] = []

@@ -101,7 +101,7 @@ class TimeKeys:
 
     def __post_init__(self) -> None:
         if self.unit is not None and (self.stated is None or self.stated.si != "s"):
-            raise _error("unit", f"{self.unit} is no unit of time", choices=("s", "ms", "us", "ns"))
+            raise _error("unit", f"{self.unit} is not a unit of time", choices=("s", "ms", "us", "ns"))
 
 
 TIME = block_of(TimeKeys, "time", main="column")
@@ -145,9 +145,12 @@ class Reading:
         default=None,
     )
     columns: Mapping[str, str] | None = declare(
-        MapOf(of=Text(text="JOINT.QUANTITY [unit]"), noun="column", star=False), key="map",
-        doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`", default=None, shown="by the columns' names",
-    )  # fmt: skip
+        MapOf(of=Text(text="JOINT.QUANTITY [unit]"), noun="column", star=False),
+        key="map",
+        doc="meaning of each column that is used: `JOINT.QUANTITY [unit]`",
+        default=None,
+        shown="by the columns' names",
+    )
     given: tuple[ColumnMap, ...] = ()
     """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
@@ -256,11 +259,17 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
     if quantity not in known:
         raise _error(column, f"no quantity is called '{found['name']}'", choices=(*known, *ALIASES), meant=found["name"])
     return ColumnMap(
-        column=column, joint=found["joint"], quantity=quantity, origin=origin, text=target,
-        unit=parse_unit(found["unit"]) if found["unit"] else None, unwrapped=found["unwrapped"] is not None,
+        column=column,
+        joint=found["joint"],
+        quantity=quantity,
+        origin=origin,
+        text=target,
+        unit=parse_unit(found["unit"]) if found["unit"] else None,
+        unwrapped=found["unwrapped"] is not None,
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
-        offset=float((found["offset"] or "0").replace(" ", "")), late=float(found["late"] or 0.0),
-    )  # fmt: skip
+        offset=float((found["offset"] or "0").replace(" ", "")),
+        late=float(found["late"] or 0.0),
+    )
 
 
 def _error(key: str, message: str, **details: Unpack[Details]) -> RecordingError:

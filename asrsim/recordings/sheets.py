@@ -45,9 +45,10 @@ def _content(data: Any, reading: Reading) -> Content:
     records = [dict(_flat(one, "")) for one in data] if isinstance(data, list) else []
     if len(records) < 2:
         raise RecordingError(
-            f"is JSON with {len(records)} records; at least 2 are needed", code="no-numbers",
+            f"is JSON with {len(records)} records; at least 2 are needed",
+            code="no-numbers",
             hint="Expected records with a time and signals: one per line, a list of records, or an object of lists",
-        )  # fmt: skip
+        )
     labels = list(dict.fromkeys(label for record in records for label in record))
     return read_cells([labels, *([record.get(label, "") for label in labels] for record in records)], reading)
 

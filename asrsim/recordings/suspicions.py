@@ -69,7 +69,7 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
 
 def interchanged(
     expected: Mapping[str, Array], measured: Mapping[str, Array], columns: Mapping[str, Column], than: str = "the simulation"
-) -> Iterator[Problem]:  # fmt: skip
+) -> Iterator[Problem]:
     """Pairs of columns of one quantity that fit the other's joint far better than their own.
 
     expected, measured: values (n,) by joint, at equal times. columns: column of each joint.

@@ -271,10 +271,13 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
     place = next((i for i, both in enumerate(zip(shares, below, strict=True)) if _begins(*both)), None)
     if place is None:
         raise RecordingError(
-            "contains no row of numbers", line=rows[0][0], value=" ".join(rows[0][1])[:60], code="no-numbers",
+            "contains no row of numbers",
+            line=rows[0][0],
+            value=" ".join(rows[0][1])[:60],
+            code="no-numbers",
             hint="Expected columns separated by comma, semicolon, tab or blanks, below an optional header; for topics a bag, "
             "or what `ros2 topic echo --csv` prints",
-        )  # fmt: skip
+        )
     above = [(line, _uncommented(cells)) for line, cells in rows[:place]]
     # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
     above = [(line, names[:columns] if names[columns:] == ["Comment"] else names) for line, names in above]
@@ -299,7 +302,11 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
     labels = _unique([*names, ""][:columns])
     naming = name_columns(labels)
     return TableLayout(
-        decimal=decimal, stated=reading.decimal is not None, header=header, first=rows[place][0], names=labels,
+        decimal=decimal,
+        stated=reading.decimal is not None,
+        header=header,
+        first=rows[place][0],
+        names=labels,
         kinds=tuple(
             "joint" if name == reading.joint or i in naming else kind
             for i, (name, kind) in enumerate(zip(labels, common, strict=True))
@@ -307,7 +314,7 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
         skipped=tuple(
             row for row, kind in zip(rows[:place], kinds, strict=False) if row[0] > header > 0 and share_of_values(kind) >= 0.5
         ),
-    )  # fmt: skip
+    )
 
 
 def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:

@@ -168,7 +168,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
     """The first column with the name of a time, and the next one if both are seconds and parts of a second of one stamp.
 
-    A flag, which has two values at most, is no time beside a column that has more.
+    A flag, which has two values at most, is not taken as the time if another column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]

@@ -158,7 +158,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
     text = header.strip(' "')
     for pattern in _HEADERS:
         found = pattern.fullmatch(text)
-        # Words with a blank between them are no single symbol: `theta m deg` is not in mdeg.
+        # Words with a blank between them are separate symbols: `theta m deg` is not in mdeg.
         unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
         if found and unit is not None:
             return found["name"] + (found.groupdict().get("rest") or ""), unit

@@ -29,25 +29,41 @@ class CommandDoubtError(DoubtError):
 
 REFERENCE = "reference"
 """Word for all spellings that mean a command."""
-WORDS = _table({
-    "position": "q qpos pos positions angle angles", "velocity": "dq qdot qvel vel velocities speed",
-    "torque": "tau torques effort efforts", "motor": "hub mot hubangle", "deflection": "defl", "external": "ext",
-    "elastic": "el spring", "equilibrium": "eq",
-    REFERENCE: "references ref refs cmd cmds command commands commanded des desired target targets setpoint setpoints goal "
-    "demand demanded",
-    "current": "currents cur curr amps", "voltage": "voltages volt volts",
-    "": "joint joints axis link measured meas actual data value values val angular state states controller controllers "
-    "interface topic",
-    "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
-})  # fmt: skip
+WORDS = _table(
+    {
+        "position": "q qpos pos positions angle angles",
+        "velocity": "dq qdot qvel vel velocities speed",
+        "torque": "tau torques effort efforts",
+        "motor": "hub mot hubangle",
+        "deflection": "defl",
+        "external": "ext",
+        "elastic": "el spring",
+        "equilibrium": "eq",
+        REFERENCE: "references ref refs cmd cmds command commands commanded des desired target targets setpoint setpoints goal "
+        "demand demanded",
+        "current": "currents cur curr amps",
+        "voltage": "voltages volt volts",
+        "": "joint joints axis link measured meas actual data value values val angular state states controller controllers "
+        "interface topic",
+        "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
+    }
+)
 """Word for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?" for words that
 suggest a quantity of a joint, but may mean something else."""
-KINDS = _table({
-    "position": "position equilibrium", "velocity": "velocity velo omega rpm rps", "torque": "torque moment moments trq",
-    "force": "force forces", "current": "current i iq amp ampere amperes", "voltage": "voltage",
-    "PWM duty": "pwm pwms duty dutycycle", "acceleration": "acceleration accelerations acc accel ddq qddot", "power": "power",
-    "stiffness": "stiffness stiff",
-})  # fmt: skip
+KINDS = _table(
+    {
+        "position": "position equilibrium",
+        "velocity": "velocity velo omega rpm rps",
+        "torque": "torque moment moments trq",
+        "force": "force forces",
+        "current": "current i iq amp ampere amperes",
+        "voltage": "voltage",
+        "PWM duty": "pwm pwms duty dutycycle",
+        "acceleration": "acceleration accelerations acc accel ddq qddot",
+        "power": "power",
+        "stiffness": "stiffness stiff",
+    }
+)
 """Physical kind of a command for each word that states one; `i` and `iq` are currents beside a word for a command only."""
 LETTERS = {
     "u": ("voltage", "torque", "current", "force", "PWM duty"), "v": ("voltage", "velocity"), "w": ("velocity", "power"),
@@ -73,6 +89,11 @@ KIND_UNITS = {
     "PWM duty": "1",
 }
 """SI unit of a command by its kind, for kinds that a column's name may state."""
+BODIES = {
+    "tool", "tcp", "ee", "eef", "effector", "endeffector", "base", "body", "trunk", "torso", "pelvis", "com", "imu", "gyro",
+    "pose", "poses", "twist", "odom", "odometry", "camera", "marker", "world", "cartesian", "wrench",
+}  # fmt: skip
+"""Words for bodies in space and their sensors. A number in the name of their position counts directions, not joints."""
 TAKEN = ("position", "torque", "force", "current", "voltage")
 """Kinds of commands that an operation mode takes; a force only on a prismatic joint."""
 

@@ -55,9 +55,15 @@ class SceneDrawer:
         return np.asarray(np.einsum("kij,kj->ki", turn[self._point_body], self._points) + shift[self._point_body])
 
     def image(
-        self, frames: Mapping[str, Array], camera: Camera, width: int, height: int, *, sharpness: int = 2,
+        self,
+        frames: Mapping[str, Array],
+        camera: Camera,
+        width: int,
+        height: int,
+        *,
+        sharpness: int = 2,
         place: Array | None = None,
-    ) -> Image:  # fmt: skip
+    ) -> Image:
         """Picture (height, width, 3) from the camera.
 
         sharpness: factor of oversampling; place: points (k, 3) that size the tiles of the ground, equal in all pictures of a

@@ -115,9 +115,15 @@ def write_gif(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
     path = Path(path)
     with written(path, "picture") as stream:
         indexed[0].save(
-            stream, format="GIF", save_all=True, append_images=indexed[1:], duration=max(20, round(1000 * shown)), loop=0,
-            optimize=False, comment=b"asrsim",
-        )  # fmt: skip
+            stream,
+            format="GIF",
+            save_all=True,
+            append_images=indexed[1:],
+            duration=max(20, round(1000 * shown)),
+            loop=0,
+            optimize=False,
+            comment=b"asrsim",
+        )
     return path
 
 
@@ -128,9 +134,15 @@ def write_mp4(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
     path = Path(path)
     with written(path, "picture") as stream:
         writer = imageio_ffmpeg.write_frames(
-            stream.name, (film.width, film.height), fps=fps, codec="libx264", quality=7, macro_block_size=2,
-            ffmpeg_log_level="error", output_params=["-metadata", "comment=asrsim", "-f", "mp4"],
-        )  # fmt: skip
+            stream.name,
+            (film.width, film.height),
+            fps=fps,
+            codec="libx264",
+            quality=7,
+            macro_block_size=2,
+            ffmpeg_log_level="error",
+            output_params=["-metadata", "comment=asrsim", "-f", "mp4"],
+        )
         try:
             writer.send(None)
             for picture in _stamped(film, times, progress, Path(path).name):

@@ -63,9 +63,14 @@ class Film:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, size: int = 360, sharpness: int = 2, start: float | None = None,
+        self,
+        path: str | os.PathLike[str],
+        *,
+        size: int = 360,
+        sharpness: int = 2,
+        start: float | None = None,
         end: float | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.path = Path(path)
         self._size = size
         self._sharpness = sharpness

@@ -33,11 +33,15 @@ def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> y
     links = [urdf.Link(name=link.name, visuals=_visuals(link.visuals)) for link in robot.links]
     joints = [
         urdf.Joint(
-            name=joint.name, type=joint.kind, parent=joint.parent, child=joint.child,
-            origin=origin_frame(joint.origin, joint.rpy), axis=np.array(joint.axis),
+            name=joint.name,
+            type=joint.kind,
+            parent=joint.parent,
+            child=joint.child,
+            origin=origin_frame(joint.origin, joint.rpy),
+            axis=np.array(joint.axis),
         )
         for joint in robot.joints
-    ]  # fmt: skip
+    ]
     for name, pose, shape in objects:
         links.append(urdf.Link(name=name, visuals=_visuals([shape])))
         joints.append(urdf.Joint(name=f"{name} in the world", type="floating", parent=robot.root.name, child=name, origin=pose))

@@ -73,9 +73,16 @@ def _series(line: Line, across: Array, *, logarithmic: bool) -> dict[str, Any]:
         values = np.where(values > 0.0, values, np.nan)
         values = np.log10(values)
     return {
-        "label": line.label, "colour": _colour(line.colour, line.opacity), "dash": DASHES[line.dash % len(DASHES)],
-        "width": round(PIXELS * line.width, 2), "unit": "", "run": None, "kind": line.kind, "log": logarithmic, **pack(values),
-    }  # fmt: skip
+        "label": line.label,
+        "colour": _colour(line.colour, line.opacity),
+        "dash": DASHES[line.dash % len(DASHES)],
+        "width": round(PIXELS * line.width, 2),
+        "unit": "",
+        "run": None,
+        "kind": line.kind,
+        "log": logarithmic,
+        **pack(values),
+    }
 
 
 def _band(band: Shade, across: Array) -> dict[str, Any]:

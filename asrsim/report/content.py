@@ -100,9 +100,14 @@ def read_content(log: Path) -> RunContent:
     except AsrsimError as error:
         notes.append(f"the parameters cannot be read: {error}")
     return RunContent(
-        log=log, info=reader.info, status=reader.status, message=reader.metadata.get("message", ""), summary=summary,
-        parameters=parameters, notes=tuple(notes),
-    )  # fmt: skip
+        log=log,
+        info=reader.info,
+        status=reader.status,
+        message=reader.metadata.get("message", ""),
+        summary=summary,
+        parameters=parameters,
+        notes=tuple(notes),
+    )
 
 
 def read_parameters(info: RunInfo) -> dict[str, tuple[ParameterRow, ...]]:
@@ -235,9 +240,14 @@ def _own_summary(log: Path) -> dict[str, Any]:
         if "link_position" in columns:
             columns |= {name: function(samples, [info])[:, 0] for name, function in DERIVED_FUNCTIONS.items()}
         joints.append(
-            {"name": info.name, "actuator": info.actuator, "mode": info.mode, "prismatic": info.prismatic,
-             **summarise(samples.time, columns).as_dict()}
-        )  # fmt: skip
+            {
+                "name": info.name,
+                "actuator": info.actuator,
+                "mode": info.mode,
+                "prismatic": info.prismatic,
+                **summarise(samples.time, columns).as_dict(),
+            }
+        )
     claims: list[dict[str, Any]] = []
     with suppress(AsrsimError):
         claims = [{"text": result.text, "holds": result.holds} for result in judge(reader)]

@@ -152,10 +152,14 @@ def _cell(value: float) -> str:
 
 def _errors(fit: FitFolder) -> str:
     numbers = {
-        "training before": "before", "training after": "after", "held out before": "held_before",
+        "training before": "before",
+        "training after": "after",
+        "held out before": "held_before",
         "held out after": "held_after",
-        "noise": "noise", "lag-1 correlation": "correlation", "explained": "explained",
-    }  # fmt: skip
+        "noise": "noise",
+        "lag-1 correlation": "correlation",
+        "explained": "explained",
+    }
     rows = []
     for one in fit.channels:
         known = {key: one[key] for key in numbers.values() if isinstance(one.get(key), float | int)}

@@ -23,12 +23,19 @@ from asrsim.report.page import HINT, NO_SCRIPT, folded, page_html
 NUMBERS, INPUTS, DESIRED, PLAYBACK = "ilc.json", "learned.csv", "desired.csv", "learned.yaml"
 _NUMBER = (float, None)
 _SHAPE: PlainShape = {
-    "scenario": str, "variant": str, "outcome": str, "converged": bool, "reason": str, "iterations": int, "best": int,
-    "law": str, "reach?": str,
+    "scenario": str,
+    "variant": str,
+    "outcome": str,
+    "converged": bool,
+    "reason": str,
+    "iterations": int,
+    "best": int,
+    "law": str,
+    "reach?": str,
     "trials": [{"iteration": int, "largest_error": {"*": _NUMBER}, "rms_error": {"*": _NUMBER}, "*": object}],
     "demands?": [{"joint?": str, "what?": str, "needed?": _NUMBER, "limit?": _NUMBER, "unit?": str, "*": object}],
     "*": object,
-}  # fmt: skip
+}
 
 
 def learning_page(folder: Path) -> str:
@@ -49,11 +56,15 @@ def learning_page(folder: Path) -> str:
     commands = f"asrsim run {shlex.quote(str(folder / PLAYBACK))}"
     sections = [
         section("Errors and motions", HINT + shown + NO_SCRIPT) if joints else "",
-        section("Demands of the motion", f"<p>{escape(data.get('reach', ''))}</p>" + table(
-            ["joint", "demand", "needed", "limit", "unit"], demands)) if demands else "",
+        section(
+            "Demands of the motion",
+            f"<p>{escape(data.get('reach', ''))}</p>" + table(["joint", "demand", "needed", "limit", "unit"], demands),
+        )
+        if demands
+        else "",
         section("Iterations", table(heads, trials)) if trials else "",
         section("Play what was learned", f"<pre>{escape(commands)}</pre>"),
-    ]  # fmt: skip
+    ]
     name = Path(data["scenario"]).stem + (f" · {data['variant']}" if data["variant"] not in ("", "default") else "")
     head = f"<p>{badge(data['outcome'], good=data['converged'])} {escape(data['reason'])}; law {escape(data['law'])}</p>"
     return page_html(f"Learning {name}", sections, head=head, data=page_data(groups))
@@ -63,11 +74,14 @@ def _errors(data: Mapping[str, Any], joint: str) -> Chart:
     numbers = np.array([float(one["iteration"]) for one in data["trials"]])
     lines = [
         Line(
-            label=label, x=numbers, y=np.array([one[kind].get(joint) or np.nan for one in data["trials"]], float),
-            colour=colour, kind="both",
+            label=label,
+            x=numbers,
+            y=np.array([one[kind].get(joint) or np.nan for one in data["trials"]], float),
+            colour=colour,
+            kind="both",
         )
         for label, kind, colour in (("largest", "largest_error", style.VERMILION), ("RMS", "rms_error", style.GREY))
-    ]  # fmt: skip
+    ]
     return Chart(words="error", across="iteration", across_unit="", lines=lines, logarithmic="y")
 
 

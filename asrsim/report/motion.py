@@ -45,11 +45,14 @@ def _shapes(scene: RenderScene) -> list[dict[str, Any]]:
     meshes = [smooth(mesh) for mesh in simplified([part.mesh for part in scene.parts], most=TRIANGLES)]
     return [
         {
-            "body": part.body, "colour": part.colour.tolist(), "points": pack(mesh.vertices.ravel()),
-            "count": mesh.vertices.size, "triangles": _integers(mesh.faces),
+            "body": part.body,
+            "colour": part.colour.tolist(),
+            "points": pack(mesh.vertices.ravel()),
+            "count": mesh.vertices.size,
+            "triangles": _integers(mesh.faces),
         }
         for part, mesh in zip(scene.parts, meshes, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def _integers(faces: Any) -> str:

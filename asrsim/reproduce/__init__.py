@@ -58,9 +58,12 @@ __all__ = [
 
 
 def reproduce(
-    names: Sequence[str] = (), folder: Path = Path("out/reproduce"), *, workers: int = 2,
+    names: Sequence[str] = (),
+    folder: Path = Path("out/reproduce"),
+    *,
+    workers: int = 2,
     on_figure: Callable[[Reproduction], None] | None = None,
-) -> FigureOutcome:  # fmt: skip
+) -> FigureOutcome:
     """Reproduce figures and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
 
     names: figures to run, all by default; on_figure: called with each result, in any order. For a figure that cannot be run

@@ -7,31 +7,17 @@ from collections.abc import Sequence
 from typing import Any, Unpack
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Parameter
-from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
 from asrsim.errors import Details, did_you_mean, nearest
 from asrsim.robot.findings import Findings
-from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, Origin, ParameterValue, is_locked
+from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, ParameterValue, is_locked
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.values import parameter_fault
+from asrsim.robot.values import default_parameter, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
 MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
-
-
-def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
-    """Default of a parameter in a mode: in mode 1, controller 1 acts on the link and has other gains."""
-    if mode == 1 and parameter.name in LINK_CONTROLLER_DEFAULTS:
-        return LINK_CONTROLLER_DEFAULTS[parameter.name], "mode default"
-    return parameter.default, "default"
-
-
-def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
-    """Parameter that is not set, with its default."""
-    value, origin = default_value(parameter, mode)
-    return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
 
 
 def read_blocks(
@@ -56,10 +42,15 @@ def read_blocks(
             mode = tags.mode()
             *_, external = (tags.switch(name) for name in REQUIRED_TAGS[2:])
             block = ActuatorBlock(
-                actuator=actuator.name, joint=joint or "", mode=mode or 0, namespace=tags.text("namespace"),
+                actuator=actuator.name,
+                joint=joint or "",
+                mode=mode or 0,
+                namespace=tags.text("namespace"),
                 subscribe_external_torque=external,
-                parameters=tags.parameters(actuator, mode), plugin_name=plugin.get("name") or "", line=findings.line(plugin),
-            )  # fmt: skip
+                parameters=tags.parameters(actuator, mode),
+                plugin_name=plugin.get("name") or "",
+                line=findings.line(plugin),
+            )
             if joint is not None:
                 blocks[joint] = block
                 unread |= {joint} if mode is None else set()
@@ -203,9 +194,14 @@ class _Tags:
         if fault:
             self.error(fault, name, code="out-of-range")
         return ParameterValue(
-            name=parameter.name, value=UNREAD if value is None or fault else value, unit=parameter.unit, origin="tag", tag=name,
-            line=self.findings.line(self.by_name[name]), text=self.text(name),
-        )  # fmt: skip
+            name=parameter.name,
+            value=UNREAD if value is None or fault else value,
+            unit=parameter.unit,
+            origin="tag",
+            tag=name,
+            line=self.findings.line(self.by_name[name]),
+            text=self.text(name),
+        )
 
     def number(self, name: str) -> float | None:
         """Number in a tag; None if the number is invalid."""

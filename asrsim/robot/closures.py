@@ -127,9 +127,14 @@ def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure
 
 
 def _closure(
-    findings: Findings, robot: Robot, element: Any, kind: str, links: Sequence[str], poses: Sequence[Pose],
+    findings: Findings,
+    robot: Robot,
+    element: Any,
+    kind: str,
+    links: Sequence[str],
+    poses: Sequence[Pose],
     axis: Sequence[float],
-) -> Iterator[Closure]:  # fmt: skip
+) -> Iterator[Closure]:
     """The closure, if its links exist and its type can be simulated."""
     name, names = name_of(element) or "loop", {link.name for link in robot.links}
     missing = [link for link in links if link not in names]
@@ -141,9 +146,13 @@ def _closure(
     else:
         x, y, z = axis
         yield Closure(
-            element=element, name=name, points=POINTS[kind], links=(links[0], links[1]), poses=(poses[0], poses[1]),
+            element=element,
+            name=name,
+            points=POINTS[kind],
+            links=(links[0], links[1]),
+            poses=(poses[0], poses[1]),
             axis=(x, y, z),
-        )  # fmt: skip
+        )
 
 
 def _numbers(findings: Findings, tag: Any, key: str, default: tuple[float, ...]) -> tuple[float, ...]:

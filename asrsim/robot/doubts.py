@@ -28,7 +28,7 @@ DENSITY = 100.0
 AWAY = 2.0
 """Largest plausible distance of a centre of mass from all known parts of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Range, rad, in which a limit of a revolute joint means several turns or was stated in degrees by mistake."""
+"""Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
@@ -260,5 +260,9 @@ def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
 
 
 BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (
-    _of_joint, _of_parameters, _idle_stages, _one_controller, _exchanged,
-)  # fmt: skip
+    _of_joint,
+    _of_parameters,
+    _idle_stages,
+    _one_controller,
+    _exchanged,
+)

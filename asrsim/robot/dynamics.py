@@ -159,10 +159,16 @@ class RobotModel:
         if self._free or self.couplings:
             return None
         return Chain(
-            parents=np.array(self._parents, dtype=np.int64), places=self._at, slides=self._slides, origins=self._origins,
-            twists=self._twists, squares=self._twists @ self._twists, inertias=self._inertias[1:].copy(),
-            armature=self._armature, **work_space(len(self._parents), self._base),
-        )  # fmt: skip
+            parents=np.array(self._parents, dtype=np.int64),
+            places=self._at,
+            slides=self._slides,
+            origins=self._origins,
+            twists=self._twists,
+            squares=self._twists @ self._twists,
+            inertias=self._inertias[1:].copy(),
+            armature=self._armature,
+            **work_space(len(self._parents), self._base),
+        )
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
         """Joint torques (..., n) in N m that give the accelerations, on a fixed base."""

@@ -15,9 +15,11 @@ from asrsim.robot.tags import JOINT_TAGS, parameter_tags
 from asrsim.robot.vary import CENTRES, JOINT_NAMES
 from asrsim.robot.xmlfile import elements, name_of, parse_xml, text_of
 
-_ATTRIBUTES = {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")} | {
-    name: ("inertia", name) for name in INERTIAS
-} | {"mass": ("mass", "value"), "armature": ("dynamics", "armature")}  # fmt: skip
+_ATTRIBUTES = (
+    {"damping": ("dynamics", "damping"), "friction": ("dynamics", "friction")}
+    | {name: ("inertia", name) for name in INERTIAS}
+    | {"mass": ("mass", "value"), "armature": ("dynamics", "armature")}
+)
 """Tag and attribute of each number in a joint or in the `<inertial>` of a link, by name of the number."""
 
 

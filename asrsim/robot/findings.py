@@ -24,7 +24,7 @@ _HINTS = (
     (re.compile(r"[-+]?\d+,\d+"), "Write a decimal point"),
     (re.compile(r"[-+]?[\d.]+\s*[^\W\d].*"), "Write the number without its unit, in SI units"),
 )
-"""Patterns of texts that are no numbers, and what to write instead."""
+"""Patterns of texts that are not numbers, and what to write instead."""
 
 
 _BLANKS = re.compile(f"[{BLANKS}]+")
@@ -76,9 +76,13 @@ class Findings:
         position, angles = self.vector(tags[0], "xyz", key, default=ZERO), self.vector(tags[0], "rpy", key, default=ZERO)
         if beyond_a_turn(angles):
             self.warn(
-                "turns by more than one revolution; angles are in rad", tags[0], key, code="rpy-in-degrees",
-                value=tags[0].get("rpy"), hint="90 degrees are 1.5708 rad",
-            )  # fmt: skip
+                "turns by more than one revolution; angles are in rad",
+                tags[0],
+                key,
+                code="rpy-in-degrees",
+                value=tags[0].get("rpy"),
+                hint="90 degrees are 1.5708 rad",
+            )
         return position, angles
 
     def number(self, element: Any, key: str, place: str, *, required: bool, finite: bool = True) -> float:
@@ -109,7 +113,7 @@ class Findings:
         return x, y, z
 
     def value(self, text: str, shown: str, at: Any, place: str, *, finite: bool = True) -> float:
-        """Number in a text; 0 with an error if the text is no number, is infinite where this is invalid, or is too large."""
+        """Number in a text; 0 with an error if the text is not a number, is infinite where this is invalid, or is too large."""
         fault, code = "", "not-a-number"
         try:
             number = plain_number(text)
@@ -119,7 +123,7 @@ class Findings:
             if math.isnan(number) or (finite and math.isinf(number)):
                 fault, code = "must be finite", "not-finite"
             elif finite and abs(number) > LARGEST_NUMBER:
-                fault, code = f"is larger than {LARGEST_NUMBER:g}, which no robot has", "out-of-range"
+                fault, code = f"is larger than {LARGEST_NUMBER:g}, too large for a robot", "out-of-range"
         if fault:
             hint = next((hint for pattern, hint in _HINTS if pattern.fullmatch(text.strip())), None)
             self.error(fault, at, place, code=code, value=shown, hint=hint)

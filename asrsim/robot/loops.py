@@ -396,7 +396,7 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         if fault:
             problems.append(Problem(fault, key=f"loops.{number}", code="loop"))
         elif loop.master and loop.master not in names:
-            message = f"its master '{loop.master}' is no joint of the loop"
+            message = f"its master '{loop.master}' is not a joint of the loop"
             problems.append(Problem(message, key=f"loops.{number}", choices=tuple(names), code="loop"))
         elif path:
             paths.append(path)
@@ -421,9 +421,15 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         )
         lengths = [float(np.linalg.norm(one)) for number in inside for one in (*paths[number].origins, paths[number].ends)]
         linkage = Linkage(
-            joints=(master, *sorted(members - {master})), loops=tuple(inside), paths=tuple(paths[k] for k in inside), ties=ties,
-            size=max(lengths) or 1.0, start=stated, stops=stops, slides=slides,
-        )  # fmt: skip
+            joints=(master, *sorted(members - {master})),
+            loops=tuple(inside),
+            paths=tuple(paths[k] for k in inside),
+            ties=ties,
+            size=max(lengths) or 1.0,
+            start=stated,
+            stops=stops,
+            slides=slides,
+        )
         found.append(replace(linkage, start=linkage.close(stated)))
     return tuple(found)
 
@@ -447,11 +453,14 @@ def _path(loop: Loop, above: dict[str, Joint], order: dict[str, int]) -> tuple[L
     if len(members) < 2:
         return None, "no joints lie between its links, so nothing can close it"
     path = LoopPath(
-        joints=tuple(order[joint.name] for joint, _ in members), split=len(sides[0]),
+        joints=tuple(order[joint.name] for joint, _ in members),
+        split=len(sides[0]),
         slides=tuple(joint.kind == "prismatic" for joint, _ in members),
-        origins=tuple(pose.position for _, pose in members), turns=tuple(pose.rotation for _, pose in members),
-        axes=tuple(np.array(joint.axis) for joint, _ in members), ends=np.concatenate(ends),
-    )  # fmt: skip
+        origins=tuple(pose.position for _, pose in members),
+        turns=tuple(pose.rotation for _, pose in members),
+        axes=tuple(np.array(joint.axis) for joint, _ in members),
+        ends=np.concatenate(ends),
+    )
     return path, ""
 
 

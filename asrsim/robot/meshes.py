@@ -50,10 +50,15 @@ def usable_shapes(
                     message = f"collision mesh {found}; the link does not collide with it"
                     warnings.append(
                         Problem(
-                            message, file=robot.path, line=shape.line, key=link.name, value=shape.mesh,
-                            hint=_cure(shape.mesh, found), code="missing-collision-mesh",
+                            message,
+                            file=robot.path,
+                            line=shape.line,
+                            key=link.name,
+                            value=shape.mesh,
+                            hint=_cure(shape.mesh, found),
+                            code="missing-collision-mesh",
                         )
-                    )  # fmt: skip
+                    )
         links.append(replace(link, collisions=tuple(readable["collisions"]), visuals=tuple(readable["visuals"])))
     if missing:
         first, fault = missing[0]

@@ -10,18 +10,10 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, ScenarioError, did_you_mean
-from asrsim.robot.blocks import MODE_CHOICES, default_parameter, default_value
-from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, ParameterValue, Robot
-from asrsim.robot.tags import REQUIRED_TAGS, parameter_name, parameter_tags, tag_parameters
-from asrsim.robot.values import parameter_fault, together_faults
-
-
-def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
-    """Block of an actuator with default values. Raises InputError if the actuator is unknown."""
-    cls = ACTUATORS.get(actuator)
-    tags = parameter_tags(cls)
-    parameters = {one.name: default_parameter(one, mode, tags[one.name]) for one in cls.all_parameters()}
-    return ActuatorBlock(actuator=actuator, joint=joint, mode=mode, namespace=namespace, parameters=parameters)
+from asrsim.robot.blocks import MODE_CHOICES
+from asrsim.robot.model import ActuatorBlock, Joint, Robot
+from asrsim.robot.tags import REQUIRED_TAGS
+from asrsim.robot.values import block_for, together_faults, unknown_parameter, value_names, with_mode, with_values
 
 
 def block_text(joint: str, actuator: str, mode: int) -> str:
@@ -71,12 +63,16 @@ def mounted(
     kinds = ACTUATORS.names()
     problems += [
         Problem(
-            "there is no such actuator", key=f"actuators.{name}", value=kind, choices=kinds,
-            meant=kind, code="unknown-actuator",
+            "there is no such actuator",
+            key=f"actuators.{name}",
+            value=kind,
+            choices=kinds,
+            meant=kind,
+            code="unknown-actuator",
         )
         for name, (kind, _) in types.items()
         if kind not in kinds
-    ]  # fmt: skip
+    ]
     present = {block.joint: block for block in robot.actuators}
     unread = set(robot.unread)
     blocks = []
@@ -203,16 +199,17 @@ def overridden(
         for joint, mode in modes.items()
         if mode not in MODES
     )
-    everyone = {name for block in robot.actuators for name in _names(block)}
+    everyone = {name for block in robot.actuators for name in value_names(block)}
     if not robot.unread:
         common = parameters.get("*", {})
-        problems.extend(_unknown(f"parameters.*.{key}", key, everyone) for key in common if key not in everyone)
+        problems.extend(unknown_parameter(f"parameters.*.{key}", key, everyone) for key in common if key not in everyone)
     blocks = []
     for block in robot.actuators:
         mode = modes.get(block.joint, modes.get("*", block.mode))
-        changed = _with_mode(block, mode) if mode in MODES else block
+        changed = with_mode(block, mode) if mode in MODES else block
         for scope in ("*", block.joint):
-            changed = _with_parameters(changed, scope, parameters.get(scope, {}), problems)
+            changed, faults = with_values(changed, parameters.get(scope, {}), scope)
+            problems += [fault for fault in faults if fault not in problems]  # blocks share the problems of `*`
         blocks.append(changed)
     return replace(robot, actuators=tuple(blocks)), problems
 
@@ -232,55 +229,3 @@ def block_faults(robot: Robot, before: Robot) -> list[Problem]:
                 fault = replace(fault, file=robot.path, line=fault.line or old.line, key=old.plugin_name or block.joint)
             found.append(fault)
     return found
-
-
-def _with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
-    if mode == block.mode:
-        return block
-    values = dict(block.parameters)
-    for parameter in ACTUATORS.get(block.actuator).all_parameters():
-        old = values[parameter.name]
-        if old.origin in ("default", "mode default"):
-            number, origin = default_value(parameter, mode)
-            if (number, origin) != (old.value, old.origin):
-                values[parameter.name] = replace(old, value=number, origin=origin)
-    return replace(block, mode=mode, parameters=values)
-
-
-def _with_parameters(block: ActuatorBlock, scope: str, given: Mapping[str, float], problems: list[Problem]) -> ActuatorBlock:
-    actuator = ACTUATORS.get(block.actuator)
-    declared = {parameter.name: parameter for parameter in actuator.all_parameters()}
-    values: dict[str, ParameterValue] = dict(block.parameters)
-    seen: dict[str, str] = {}
-    for key, number in given.items():
-        place = f"parameters.{scope}.{key}"
-        name = parameter_name(actuator, key)
-        if name in seen:
-            twice = Problem(
-                f"is the same parameter as {seen[name]}", key=place, hint=f"Give {seen[name]}", code="duplicate-parameter"
-            )
-            if twice not in problems:
-                problems.append(twice)
-            continue
-        if name is None:
-            if scope != "*":
-                problems.append(_unknown(place, key, _names(block)))
-            continue
-        seen[name] = key
-        fault = None if number is UNREAD else parameter_fault(declared[name], float(number))
-        if fault:
-            problem = Problem(fault, key=place, value=number, code="out-of-range")
-            if problem not in problems:
-                problems.append(problem)
-            number = UNREAD
-        values[name] = replace(values[name], value=float(number), origin="scenario", line=None, text="")
-    return replace(block, parameters=values)
-
-
-def _names(block: ActuatorBlock) -> set[str]:
-    return {*block.parameters, *tag_parameters(ACTUATORS.get(block.actuator))}
-
-
-def _unknown(place: str, key: str, known: set[str]) -> Problem:
-    names = tuple(sorted(known))
-    return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")

@@ -21,9 +21,13 @@ _LEADING = re.compile(f"[{BLANKS}]*([+-]?{_DIGITS})")
 _PLAIN = re.compile(rf"[+-]?(?:{_DIGITS}|inf|infinity|nan)", re.IGNORECASE | re.ASCII)
 _ARITHMETIC = re.compile(f"[-0-9.eE+*/(),pow{BLANKS}]+")
 _OPERATORS: dict[type, Any] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-    ast.UAdd: operator.pos, ast.USub: operator.neg,
-}  # fmt: skip
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
 
 
 def plain_number(text: str) -> float:

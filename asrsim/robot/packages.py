@@ -51,7 +51,7 @@ class Packages:
     def resolve(self, filename: str) -> Path | str:
         """Existing file for a name (package://, file://, absolute or relative), or the reason why there is none."""
         if "\0" in filename:
-            return "is no file name"
+            return "is not a file name"
         scheme, separator, rest = filename.partition("://")
         if not separator:
             path = self.folder / filename

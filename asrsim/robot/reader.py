@@ -117,10 +117,16 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
     whole = not findings.errors
     blocks, unread = read_blocks(root, joints, findings, locked)
     robot = Robot(
-        name=root.get("name") or path.stem, path=path, text=_text(data, root, mended=mended), links=links, joints=joints,
+        name=root.get("name") or path.stem,
+        path=path,
+        text=_text(data, root, mended=mended),
+        links=links,
+        joints=joints,
         actuators=blocks,
-        unread=unread, contact_words=contact_words, locked=tuple(locked),
-    )  # fmt: skip
+        unread=unread,
+        contact_words=contact_words,
+        locked=tuple(locked),
+    )
     robot = with_rotors(robot, {})
     if whole:
         robot = with_loops(findings, root, without_massless_joints(findings, robot))

@@ -60,9 +60,15 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
             findings.error("'scale' must not be 0", shape, key, code="empty-shape", value=shape.get("scale"))
     origin, rpy = findings.origin(element, key)
     return Shape(
-        kind=shape.tag, size=size, origin=origin, rpy=rpy, mesh=mesh, scale=scale, colour=_colour_of(element, colours),
+        kind=shape.tag,
+        size=size,
+        origin=origin,
+        rpy=rpy,
+        mesh=mesh,
+        scale=scale,
+        colour=_colour_of(element, colours),
         line=findings.line(element),
-    )  # fmt: skip
+    )
 
 
 def read_colours(root: Any) -> dict[str, Colour]:

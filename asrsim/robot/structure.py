@@ -90,10 +90,13 @@ def _named(findings: Findings, root: Any, tag: str) -> list[tuple[Any, str]]:
 
 def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Colour], largest: float) -> Link:
     link = Link(
-        name=name, mass=None, inertia=None, line=findings.line(element),
+        name=name,
+        mass=None,
+        inertia=None,
+        line=findings.line(element),
         collisions=_shapes(findings, element, "collision", name, colours),
         visuals=_shapes(findings, element, "visual", name, colours),
-    )  # fmt: skip
+    )
     inertials = elements(element, "inertial")
     if len(inertials) > 1:
         message = "has more than one <inertial>; only the first counts, as in other readers"
@@ -170,12 +173,12 @@ def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest:
 
 
 def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
-    message = f"is closer to 0 than {SMALLEST:g}, which no body is"
+    message = f"is closer to 0 than {SMALLEST:g}, too small for a body"
     findings.error(message, tag, place, code="out-of-range", value=f"{value:g}")
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2; an impossible tensor with possible moments is replaced by the nearest possible one."""
+    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest tensor without one."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{_listed(moments)} kg m^2"
@@ -320,8 +323,10 @@ def _mimic(findings: Findings, tag: Any, name: str, _joint: Joint) -> dict[str, 
 
 
 TAGS: dict[str, Callable[[Findings, Any, str, Joint], Mapping[str, Any]]] = {
-    "limit": _limits, "dynamics": _dynamics, "mimic": _mimic,
-}  # fmt: skip
+    "limit": _limits,
+    "dynamics": _dynamics,
+    "mimic": _mimic,
+}
 """Functions that read the fields of a joint, by tag."""
 
 _PASSIVE = {tag: field for field, tag in JOINT_TAGS.items()}

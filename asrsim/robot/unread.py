@@ -133,9 +133,13 @@ def _unknown(findings: Findings, element: Any, what: str, name: str, kind: str, 
     close = nearest(name.lower(), [word for word in known if word not in present])
     shown, meant = (f"'{name}'", f"'{close}'") if attribute else (f"<{name}>", f"<{close}>")
     findings.warn(
-        f"unknown {what} {shown}; it has no effect", element, place, code=f"unknown-{what}",
-        hint=f"Did you mean {meant}?" if close else None, choices=() if close or kind in OPEN else known,
-    )  # fmt: skip
+        f"unknown {what} {shown}; it has no effect",
+        element,
+        place,
+        code=f"unknown-{what}",
+        hint=f"Did you mean {meant}?" if close else None,
+        choices=() if close or kind in OPEN else known,
+    )
 
 
 def _local(element: Any, name: str) -> str:

@@ -1,19 +1,97 @@
-"""Checks whether the values of an actuator, from a file or a scenario, can be used in calculations."""
+"""Values of an actuator block: their defaults, their changes, and whether they can be used in calculations."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
+from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
 from asrsim.errors import Problem
 from asrsim.robot.findings import LARGEST_NUMBER, SMALLEST
-from asrsim.robot.model import ActuatorBlock
+from asrsim.robot.model import UNREAD, ActuatorBlock, Origin, ParameterValue
+from asrsim.robot.tags import parameter_name, parameter_tags, tag_parameters
 
 DEFLECTION = 1e-3
 """Deflection at which an actuator's laws are evaluated, rad; a smaller deflection limit replaces it."""
+
+
+def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
+    """Default of a parameter in a mode: in mode 1, controller 1 acts on the link and has other gains."""
+    if mode == 1 and parameter.name in LINK_CONTROLLER_DEFAULTS:
+        return LINK_CONTROLLER_DEFAULTS[parameter.name], "mode default"
+    return parameter.default, "default"
+
+
+def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
+    """Parameter that is not set, with its default."""
+    value, origin = default_value(parameter, mode)
+    return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
+
+
+def block_for(joint: str, actuator: str, mode: int, namespace: str = "") -> ActuatorBlock:
+    """Block of an actuator with default values. Raises InputError if the actuator is unknown."""
+    cls = ACTUATORS.get(actuator)
+    tags = parameter_tags(cls)
+    parameters = {one.name: default_parameter(one, mode, tags[one.name]) for one in cls.all_parameters()}
+    return ActuatorBlock(actuator=actuator, joint=joint, mode=mode, namespace=namespace, parameters=parameters)
+
+
+def with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
+    """Block in another mode. The defaults of controllers follow the mode."""
+    if mode == block.mode:
+        return block
+    values = dict(block.parameters)
+    for parameter in ACTUATORS.get(block.actuator).all_parameters():
+        old = values[parameter.name]
+        if old.origin in ("default", "mode default"):
+            number, origin = default_value(parameter, mode)
+            if (number, origin) != (old.value, old.origin):
+                values[parameter.name] = replace(old, value=number, origin=origin)
+    return replace(block, mode=mode, parameters=values)
+
+
+def value_names(block: ActuatorBlock) -> set[str]:
+    """Names and tags of the block's parameters."""
+    return {*block.parameters, *tag_parameters(ACTUATORS.get(block.actuator))}
+
+
+def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) -> tuple[ActuatorBlock, list[Problem]]:
+    """Block with other values of parameters, which a scenario gives by name or tag, and the problems of invalid values.
+
+    scope: the joint that the scenario names, or `"*"` for all joints, under which a parameter that this actuator lacks is
+    ignored. A parameter with an invalid value becomes `UNREAD`.
+    """
+    actuator = ACTUATORS.get(block.actuator)
+    declared = {parameter.name: parameter for parameter in actuator.all_parameters()}
+    values = dict(block.parameters)
+    seen: dict[str, str] = {}
+    problems: list[Problem] = []
+    for key, number in given.items():
+        place = f"parameters.{scope}.{key}"
+        name = parameter_name(actuator, key)
+        if name is None:
+            problems += [] if scope == "*" else [unknown_parameter(place, key, value_names(block))]
+        elif name in seen:
+            message, hint = f"is the same parameter as {seen[name]}", f"Give {seen[name]}"
+            problems.append(Problem(message, key=place, hint=hint, code="duplicate-parameter"))
+        else:
+            seen[name] = key
+            fault = None if number is UNREAD else parameter_fault(declared[name], float(number))
+            if fault:
+                problems.append(Problem(fault, key=place, value=number, code="out-of-range"))
+            value = UNREAD if fault else float(number)
+            values[name] = replace(values[name], value=value, origin="scenario", line=None, text="")
+    return replace(block, parameters=values), problems
+
+
+def unknown_parameter(place: str, key: str, known: set[str]) -> Problem:
+    """Problem of a parameter that no actuator in question has. place: dotted key in the scenario; known: valid names."""
+    names = tuple(sorted(known))
+    return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:
@@ -21,9 +99,9 @@ def parameter_fault(parameter: Parameter, value: float) -> str | None:
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST_NUMBER:
-            return f"is larger than {LARGEST_NUMBER:g}, which no actuator has"
+            return f"is larger than {LARGEST_NUMBER:g}, too large for an actuator"
         if abs(value) < SMALLEST:
-            return f"is closer to 0 than {SMALLEST:g}, which no actuator is"
+            return f"is closer to 0 than {SMALLEST:g}, too small for an actuator"
     return fault
 
 
@@ -61,9 +139,12 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:
             yield Problem(
-                f"lower stop of motor {index} is above the upper one", line=low.line or high.line,
-                key=f"parameters.{block.joint}", value=f"{low.value:g} > {high.value:g}", code="limits-crossed",
-            )  # fmt: skip
+                f"lower stop of motor {index} is above the upper one",
+                line=low.line or high.line,
+                key=f"parameters.{block.joint}",
+                value=f"{low.value:g} > {high.value:g}",
+                code="limits-crossed",
+            )
     mode = MODES[block.mode]
     # Voltages and currents are for electric motors.
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()

@@ -199,9 +199,10 @@ def _limits_off(tag: Any, _text: str) -> Effect | None:
 # -- the table ---------------------------------------------------------------------------------------------------------
 
 _SPRING = special(
-    _spring, "a spring of ... N m/rad is left out",
+    _spring,
+    "a spring of ... N m/rad is left out",
     hint="Gazebo and asrsim read springs from <gazebo reference='JOINT'> <springStiffness>, <springReference>",
-)  # fmt: skip
+)
 _DRIVE = _words(READ, " ".join((*ROTOR, *RATIO, "drake:rotor_inertia", "drake:gear_ratio")))
 _STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
 _MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses those of the file"

@@ -169,9 +169,13 @@ class _Guards:
         }
         names.update(
             {key: substitution.convert_value(value, "auto") for key, value in context.get("arg", {}).items()},
-            find=self.find, env=self.environment, optenv=lambda _name, default="": default, true=True, false=False,
+            find=self.find,
+            env=self.environment,
+            optenv=lambda _name, default="": default,
+            true=True,
+            false=False,
             arg=lambda name: substitution.convert_value(context["arg"][name], "auto"),
-        )  # fmt: skip
+        )
         return str(_checked_eval(expression, names))
 
 

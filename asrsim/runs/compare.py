@@ -112,9 +112,15 @@ class Comparer:
         row = int(np.argmax(differs))
         kind, name, joint = key
         self._found[key] = Difference(
-            kind=kind, name=name, joint=joint, time=float(time[row]), sample=self.samples + row,
-            logged=float(before[row]), repeated=float(after[row]), count=count,
-        )  # fmt: skip
+            kind=kind,
+            name=name,
+            joint=joint,
+            time=float(time[row]),
+            sample=self.samples + row,
+            logged=float(before[row]),
+            repeated=float(after[row]),
+            count=count,
+        )
 
 
 def _series_of(samples: Samples, rows: slice) -> dict[tuple[str, str, str | None, int], Array]:

@@ -41,8 +41,8 @@ _OTHER_FORM = ("log_every", "world")
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
     """Description of a run, with all changes of the scenario and of the robot's actuators since they were read.
 
-    Computed references become playbacks of an attached table. Other changes are written under their key in the scenario. A
-    run with other changes of the robot is marked as unrepeatable.
+    References that were computed in Python are stored as a table, which the described scenario plays back. Other changes are
+    written under their key in the scenario. A run with other changes of the robot is marked as unrepeatable.
     The scenario's path becomes absolute, so that runs of different projects can be distinguished.
 
     Args:
@@ -75,9 +75,12 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
                 resolved["parameters"] = {**parameters, joint: own}
     metadata = {**info.metadata, UNREPEATABLE: ", ".join(lost)} if lost else info.metadata
     return replace(
-        info, resolved={**info.resolved, "scenario": resolved}, attachments={**info.attachments, **files},
-        scenario_path=origin_of(scenario), metadata=metadata,
-    )  # fmt: skip
+        info,
+        resolved={**info.resolved, "scenario": resolved},
+        attachments={**info.attachments, **files},
+        scenario_path=origin_of(scenario),
+        metadata=metadata,
+    )
 
 
 def _robot_as_read(robot: Robot) -> Robot:

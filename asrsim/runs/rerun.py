@@ -114,9 +114,15 @@ def rerun(
             with _wanting_plugins(reader):
                 scenario, robot = restore(reader.info, Path(temporary))
                 run = simulate(
-                    scenario, robot, sinks=[comparer], keep=False, progress=progress, stop=ended,
-                    commands=reader.commands() if live else (), duration=_whole_steps(reader) if live else None,
-                )  # fmt: skip
+                    scenario,
+                    robot,
+                    sinks=[comparer],
+                    keep=False,
+                    progress=progress,
+                    stop=ended,
+                    commands=reader.commands() if live else (),
+                    duration=_whole_steps(reader) if live else None,
+                )
         except DivergenceError as error:
             # The logged run may have diverged too.
             if not isinstance(error.run, Run):

@@ -44,7 +44,10 @@ def unknown_actuators(joints: Iterable[JointInfo], attachments: Iterable[str]) -
             own.setdefault(joint.actuator, []).append(joint.name)
     hint = advice(missing_plugins(attachments))
     return [
-        Problem(f"the actuator '{name}' of {', '.join(names)} is not known here: no deflection, no equilibrium position",
-                hint=hint, code="actuator-not-here")
+        Problem(
+            f"the actuator '{name}' of {', '.join(names)} is not known here: no deflection, no equilibrium position",
+            hint=hint,
+            code="actuator-not-here",
+        )
         for name, names in own.items()
-    ]  # fmt: skip
+    ]

@@ -229,7 +229,7 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
     for path, _, node in walk(SCENARIO, node_from_data(numbers)):
         if isinstance(node.value, float | int) and abs(node.value) > LARGEST_NUMBER:
-            message = f"is larger than {LARGEST_NUMBER:g}, which no robot has"
+            message = f"is larger than {LARGEST_NUMBER:g}, too large for a robot"
             yield Problem(message, key=".".join(path), value=node.value, code="out-of-range")
 
 

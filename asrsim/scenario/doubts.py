@@ -51,7 +51,7 @@ def _gravity_and_step(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         message = "points upwards: z points up, so weight is negative in z"
         yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
     if not STEPS[0] <= scenario.step <= STEPS[1]:
-        message = f"is no step of a simulated robot, {STEPS[0]:g} to {STEPS[1]:g} s"
+        message = f"is unusual: steps of simulated robots are {STEPS[0]:g} to {STEPS[1]:g} s"
         yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
 
 
@@ -163,7 +163,8 @@ def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> It
     low, high = robot.joint(name).stops
     if math.isfinite(low) and math.isfinite(high) and (ends[0] < low or ends[1] > high):
         message = f"leaves the limits of '{name}', {low:g} to {high:g}"
-        yield Problem(message, key=key, value=f"{ends[0]:g} to {ends[1]:g}", code="reference-limits")
+        reached = f"{ends[0]:g}" if ends[0] == ends[1] else f"{ends[0]:g} to {ends[1]:g}"
+        yield Problem(message, key=key, value=reached, code="reference-limits")
 
 
 def _sudden_turns(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -256,6 +257,15 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
-    _default_start, _gravity_and_step, _orientations, _delays, _without_effect, _late, _beyond_limits, _sudden_turns,
-    _missing_references, _contact_words, _released,
-)  # fmt: skip
+    _default_start,
+    _gravity_and_step,
+    _orientations,
+    _delays,
+    _without_effect,
+    _late,
+    _beyond_limits,
+    _sudden_turns,
+    _missing_references,
+    _contact_words,
+    _released,
+)

@@ -108,18 +108,26 @@ START: Block[Keys] = Block(
         Key(name="position", kind=NUMBER, default=None, unit="rad", doc="of the link", shown="0"),
         Key(name="velocity", kind=NUMBER, default=None, unit="rad/s", doc="of the link", shown="0"),
         Key(
-            name="motor_positions", kind=_MOTORS, default=None, unit="rad", doc="of each motor, link side",
+            name="motor_positions",
+            kind=_MOTORS,
+            default=None,
+            unit="rad",
+            doc="of each motor, link side",
             shown="the link's, springs undeflected",
         ),
         Key(
-            name="motor_velocities", kind=_MOTORS, default=None, unit="rad/s", doc="of each motor, link side",
+            name="motor_velocities",
+            kind=_MOTORS,
+            default=None,
+            unit="rad/s",
+            doc="of each motor, link side",
             shown="at rest",
         ),
     ),
     build=dict,
     noun="state",
     main="position",
-)  # fmt: skip
+)
 EQUILIBRIUM = "equilibrium"
 
 

@@ -15,7 +15,7 @@ from asrsim.errors import Problem, ScenarioError
 from asrsim.plain import mapped, one_or_more
 from asrsim.plugins import load_plugin_files
 from asrsim.registry.engines import default_engine
-from asrsim.renamed import new_key, with_new_keys
+from asrsim.renamed import KEYS, new_key, with_new_keys
 from asrsim.samples import TIP
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import names_a_folder, prescribes_motion
@@ -35,9 +35,13 @@ def several_variants(loaded: Sequence[Scenario]) -> Problem:
 
 
 def load_scenario(
-    path: str | Path, *, variant: str | None = None, overrides: Overrides = (), robot: str | Path | None = None,
+    path: str | Path,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    robot: str | Path | None = None,
     plugins: Sequence[str | Path] = (),
-) -> tuple[Scenario, ...]:  # fmt: skip
+) -> tuple[Scenario, ...]:
     """All variants of a scenario file in file order, or the chosen variant.
 
     A file without variants has one variant, `default`. `overrides`, applied after the variant, are `key=value` texts (dotted
@@ -51,9 +55,13 @@ def load_scenario(
 
 
 def read_scenarios(
-    scenario: str | Path | Scenario, *, variant: str | None = None, overrides: Overrides = (),
-    robot: str | Path | None = None, plugins: Sequence[str | Path] = (),
-) -> tuple[tuple[Scenario, ...], list[Problem]]:  # fmt: skip
+    scenario: str | Path | Scenario,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    robot: str | Path | None = None,
+    plugins: Sequence[str | Path] = (),
+) -> tuple[tuple[Scenario, ...], list[Problem]]:
     """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A given scenario is its
     only variant. The plugin files become attachments, so that the log of a run contains them.
 
@@ -86,7 +94,7 @@ def _variants(
     faults: list[Problem] = []
     root, text = read_document(path, "scenario", error=ScenarioError, faults=faults)
     if not isinstance(root.value, dict):
-        message = "is no scenario: it must be a mapping with the keys robot, duration, references, ..."
+        message = "is not a scenario: it must be a mapping with the keys robot, duration, references, ..."
         raise ScenarioError([*faults, Problem(message, file=path, line=root.line, code="type")])
     variants, wrong = _split(with_new_keys(root))
     faults += wrong
@@ -97,16 +105,11 @@ def _variants(
     found: list[Scenario] = []
     for name, merged in variants.items():
         if variant in (None, name):
-            changed = _with_robot(apply_overrides(merged, overrides), robot)
+            changed = apply_overrides(merged, overrides, robot)
             reading = DocumentReading(base=path.parent)
             found.append(build_scenario(changed, reading, name=path.stem, variant=name, path=path, text=text))
             faults += reading.problems
     return tuple(found), distinct(faults)
-
-
-def _with_robot(root: Node, robot: str | Path | None) -> Node:
-    """Document whose robot is replaced by this file, if one is given."""
-    return root if robot is None else apply_overrides(root, {"robot": str(Path(robot).absolute())})
 
 
 def scenario_from_data(
@@ -126,7 +129,7 @@ def scenario_from_data(
     """
     # The data may be those of an old log.
     known = with_new_keys(node_from_data(dict(data)), told=False)
-    root = _with_robot(apply_overrides(known, overrides), robot)
+    root = apply_overrides(known, overrides, robot)
     reading = DocumentReading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})
     scenario = build_scenario(root, reading, name=name, variant=variant)
     if reading.problems:
@@ -139,7 +142,8 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
 
     Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
-    given = {new_key(key): value for key, value in keys.items()}
+    # An old name beside the new one stays, and is an unknown key.
+    given = {key if KEYS.get(key) in keys else new_key(key): value for key, value in keys.items()}
     return scenario_from_data({"robot": str(robot), **given}, base_dir=base_dir)
 
 
@@ -209,7 +213,7 @@ def build_scenario(
     wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))
     keys["log_every"] = whole(1.0 / (keys["step"] * keys["log_every"])) or 1 if keys["log_every"] else 1
     name, variant = keys["name"] or name, keys["variant"] or variant
-    lines = dict(_lines(root, path))
+    lines = dict(root.lines(path))
     changes = {
         "name": name,
         "variant": variant,
@@ -221,9 +225,14 @@ def build_scenario(
         "resolved": {**mapped(root.plain(reading.renamed), _plain), "name": name, "variant": variant, "engine": keys["engine"]},
     }
     scenario = Scenario(
-        **{**keys, **changes}, path=path, text=text, attachments=dict(reading.attachments), unread=tuple(reading.unread),
-        lines=lines, states_engine=stated,
-    )  # fmt: skip
+        **{**keys, **changes},
+        path=path,
+        text=text,
+        attachments=dict(reading.attachments),
+        unread=tuple(reading.unread),
+        lines=lines,
+        states_engine=stated,
+    )
     reading.problems += map(scenario.placed, wrong)
     return replace(scenario, as_read=scenario)
 
@@ -233,15 +242,6 @@ def _plain(data: Any) -> Any:
     if isinstance(data, float) and math.isinf(data):
         return "inf" if data > 0 else "-inf"
     return data
-
-
-def _lines(node: Node, path: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
-    """Pairs (dotted key, line) for all values in the file."""
-    for name, item in node.items():
-        line = node.key_line(name) if isinstance(node.value, dict) else item.line
-        if item.file == path and line is not None:
-            yield f"{key}{name}", line
-        yield from _lines(item, path, f"{key}{name}.")
 
 
 def contradictions(keys: Mapping[str, Any], unread: Collection[str] = ()) -> Iterator[Problem]:

@@ -19,10 +19,18 @@ MOVING = ("initial", "armature", "external_torques", "desired", "motion", "refer
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
 """Keys whose joints are checked when the scenario is applied to the robot."""
 TABLES = {
-    "initial_positions": "initial", "initial_velocities": "initial", "initial_motor_positions": "initial",
-    "initial_motor_velocities": "initial", "external_torques": "external_torques", "desired": "desired", "motion": "motion",
-    "references": "references", "armature": "armature", "reference_ranges": "reference_ranges", "link_damping": "link_damping",
-}  # fmt: skip
+    "initial_positions": "initial",
+    "initial_velocities": "initial",
+    "initial_motor_positions": "initial",
+    "initial_motor_velocities": "initial",
+    "external_torques": "external_torques",
+    "desired": "desired",
+    "motion": "motion",
+    "references": "references",
+    "armature": "armature",
+    "reference_ranges": "reference_ranges",
+    "link_damping": "link_damping",
+}
 """Fields of the scenario that code may set, with their keys in a file; their names are checked also without a file."""
 BY_NAME = ("references", "parameters")
 """Tables in which the entry for all joints completes the entry of a joint."""

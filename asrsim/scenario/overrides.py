@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from asrsim.document.kinds import key_at
@@ -34,12 +35,15 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 """Texts `key=value`, or a mapping from dotted keys to plain values."""
 
 
-def apply_overrides(root: Node, overrides: Overrides) -> Node:
-    """Document with all overrides set in order. A null value, or an empty text, removes the key. Raises ScenarioError."""
+def apply_overrides(root: Node, overrides: Overrides, robot: str | Path | None = None) -> Node:
+    """Document with all overrides set in order, and with another robot file, if one is given. A null value, or an empty text,
+    removes the key. Raises ScenarioError."""
     if isinstance(overrides, Mapping):
         values = [(str(key).strip(), node_from_data(value)) for key, value in overrides.items()]
     else:
         values = [_parsed(text) for text in override_texts(overrides)]
+    if robot is not None:
+        values.append(("robot", node_from_data(str(Path(robot).absolute()))))
     for key, value in ((new_key(key), value) for key, value in values):
         _check_key(key)
         root = _set(root, split_path(key), value, key)
@@ -76,8 +80,12 @@ def _check_key(key: str) -> None:
     path = split_path(key)
     if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
         # Sweeps and fits use JOINT.PARAMETER for a joint's parameter.
-        raise ScenarioError("is not a key of a scenario", key=key, code="override",
-                            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}")  # fmt: skip
+        raise ScenarioError(
+            "is not a key of a scenario",
+            key=key,
+            code="override",
+            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}",
+        )
 
 
 def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[str, ...] = ()) -> Node:

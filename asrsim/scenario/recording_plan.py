@@ -124,15 +124,21 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     lag, end = _span(columns, LATEST if by_scenario else SOON)
     changed, _ = overridden(robot, modes, {})
     return RecordingPlan(
-        robot=changed, modes=modes, recording=recording, played=tuple(played),
+        robot=changed,
+        modes=modes,
+        recording=recording,
+        played=tuple(played),
         compared=tuple(
-            (joint, column) for (joint, quantity), column in columns.items()
+            (joint, column)
+            for (joint, quantity), column in columns.items()
             if not quantity.startswith("reference") and column.source not in sources and np.isfinite(column.values).sum() > 1
         ),
-        lag=lag, duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
-        initial=_initial(robot, columns, played, remarks), initial_motors=_initial_motors(changed, columns),
+        lag=lag,
+        duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
+        initial=_initial(robot, columns, played, remarks),
+        initial_motors=_initial_motors(changed, columns),
         remarks=tuple(remarks),
-    )  # fmt: skip
+    )
 
 
 def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[float, float]:
@@ -285,9 +291,12 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
     """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
     if undriven:
         return RecordingError(
-            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot", file=recording.path,
-            hint=f"Put one there: --actuator {undriven[0]}=NAME", choices=ACTUATORS.names(), code="no-actuator",
-        )  # fmt: skip
+            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot",
+            file=recording.path,
+            hint=f"Put one there: --actuator {undriven[0]}=NAME",
+            choices=ACTUATORS.names(),
+            code="no-actuator",
+        )
     columns = ", ".join(
         f"{c.source} ({c.joint}.{c.quantity})" if c.quantity else c.source for c in list(recording.channels.values())[:30]
     )

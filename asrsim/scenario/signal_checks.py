@@ -100,9 +100,9 @@ def signal_faults(scenario: Scenario) -> Iterator[Problem]:
     steps = scenario.duration / scenario.step
     wanted = wanted_positions(scenario)
     for key, signal in signals_of(scenario):
-        bound, where = LARGEST_NUMBER, "which no robot has"
+        bound, where = LARGEST_NUMBER, "too large for a robot"
         if key.rpartition(".")[0] in wanted:
-            bound, where = FARTHEST, "which no joint reaches"
+            bound, where = FARTHEST, "too far for a joint"
         try:
             with np.errstate(all="ignore"):
                 time, values = over_run(scenario, signal)

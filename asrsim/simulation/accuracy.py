@@ -20,9 +20,11 @@ from asrsim.plugins import blame_plugins
 from asrsim.progress import Progress, Stop, Tell
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Prepared, Start, build
+from asrsim.simulation.prepare import build
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.start import Start
 
 COMPARED = ("link_position", "link_torque")
 MEASURES = ("position_max", "position_rms", "torque_max", "torque_rms")

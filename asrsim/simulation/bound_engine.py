@@ -50,10 +50,13 @@ class BoundEngine:
             self._watch()
         # Most kicks pass the same arrays. `asrsim.engines.rigid.Calculation` keeps the addresses of these arrays, which halves
         # the time of a step in PyBullet.
-        self.engine.step(self._parts[pieces], wrenches, WHOLE if pieces == 1 and lengths[0] == 1.0 else lengths)
+        if pieces == 1:
+            wrenches = wrenches if wrenches.shape[1] else NO_WRENCHES
+            lengths = WHOLE if lengths[0] == 1.0 else lengths
+        self.engine.step(self._parts[pieces], wrenches, lengths)
 
     def leave(self) -> None:
-        """Save the engine's state, before a new state replaces this state."""
+        """Save the engine's state before another world's state is loaded."""
         if self._world is not None:
             self.states[self._world] = self.engine.state
             self._world = None
@@ -107,9 +110,8 @@ class CalledEngine(BoundEngine):
         # Exceptions must not pass through compiled code: the world is stopped instead.
         try:
             if self._raised is None:
-                forces = NO_WRENCHES if pieces == 1 else np.zeros((pieces, 0, 6))
-                if self._wrenches:
-                    forces = _numbers_at(wrenches, (pieces, self._wrenches, 6))
+                shape = pieces, self._wrenches, 6
+                forces = _numbers_at(wrenches, shape) if self._wrenches else np.zeros(shape)
                 self._step(None, None, None, forces, _numbers_at(lengths, (pieces,)), pieces)
                 return
         except BaseException as error:
@@ -137,7 +139,7 @@ class NativeEngine(BoundEngine):
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
         self._calls: list[EngineCall] = []
-        """Records with exchanges that no thread uses at present."""
+        """Calls that are free for the next thread."""
 
     def borrow(self, pieces: int) -> EngineCall:
         """What one call of the kernel receives; each call gets its own, since threads may call in parallel."""

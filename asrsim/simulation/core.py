@@ -21,7 +21,7 @@ from asrsim.simulation.bound_engine import BoundEngine, CalledEngine, NativeEngi
 from asrsim.simulation.fields import JointConstants, JointState, joint_of_row, link_of_row, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.layout import HEALTH
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
@@ -76,8 +76,9 @@ class Core:
         self._plain_joints: dict[int, list[JointState]] = {}
         self._plain_links: dict[int, list[JointConstants]] = {}
         """States and constants of the joints as records, by number of the world; the Python loop makes them when needed."""
-        self.S = np.zeros((worlds, len(drives), self.shape.state))
-        """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.fields`."""
+        self._advanced: set[int] = set()
+        """Worlds whose records are newer than their rows of S: rows are written only when they are read."""
+        self._joint_states = np.zeros((worlds, len(drives), self.shape.state))
         self.P = np.repeat(constants[None], worlds, axis=0)
         """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.fields`."""
         self.held = np.full((worlds, len(drives), self.shape.goals), np.nan)
@@ -131,7 +132,7 @@ class Core:
         self.shape = shape
         self._bind_joints()
         self._world_tables = None
-        self.S, self.P = _widened(self.S, shape.state), _widened(self.P, shape.constants)
+        self._joint_states, self.P = _widened(self.joint_states, shape.state), _widened(self.P, shape.constants)
         self._plain_joints, self._plain_links = {}, {}
 
     def _address(self, function: Any) -> Any:
@@ -142,7 +143,7 @@ class Core:
     def record(self, columns: RowColumns, *, watched: bool) -> None:
         """Set what is recorded at whole steps. watched: whether energies and limits are computed."""
         self.columns, self._world_tables = columns, None
-        self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
+        self.rows = np.full((*self.joint_states.shape[:2], len(columns.place)), np.nan)
         found = (columns.of_state, columns.of_inputs) if self.compiled else (columns.read_state, columns.read_inputs)
         self._recorded = RowSelection(self.prepared.resolution.substeps, int(watched), *found)
         """Row (worlds, joints, columns) of each world at its last whole step."""
@@ -167,7 +168,7 @@ class Core:
             wrenches = len(prepared.scenario.wrenches)
             return CalledEngine(engine, wrenches, self._watch) if self.compiled else BoundEngine(engine, self._watch)
         if self._states is None:
-            self._states = np.zeros((len(self.S), native.size))
+            self._states = np.zeros((len(self.joint_states), native.size))
         return NativeEngine(engine, native, self._states, self._strides.sizes)
 
     def _start_engine(self, engine: Engine, prepared: Prepared) -> Any:
@@ -197,7 +198,7 @@ class Core:
         bound.leave()
         placed = self._start_engine(bound.engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
-        self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
+        self.joint_states[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self._plain_joints.pop(world, None)
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTH.healthy
@@ -205,8 +206,16 @@ class Core:
         bound.entered(world)
 
     @property
+    def joint_states(self) -> NDArray[Any]:
+        """State of the worlds, (worlds, joints, columns): table S of `asrsim.simulation.fields`."""
+        while self._advanced:
+            world = self._advanced.pop()
+            self._joint_states[world] = [row_of_joint(joint) for joint in self._plain_joints[world]]
+        return self._joint_states
+
+    @property
     def _tables(self) -> tuple[NDArray[Any], ...]:
-        return self.done, self.fault, self.S, self.P, self.held, self.rows, self.strides
+        return self.done, self.fault, self.joint_states, self.P, self.held, self.rows, self.strides
 
     def state(self, world: int) -> tuple[Any, ...]:
         """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
@@ -264,8 +273,10 @@ class Core:
         """Run the compiled kernel."""
         tables, engine = self._world_tables, bound.borrow(self._pieces)
         if tables is None:
-            states = self.S[:, 0] if self._states is None else self._states
-            tables = self._world_tables = Tables(self.S, self.P, states, self.done, self.fault, self.rows, self.strides)
+            states = self.joint_states[:, 0] if self._states is None else self._states
+            tables = self._world_tables = Tables(
+                self.joint_states, self.P, states, self.done, self.fault, self.rows, self.strides
+            )
         self._run(Stretch(which, first, count), tables, self._common, given, engine, self._recorded, self.corrections, out)
         bound.give_back(engine)
 
@@ -275,7 +286,7 @@ class Core:
         if world not in self._plain_joints:
             shape = self.shape
             self._plain_joints[world] = [
-                joint_of_row(row, shape.motors, shape.sensors, shape.kept) for row in self.S[world].tolist()
+                joint_of_row(row, shape.motors, shape.sensors, shape.kept) for row in self.joint_states[world].tolist()
             ]
         if world not in self._plain_links:
             pairs = zip(self.P[world].tolist(), self.prepared.drives, self.shape.stages, strict=True)
@@ -287,12 +298,9 @@ class Core:
         shown = self.done, self.fault, self.rows, self.strides
         done, fault, rows, strides = (table[world : world + 1].data for table in shown)
         tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows, strides), out.data
-        try:
-            kernel.run(
-                Stretch([(0, *places)], first, count), tables, self._common, given, engine, self._recorded, UNOBSERVED, views
-            )
-        finally:
-            self.S[world] = [row_of_joint(joint) for joint in state]
+        self._advanced.add(world)
+        stretch = Stretch([(0, *places)], first, count)
+        kernel.run(stretch, tables, self._common, given, engine, self._recorded, UNOBSERVED, views)
 
 
 def _widened(table: Array, columns: int) -> Array:

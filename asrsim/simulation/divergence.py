@@ -10,7 +10,7 @@ from asrsim.errors import DivergenceError
 from asrsim.samples import Array
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.ledger import SHARE
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.substeps import COARSE
 
 FLOOR = 5e-3

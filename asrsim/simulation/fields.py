@@ -168,7 +168,7 @@ class JointConstants:
     delay: float = constant("delay of the sensors in substeps", "")
     quantum: float = constant("resolution of the sensors", "rad")
     drives: list[MotorConstants] = several("constants of its motors")
-    law: list[float] = several("parameters of the laws of its spring")
+    law: Sequence[float] = several("parameters of the laws of its spring")
     stages: list[list[Any]] = several("constants of its stages at each motor; None where a stage does not act")
 
 
@@ -236,7 +236,7 @@ def link_of_row(
     rest = iter(row)
     link = filled(JointConstants, rest)
     link.drives = [filled(MotorConstants, rest) for _ in range(motors)]
-    link.law = [next(rest) for _ in range(parameters)]
+    link.law = tuple(next(rest) for _ in range(parameters))
     for stage in stages:
         link.stages.append(
             [own if acts else None for acts, own in ((next(rest), filled(stage.Constants, rest)) for _ in range(springs))]

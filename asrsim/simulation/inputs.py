@@ -128,7 +128,7 @@ class Inputs:
         inputs[..., :goals], inputs[..., goals:] = references[..., :goals], 0.0
         self._map(inputs, references)
         if self._sensed:
-            # The row of a split kick belongs to the time of the substep, the row of another kick to the whole kick.
+            # A kick begins half a substep before the time of its row; a split kick begins at this time.
             since, window = np.concatenate([now, begins]), h
             if self.staggered:
                 window = 2.0 * SLACK * h
@@ -257,7 +257,7 @@ def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
 @cache
 def renewal_of(law: Any) -> Any:
     """`renew_rows`, compiled for joints with this reference map. None if the law calls functions, whose values for numbers and
-    for arrays may differ in the last bit, and if it is no plain function or cannot be compiled."""
+    for arrays may differ in the last bit, and if it is not a plain function or cannot be compiled."""
     if not isinstance(law, FunctionType) or law.__code__.co_names or law.__code__.co_freevars:
         return None
     floats, one = np.zeros((1, 1, 1, 1)), np.zeros(1, dtype=np.int64)

@@ -35,35 +35,27 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
 
     motors: number of positions that the laws take, at least 2.
     """
-    torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
-    staged = compose(stages, access) if stages else None
-    place = staged.place if staged is not None else None
-    end = attrgetter("theta" if place is None else "end")
-
-    def springs(joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
-        own = joint.motors[:motors]
-        parameters = tuple(link.law)
-        if place is not None:
-            if task == TASK.whole:
-                place(joint, link, kind, q + SLOPE)
-                least = sum(torques(q + SLOPE, *map(end, own), parameters))
-                place(joint, link, kind, q - SLOPE)
-                joint.stiffness = 0.5 / SLOPE * (sum(torques(q - SLOPE, *map(end, own), parameters)) - least)
-            place(joint, link, kind, q)
-        positions = [end(motor) for motor in own]
-        found = torques(q, *positions, parameters)
-        if task == TASK.whole:
-            if place is None:
-                joint.stiffness = stiffness(q, *positions, parameters)
-            joint.law_energy = energy(q, *positions, parameters)
-        for motor, torque in zip(own, found, strict=False):
-            motor.pull = torque
+    if stages:
+        return _staged_law(actuator, motors, stages)
+    springs = _springs(actuator, motors)
 
     def laws(joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
         try:
-            if staged is None:
-                springs(joint, link, kind, q, task)
-            elif task == TASK.remember:
+            springs(joint, link, kind, q, task)
+        except UNDEFINED:
+            joint.motors[0].pull = math.nan
+
+    return laws
+
+
+def _staged_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...]) -> Callable[..., None]:
+    """As `bound_law`, for a joint with stages."""
+    staged = compose(stages, access)
+    springs = _springs(actuator, motors) if staged.place is None else _placed_springs(actuator, motors, staged.place)
+
+    def laws(joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
+        try:
+            if task == TASK.remember:
                 staged.remember(joint, link, kind)
             elif task == TASK.store:
                 staged.store(joint, link, kind)
@@ -79,6 +71,48 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
                 joint.motors[0].position = math.nan
 
     return laws
+
+
+def _springs(actuator: Any, motors: int) -> Callable[..., None]:
+    """Function that evaluates the laws of springs whose ends are the motors."""
+    torques, stiffness, energy = actuator.elastic_torques, actuator.stiffness, energy_law(actuator)
+    end = attrgetter("theta")
+
+    def springs(joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
+        own = joint.motors[:motors]
+        given = q, *map(end, own), link.law
+        found = torques(*given)
+        if task == TASK.whole:
+            joint.stiffness, joint.law_energy = stiffness(*given), energy(*given)
+        for motor, torque in zip(own, found, strict=False):
+            motor.pull = torque
+
+    return springs
+
+
+def _placed_springs(actuator: Any, motors: int, place: Callable[..., None]) -> Callable[..., None]:
+    """Function that evaluates the laws of springs behind stages in series. The stiffness is the slope of the torque with these
+    stages. place: function that finds the ends of the springs for a position of the link."""
+    torques, energy = actuator.elastic_torques, energy_law(actuator)
+    end = attrgetter("end")
+
+    def springs(joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
+        own = joint.motors[:motors]
+
+        def torques_at(position: float) -> Any:
+            place(joint, link, kind, position)
+            return torques(position, *map(end, own), link.law)
+
+        if task == TASK.whole:
+            least = sum(torques_at(q + SLOPE))
+            joint.stiffness = 0.5 / SLOPE * (sum(torques_at(q - SLOPE)) - least)
+        found = torques_at(q)
+        if task == TASK.whole:
+            joint.law_energy = energy(q, *map(end, own), link.law)
+        for motor, torque in zip(own, found, strict=False):
+            motor.pull = torque
+
+    return springs
 
 
 def access(number: int, stage: type[Stage]) -> StageAccess:

@@ -38,6 +38,7 @@ def run(
     first, every, watched = stretch.first, recorded.every, recorded.watched
     last = first + stretch.substeps
     of_state, of_inputs = recorded.of_state, recorded.of_inputs
+    observed = len(corrections.measured) > 0
     for chosen in range(len(stretch.which)):
         row = stretch.which[chosen]
         w, own_set, place, timing = row[0], row[1], row[2], row[3]
@@ -47,16 +48,15 @@ def run(
         pushes, lengths, cuts = given.wrenches[timing], given.lengths[timing], given.cuts[timing]
         while cut < len(cuts) and 0 <= cuts[cut][0] < first:
             cut += 1
-        before, step = worlds.strides[w, 0], first
-        while step < last:
-            if fault[w, 0] != HEALTH.healthy:
-                break
-            substep, after = worlds.done[w], before
+        before, step, adaptive = worlds.strides[w, 0], first, worlds.strides[w, 2] != 0
+        substep, sound = worlds.done[w], fault[w, 0] == HEALTH.healthy
+        while step < last and sound:
+            after = before
             asked, begins = substep % every == 0, substep == 0
-            if asked and not begins and worlds.strides[w, 2] != 0:
+            if adaptive and asked and not begins:
                 after = stride_of(states, constants, common, inputs, worlds.strides, w, step, step + every <= last)
             scheme = common.scheme[before * len(sizes) + after]
-            if asked and len(corrections.measured) > 0:
+            if observed and asked:
                 observe(states, constants, kinds, scheme, x, corrections, place, substep // every)
             begin, end, on_time = step, step + 1, -1
             while cut < len(cuts) and 0 <= cuts[cut][0] <= step:
@@ -72,9 +72,9 @@ def run(
                     joint, link, kind, scheme, inputs, lengths, exchange, j, step, begin, end, on_time, begins, whole
                 )
                 if not abs(total) < ENDLESS:
-                    fault[w, 0], fault[w, 1] = HEALTH.no_value, j
+                    fault[w, 0], fault[w, 1], sound = HEALTH.no_value, j, False
                     break
-            if fault[w, 0] != HEALTH.healthy:
+            if not sound:
                 break
             engine_step(engine.step, engine.records[after], x, exchange, pushes[begin:end], kicks, end - begin)
             for j in range(len(kinds)):
@@ -94,12 +94,13 @@ def run(
                     # The velocity from which a whole kick would have led to the new velocity.
                     joint.last_engine_velocity = velocity - (velocity - start) / kicks[0]
                 if not abs(velocity) <= FASTEST:
-                    fault[w, 0], fault[w, 1] = HEALTH.ran_away, j
+                    fault[w, 0], fault[w, 1], sound = HEALTH.ran_away, j, False
             if asked:
                 kept += 1
-            worlds.done[w] = substep + sizes[after]
-            step, before = step + sizes[after], after
-            worlds.strides[w, 0] = after
+            if after != before:
+                worlds.strides[w, 0] = after
+            substep, step, before = substep + sizes[after], step + sizes[after], after
+            worlds.done[w] = substep
         for j in range(len(kinds) if kept else 0):
             for c in range(out.shape[3]):
                 worlds.rows[w, j, c] = out[place, kept - 1, j, c]

@@ -6,7 +6,8 @@ In compiled code, `asrsim.simulation.native` replaces these functions by calls t
 from __future__ import annotations
 
 import math
-from struct import pack_into
+from functools import cache
+from struct import Struct
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
@@ -14,21 +15,22 @@ from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, TORQUE, VEL
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 
 
-def call(address: Any, *arguments: Any) -> None:
-    """Call the function at an address."""
-    address(*arguments)
+def spring_law(address: Any, joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
+    """Store the torques of a joint's springs and stages in N m in the `pull` of its motors, with the link at q rad and the
+    motors at their `theta`. With the task `WHOLE`, also store stiffness in N m/rad and energy in J in `stiffness` and
+    `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`)."""
+    address(joint, link, kind, q, task)
 
 
-spring_law = call
-"""Arguments: address, s, p, k, q, task. Stores the torques of a joint's springs and stages in N m in the `pull` of its motors.
-The link is at q rad, the motors at their `theta`. With the task `WHOLE`, also stores stiffness in N m/rad and energy in J in
-`stiffness` and `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`)."""
-joint_step = call
-"""Arguments: address, s, p, k, u, h, note. Advances a joint by the function of its stepping, which replaces
-`asrsim.simulation.joint.advance` and sets the torque of the joint."""
-engine_step = call
-"""Arguments: address, record, x, exchange, wrenches, lengths, pieces. Advances the engine by one step (`asrsim.engines.base`).
-pieces: number of pieces of the kick."""
+def joint_step(address: Any, joint: JointState, link: JointConstants, kind: JointKind, u: Any, h: float, note: int) -> None:
+    """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.joint.advance` and sets the torque of
+    the joint."""
+    address(joint, link, kind, u, h, note)
+
+
+def engine_step(address: Any, record: Any, x: Any, exchange: Any, wrenches: Any, lengths: Any, pieces: int) -> None:
+    """Advance the engine by one step (`asrsim.engines.base`). pieces: number of pieces of the kick."""
+    address(record, x, exchange, wrenches, lengths, pieces)
 
 
 def put_load(exchange: Any, piece: int, j: int, torque: float, damping: float, friction: float) -> None:
@@ -76,4 +78,10 @@ def record(out: Any, place: int, kept: int, j: int, joint: JointState, of_state:
     of its row."""
     _, rows, joints, columns = out.shape
     first = ((place * rows + kept) * joints + j) * columns
-    pack_into(f"{columns}d", out, out.itemsize * first, *of_state(joint), *of_inputs(references))
+    _row(columns).pack_into(out, out.itemsize * first, *of_state(joint), *of_inputs(references))
+
+
+@cache
+def _row(columns: int) -> Struct:
+    """Numbers of a row in memory."""
+    return Struct(f"{columns}d")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from itertools import groupby
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,8 +143,9 @@ def all_recorded(drives: Sequence[SteppedJoint]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for drive in drives for name in recorded_quantities(drive)))
 
 
-def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], list[float]]:
-    return lambda row: [row[column] for column in columns]
+def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], Sequence[float]]:
+    """Function that returns these entries of a row."""
+    return itemgetter(*columns) if len(columns) > 1 else lambda row: [row[column] for column in columns]
 
 
 def require_recorded(names: Sequence[str], columns: Collection[str], choices: tuple[str, ...]) -> None:

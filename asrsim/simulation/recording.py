@@ -13,7 +13,7 @@ from asrsim.engines.base import Engine, Scene
 from asrsim.errors import InputError
 from asrsim.samples import Array, Samples, concatenate, grid
 from asrsim.simulation.divergence import EnergyGuard, runaway
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, StageState, row_of_link
 from asrsim.simulation.ledger import AT_STOP
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.shape import RowShape

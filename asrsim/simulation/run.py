@@ -18,7 +18,8 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Command, RunInfo, Samples, WrenchCommand, concatenate
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.observation import Counts
-from asrsim.simulation.prepare import Prepared, ScenarioLike, prepare
+from asrsim.simulation.prepare import ScenarioLike, prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import Sink
 from asrsim.simulation.simulation import Simulation
 from asrsim.simulation.substeps import COARSE, TARGET, UNSTABLE, Resolution

@@ -13,14 +13,17 @@ from asrsim.errors import InputError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array, HeldWrench, RunInfo, Samples
 from asrsim.scenario.overrides import Overrides
+from asrsim.simulation.blocks import whole_steps
 from asrsim.simulation.divergence import runaway
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.inputs import chunk_at
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import Numbers, Prepared, ScenarioLike, Start, prepare
+from asrsim.simulation.prepare import ScenarioLike, prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.recording import RunRecording, Sink
-from asrsim.simulation.worlds import Worlds, count_of, whole_steps
+from asrsim.simulation.start import Numbers, Start
+from asrsim.simulation.worlds import Worlds, count_of
 
 ONE = np.zeros(1, dtype=np.int64)
 """The only world."""
@@ -125,7 +128,7 @@ class Simulation:
             before = self.substep
             boundary = self.next_chunk(self.total if before < self.total else end)
             length = min(end, boundary) - before
-            rows = self._world.go_on(ONE, length)
+            rows = self._world.blocks.go_on(ONE, length)
             if self.recording.active:
                 first, found = whole_steps(before, self.substep, self.substeps)
                 self.recording.take(first, rows[0, :found])
@@ -146,17 +149,17 @@ class Simulation:
     def _diverge(self) -> None:
         """Raise the DivergenceError of the joint at fault."""
         core, prepared = self._core, self.prepared
-        self.recording.flush(self.substep, core.S[0], check=False)
+        self.recording.flush(self.substep, core.joint_states[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != HEALTH.no_value:
             # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
-            joint = np.nan_to_num(np.abs(core.S[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
+            joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite or sane"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
-        self.recording.flush(self.substep, self._core.S[0])
+        self.recording.flush(self.substep, self._core.joint_states[0])
 
     @property
     def samples(self) -> Samples:
@@ -168,7 +171,7 @@ class Simulation:
     @property
     def counts(self) -> Counts:
         """Number of substeps since the start in which each limit acted."""
-        return counts_of(self._core.S[0], self.substep)
+        return counts_of(self._core.joint_states[0], self.substep)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -203,7 +206,7 @@ class Simulation:
             message = f"the engine '{self.scenario.engine}' takes no wrenches"
             raise InputError(message, key=body, code="wrench", hint="Set `external_torque` on the joints")
         if body not in engine.holdable:
-            message = f"'{body}' is no link and no movable object"
+            message = f"'{body}' is neither a link nor a movable object"
             raise InputError(message, choices=engine.holdable, meant=body, code="wrench")
         wrench = HeldWrench(body, _vector(force, "force"), _vector(torque, "torque"), _vector(point, "point"))
         held = {**self._held, body: wrench}
@@ -219,7 +222,7 @@ class Simulation:
     def observe(self) -> Observation:
         """Present state."""
         self._world.check_open()
-        return observe(self.time, self.prepared.drives, self._core.S[0], self.prepared.substep)
+        return observe(self.time, self.prepared.drives, self._core.joint_states[0], self.prepared.substep)
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities at the last completed step by name; arrays (n,) in the order of the joints.

@@ -21,7 +21,7 @@ from asrsim.errors import InputError, Problem, UnresolvedSpringError
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import Scheme
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.substeps import TARGET, resolution_of
 
 GRID = 33

@@ -21,7 +21,7 @@ from asrsim.simulation.fields import JOINT, motor_column, row_of_joint
 from asrsim.simulation.inputs import Given
 from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTH
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
 from asrsim.simulation.shape import shape_of
@@ -60,7 +60,8 @@ class WarpCore(Core):
             law = law_of(drive, stages)
             k.spring_law = 0 if law is None else laws.index(law) + 1
         kinds = table_of_kinds(joints, self.shape)
-        self.S = np.zeros((worlds, len(kinds), self.shape.state), dtype=np.float32)
+        self._joint_states = np.zeros((worlds, len(kinds), self.shape.state), dtype=np.float32)
+        self._advanced = set()
         self.P = np.repeat(constants[None].astype(np.float32), worlds, axis=0)
         self.held = np.full((worlds, len(kinds), self.shape.goals), np.nan)
         self.done = np.zeros(worlds, dtype=np.int64)
@@ -70,7 +71,7 @@ class WarpCore(Core):
         self._start_engine(engine, prepared)
         self._make_model(worlds)
         new = self._new
-        self._s, self._p, self._k, self._z = new(self.S), new(self.P), new(kinds, int), new(numbers(self._scheme))
+        self._s, self._p, self._k, self._z = new(self.joint_states), new(self.P), new(kinds, int), new(numbers(self._scheme))
         self._kinds = kinds
         self._which = new(np.zeros((worlds, 3)), int, flat=False)
         self._done, self._ran, self._sizes = new(self.done, int), new(self.done, int), new(np.zeros(8), int)
@@ -126,7 +127,7 @@ class WarpCore(Core):
     def record(self, columns: RowColumns, *, watched: bool) -> None:
         """Set what is recorded at whole steps."""
         self.columns, self._watched = columns, 0
-        self.rows = np.full((*self.S.shape[:2], len(columns.place)), np.nan)
+        self.rows = np.full((*self.joint_states.shape[:2], len(columns.place)), np.nan)
         self._columns = self._new(columns.of_state, int)
 
     @property
@@ -156,7 +157,7 @@ class WarpCore(Core):
         """Put a world at the start of a run."""
         placed = self._start_engine(self._engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
-        self.S[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
+        self.joint_states[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
         self.held[world] = self.rows[world] = np.nan
         self.done[world], self.fault[world] = 0, HEALTH.healthy
         state, first = self._engine.state, self._model.nq
@@ -201,8 +202,8 @@ class WarpCore(Core):
     def run(self, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Advance worlds by `count` substeps; see `Core.run`. The other worlds move with them and are set back."""
         worlds, every = which[:, 0], self.prepared.resolution.substeps
-        tables: dict[str, NDArray[Any]] = {"S": self.S, **self._places}
-        others = np.setdiff1d(np.arange(len(self.S)), worlds)
+        tables: dict[str, NDArray[Any]] = {"S": self.joint_states, **self._places}
+        others = np.setdiff1d(np.arange(len(self.joint_states)), worlds)
         kept = {name: table[others].copy() for name, table in tables.items()}
         self._send(which, given, first, every)
         rows = self._rows_of(-(-count // every))
@@ -226,7 +227,10 @@ class WarpCore(Core):
         self._look_for_faults(worlds)
 
     def _look_for_faults(self, worlds: NDArray[np.int64]) -> None:
-        speeds, places = self.S[worlds][..., JOINT["engine_velocity"]], self.S[worlds][..., JOINT["position"]]
+        speeds, places = (
+            self.joint_states[worlds][..., JOINT["engine_velocity"]],
+            self.joint_states[worlds][..., JOINT["position"]],
+        )
         wrong = ~(np.abs(speeds) <= FASTEST) | ~np.isfinite(places)
         for place in np.flatnonzero(wrong.any(axis=1)).tolist():
             joint = int(wrong[place].argmax())
@@ -234,7 +238,7 @@ class WarpCore(Core):
 
     def _rows_of(self, count: int) -> Any:
         """Array on the device for `count` recorded rows."""
-        shape = max(count, 1), *self.S.shape[:2], max(len(self.columns.of_state), 1)
+        shape = max(count, 1), *self.joint_states.shape[:2], max(len(self.columns.of_state), 1)
         if self._rows is None or self._rows.shape != shape:
             self._rows, self._graph = self._wp.zeros(shape, dtype=float, device=self._device), None
         return self._rows
@@ -242,7 +246,7 @@ class WarpCore(Core):
     def device_arrays(self) -> dict[str, Any]:
         """Arrays of Warp that share the memory of the state on the device; see `asrsim.Worlds.device_arrays`."""
         self._upload()
-        worlds, joints, size = self.S.shape
+        worlds, joints, size = self.joint_states.shape
         kind = self._s.dtype
         columns = {"link_position": JOINT["position"], "link_velocity": JOINT["engine_velocity"]}
         for i in range(self.shape.motors):
@@ -262,7 +266,7 @@ class WarpCore(Core):
     def _upload(self) -> None:
         """Copy state and parameters to the device, if they have changed on this side."""
         if self._changed:
-            self._s.assign(self.S.ravel())
+            self._s.assign(self.joint_states.ravel())
             self._p.assign(self.P.ravel())
             for name, table in self._places.items():
                 getattr(self._d, name).assign(table)
@@ -285,9 +289,9 @@ class WarpCore(Core):
             self._inputs, self._lengths, self._pieces = new(given.inputs), new(given.lengths), new(pieces, int)
             self._given, self._graph = given, None
         _, rows, joints, columns = given.inputs.shape
-        sizes = joints, rows, columns, first, self.S.shape[2], self.P.shape[2], self._kinds.shape[1], every
+        sizes = joints, rows, columns, first, self.joint_states.shape[2], self.P.shape[2], self._kinds.shape[1], every
         self._sizes.assign(np.array(sizes, dtype=np.int32))
-        table = np.zeros((len(self.S), 3), dtype=np.int32)
+        table = np.zeros((len(self.joint_states), 3), dtype=np.int32)
         table[which[:, 0]] = which[:, [0, 1, 3]]
         self._which.assign(table)
         self._done.assign(self.done.astype(np.int32))
@@ -306,7 +310,7 @@ class WarpCore(Core):
         self._wp.capture_launch(self._graph)
 
     def _launch(self, rows: Any) -> None:
-        wp, code, d, m, size = self._wp, self._program, self._d, self._m, self.S.shape[:2]
+        wp, code, d, m, size = self._wp, self._program, self._d, self._m, self.joint_states.shape[:2]
         wp.launch(
             code.load_joints, dim=size, device=self._device,
             inputs=[
@@ -328,7 +332,7 @@ class WarpCore(Core):
 
     def _s_to_host(self) -> None:
         """Copy the states from the device."""
-        self.S[:] = self._s.numpy().reshape(self.S.shape)
+        self.joint_states[:] = self._s.numpy().reshape(self.joint_states.shape)
         for name, table in self._places.items():
             table[:] = getattr(self._d, name).numpy()
 

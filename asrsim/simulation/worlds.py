@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from operator import index
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,23 +18,22 @@ from asrsim.errors import InputError, Problem, SimulationError, listed
 from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.signals.base import Signal
 from asrsim.simulation import kernel
 from asrsim.simulation.arguments import Corrections
+from asrsim.simulation.blocks import Blocks
 from asrsim.simulation.core import UNOBSERVED, Core, make_core
 from asrsim.simulation.divergence import EnergyGuard
-from asrsim.simulation.drives import command_delays
+from asrsim.simulation.engine import WARP
 from asrsim.simulation.fields import JOINT
-from asrsim.simulation.inputs import Given, Inputs, chunk_at, joined, longest_chunk
+from asrsim.simulation.inputs import longest_chunk
 from asrsim.simulation.layout import EXTERNAL, HEALTH
 from asrsim.simulation.observation import Counts, Observation, Snapshot, counts_of, observe
-from asrsim.simulation.prepare import WARP, Prepared, ScenarioLike, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns, all_recorded, is_watched, without_energies
+from asrsim.simulation.setups import Setups, WorldSetup
+from asrsim.simulation.start import Start
 from asrsim.simulation.strides import ALWAYS_ALL, strides_of
-
-NOTHING = np.empty(0)
-VARIANTS_KEPT = 256
-"""Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -48,36 +45,6 @@ class Observer:
     rollout, the errors before the corrections: measured minus simulated."""
     gains: tuple[float, float]
     """Change of the position, and of the velocity in 1/s, per error."""
-
-
-class WorldSetup(NamedTuple):
-    """Parameters, start and input signals of a world."""
-
-    start: Start
-    prepared: Prepared
-    """The scenario with the world's parameters."""
-    inputs: Inputs
-    started: Prepared
-    """`prepared` with the start of the world."""
-
-
-@dataclass
-class InputBlock:
-    """Inputs of some worlds for some substeps."""
-
-    numbers: NDArray[np.int64]
-    which: NDArray[np.int64]
-    """Indices (m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths
-    and cuts."""
-    given: Given
-    end: int
-    """Number of rows."""
-    row: int = 0
-    """Number of rows that have been simulated."""
-    steady: Inputs | None = None
-    """Inputs of all these worlds, if all rows are equal."""
-    until: int = 0
-    """Substep up to which equal rows hold: until then they can be used again and again."""
 
 
 class Worlds:
@@ -166,21 +133,13 @@ class Worlds:
             self.record_as(prepared)
             if adaptive:
                 self._check_adaptive()
-            self._home_inputs = self._inputs_of(prepared)
-            self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self._home_inputs
-            """Latest signals of worlds by joint and reference, and the inputs made from them."""
-            self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
-            """Prepared scenarios, by the parameters of the worlds."""
-            self._worlds = [WorldSetup(Start(), prepared, self._home_inputs, prepared)] * count
-            self._equal_inputs: bool | None = None
-            """Whether all worlds have the same inputs; None: not known since a change."""
+            self._setups = Setups(prepared, chunk=self.chunk)
+            self._worlds = [self._setups.home] * count
+            self.blocks = Blocks(self.core, [world.inputs for world in self._worlds], chunk=self.chunk, threads=threads)
+            """Steps of the worlds."""
             self._everyone = np.arange(count)
             self._slots: dict[tuple[str, str], tuple[int, int, float, float]] = {}
             """Joint, column and range of the references that were set, by joint and reference."""
-            self._block: InputBlock | None = None
-            """Inputs of the next substeps; None after a change from outside, but for values that were set."""
-            self._renewed = True
-            """Whether `_block` contains the values that were set."""
             self._sizes = np.array(strides.sizes)
             """Lengths of the strides in substeps."""
             self.closed = False
@@ -188,8 +147,6 @@ class Worlds:
         except BaseException:
             links.close()
             raise
-        self._threads = threads if self.core.native else 1
-        self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
 
     def record_as(self, prepared: Prepared) -> None:
         """Record the quantities of joints with these parameters; earlier snapshots can no longer be restored."""
@@ -202,13 +159,6 @@ class Worlds:
         self._absent = np.repeat(self.columns.absent(prepared.drives)[None], self.count, axis=0)
         """Mask (count, joints, columns) of the quantities that the joints of each world do not record."""
         self._owner = object()
-
-    def _inputs_of(self, prepared: Prepared) -> Inputs:
-        """The input signals of a scenario."""
-        return Inputs(
-            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=prepared.stepping.staggered,
-            longest=self.chunk,
-        )  # fmt: skip
 
     # -- stepping ---------------------------------------------------------------------------------------------------
 
@@ -231,95 +181,9 @@ class Worlds:
 
     def advance(self, steps: int = 1, *, worlds: Any = None) -> None:
         """Advance by a number of steps. worlds: mask (N,) or list of numbers; None: all. Diverged worlds do not move."""
-        self._run(self._numbers(worlds), count_of(steps) * self.substeps, keep=False)
-
-    def _run(self, numbers: NDArray[np.int64], count: int, *, keep: bool) -> Array:
-        """Advance by `count` substeps. With `keep`, returns rows (m, rows, joints, columns) at whole steps."""
+        numbers, substeps = self._numbers(worlds), count_of(steps) * self.substeps
         self.check_open()
-        kept = np.full((len(numbers), -(-count // self.substeps), *self.core.rows.shape[1:]), np.nan) if keep else NOTHING
-        ran, start = 0, -(-self.core.done // self.substeps) if keep else NOTHING
-        places = self._everyone[: len(numbers)]
-        while ran < count and len(numbers):
-            if np.count_nonzero(self.core.fault) and not (moving := self.healthy[numbers]).all():
-                numbers, places = numbers[moving], places[moving]
-                continue
-            before = self.core.done[numbers].tolist()
-            length = min(count - ran, *(chunk_at(k, self.chunk)[1] - k for k in set(before)))
-            out = self.go_on(numbers, length)
-            for part, place, world, done in zip(out, places, numbers, before, strict=True) if keep else ():
-                first, found = whole_steps(done, int(self.core.done[world]), self.substeps)
-                kept[place, first - start[world] :][:found] = part[:found]
-            ran += length
-        return kept
-
-    def go_on(self, numbers: NDArray[np.int64], length: int) -> Array:
-        """Advance by `length` substeps of one chunk. Returns rows (m, rows, joints, columns) at whole steps."""
-        block = self._block
-        if block is None or block.numbers is not numbers or not self._is_ready(block, length):
-            block = self._make_block(numbers, length)
-            self._renewed = True
-        # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
-        self._block = None
-        first, block.row = block.row, block.row + length
-        out = np.empty((len(numbers), -(-length // self.substeps), *self.core.rows.shape[1:]))
-        parts = 1 if self._pool is None else min(self._threads, len(numbers))
-        if self._pool is None or parts == 1:
-            self.core.run(block.which, block.given, first, length, out)
-        else:
-            edges = np.linspace(0, len(numbers), parts + 1).astype(int).tolist()
-            shares = [block.which[begin:end] for begin, end in pairwise(edges)]
-            list(self._pool.map(lambda which: self.core.run(which, block.given, first, length, out), shares))
-        self._block = block
-        return out
-
-    def _is_ready(self, block: InputBlock, length: int) -> bool:
-        """Whether a block contains the inputs of the next substeps. Controllers make equal calls again and again, in which only
-        the values that they set differ: then the rows are used again."""
-        if block.steady is not None and length <= block.end and int(self.core.done[block.numbers[0]]) + length <= block.until:
-            if not self._renewed:
-                block.steady.renew(block.given, self.core.held, block.numbers)
-                self._renewed = True
-            block.row = 0
-        return self._renewed and block.row + length <= block.end
-
-    def _make_block(self, numbers: NDArray[np.int64], length: int) -> InputBlock:
-        """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
-        reference."""
-        if self._renewed and self._block is not None and self._block.numbers is numbers:
-            ends = (chunk_at(substep, self.chunk)[1] - substep for substep in set(self.core.done[numbers].tolist()))
-            length = max(length, min(2 * self._block.end, *ends))
-        parts: list[Given] = []
-        count = 0
-        which = np.empty((len(numbers), 4), dtype=np.int64)
-        which[:, 0], which[:, 2] = numbers, self._everyone[: len(numbers)]
-        groups, until = self._alike(numbers), 0
-        for inputs, substep, places in groups:
-            held = self.core.held[numbers[places]]
-            free = bool(np.isnan(held).all())
-            which[places, 1] = count if free else count + self._everyone[: len(held)]
-            which[places, 3] = len(parts)
-            parts.append(inputs.given(substep, length, None if free else held))
-            count += len(parts[-1].inputs)
-            if len(groups) == 1 and self.core.native and not free:
-                until = inputs.steady_until(substep, held)
-        block = InputBlock(numbers, which, self.core.taken(joined(parts)), length)
-        if until >= substep + length:
-            block.steady, block.until = inputs, until
-        return block
-
-    def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
-        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and places in `numbers`."""
-        done, first = self.core.done[numbers], self._worlds[numbers[0]].inputs
-        substep = int(done[0])
-        if self._equal_inputs is None:
-            self._equal_inputs = len({id(world.inputs) for world in self._worlds}) == 1
-        if self._equal_inputs and (len(done) == 1 or bool((done == substep).all())):
-            return [(first, substep, slice(None))]
-        found: dict[tuple[int, int], tuple[Inputs, int, list[int]]] = {}
-        for place, (world, substep) in enumerate(zip(numbers.tolist(), done.tolist(), strict=True)):
-            inputs = self._worlds[world].inputs
-            found.setdefault((id(inputs), substep), (inputs, substep, []))[2].append(place)
-        return list(found.values())
+        self.blocks.run(numbers, substeps, keep=False)
 
     # -- from outside -----------------------------------------------------------------------------------------------
 
@@ -347,9 +211,9 @@ class Worlds:
             raise InputError(f"{reference} of '{joint}' must be finite", code="reference-value")
         which: Any = slice(None) if numbers is self._everyone else numbers
         self.core.held[which, j, slot] = held
-        self._renewed = False
+        self.blocks.renew()
         if values is None:
-            self._block = None
+            self.blocks.discard()
         return np.array(self.core.held[which, j, slot])
 
     def push(self, torques: Array) -> None:
@@ -359,12 +223,12 @@ class Worlds:
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")
         self.core.held[:, :, EXTERNAL] = torques
-        self._renewed = False
+        self.blocks.renew()
 
     def observe(self) -> Observation:
         """Present states; arrays are (N, n) in the order of worlds and joints, and `time` is (N,)."""
         self.check_open()
-        return observe(self.time, self.prepared.drives, self.core.S, self._stride)
+        return observe(self.time, self.prepared.drives, self.core.joint_states, self._stride)
 
     @property
     def _stride(self) -> Any:
@@ -375,7 +239,9 @@ class Worlds:
     def links(self) -> tuple[Array, Array]:
         """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
         self.check_open()
-        return self.core.S[..., JOINT["position"]].copy(), self.core.S[..., JOINT["engine_velocity"]].copy()
+        return self.core.joint_states[..., JOINT["position"]].copy(), self.core.joint_states[
+            ..., JOINT["engine_velocity"]
+        ].copy()
 
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities by name, as arrays (N, n); see `asrsim.Simulation.read`."""
@@ -391,7 +257,7 @@ class Worlds:
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
-            self._run(fresh, 1, keep=False)
+            self.blocks.run(fresh, 1, keep=False)
         rows = np.where(self._absent, np.nan, self.core.rows)
         for world, state in zip(fresh.tolist(), states, strict=True):
             self.core.put(world, self._worlds[world].prepared, state)
@@ -407,7 +273,7 @@ class Worlds:
         """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
         self._check_watched()
         self._numbers(world)
-        return counts_of(self.core.S[world], int(self.core.done[world]))
+        return counts_of(self.core.joint_states[world], int(self.core.done[world]))
 
     def snapshot(self, *, worlds: Any = None) -> Snapshot:
         """Snapshots of some worlds, or of all, for `restore`."""
@@ -424,7 +290,7 @@ class Worlds:
         for number, (world, state) in snapshot.states.items():
             self._note(number, world)
             self.core.put(number, world.prepared, state)
-        self._block = None
+        self.blocks.discard()
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
         """Reset worlds to a start. The worlds then give bitwise the same results as new worlds, and follow the references of
@@ -440,12 +306,12 @@ class Worlds:
         if len(starts) != len(numbers):
             message = f"needs one start for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
-        for number, world in zip(numbers, list(map(self._world_of, starts)), strict=True):
+        for number, world in zip(numbers, list(map(self._setups.of, starts)), strict=True):
             if world.prepared is not self._worlds[number].prepared:
                 self.core.take_over(number, world.prepared)
             self._note(number, world)
             self.core.start(number, world.started)
-        self._block = None
+        self.blocks.discard()
 
     def set_state(
         self, positions: Mapping[str, Any], velocities: Mapping[str, Any] | None = None,
@@ -478,37 +344,12 @@ class Worlds:
         ]
         self.reset(starts, worlds=numbers)
 
-    def _world_of(self, start: Start) -> WorldSetup:
-        """Parameters, inputs and state of a start. Raises InputError, RobotError, and ScenarioError for an arm without
-        equilibrium."""
-        key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
-        prepared = self._variants.get(key) if key else self.prepared
-        if prepared is None:
-            prepared = self.prepared.vary(start.parameters)
-            if len(self._variants) >= VARIANTS_KEPT:
-                self._variants.clear()
-            self._variants[key] = prepared
-        inputs, started = self._home_inputs, prepared
-        if prepared is not self.prepared and command_delays(prepared.drives) != command_delays(self.prepared.drives):
-            # Commands that are late by another time are other inputs.
-            started = prepared.with_references(start.references) if start.references else prepared
-            inputs = self._inputs_of(started)
-        elif start.references:
-            signals = {(joint, name): one for joint, table in start.references.items() for name, one in table.items()}
-            latest = self._signals[0]
-            other = latest.keys() != signals.keys() or any(latest[key] is not one for key, one in signals.items())
-            if other or self.prepared.scenario.initial_equilibrium:
-                started = prepared.with_references(start.references)
-            if other:
-                self._signals = signals, self._inputs_of(started)
-            inputs = self._signals[1]
-        return WorldSetup(start, prepared, inputs, started.started(start))
-
     def _note(self, number: int, world: WorldSetup) -> None:
         """Store parameters, inputs and start of a world."""
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)
-        self._worlds[number], self._equal_inputs = world, None
+        self._worlds[number] = world
+        self.blocks.put(number, world.inputs)
         if len(self._sizes) > 1:
             own = 1 if world.prepared is self.prepared else kernel.OTHER
             self.core.strides[number, 2] = 0 if world.inputs.jumps else own
@@ -569,7 +410,8 @@ class Worlds:
         self.columns.check(names)
         numbers = self._numbers(worlds)
         total = self.prepared.scenario.steps if steps is None else count_of(steps)
-        rows = self._run(numbers, total * self.substeps + 1, keep=True)
+        self.check_open()
+        rows = self.blocks.run(numbers, total * self.substeps + 1, keep=True)
         for own, absent in zip(rows, self._absent[numbers], strict=True):
             own[:, absent] = np.nan
         return {name: values.copy() for name, values in self.columns.values(rows, names).items()}
@@ -594,7 +436,7 @@ class Worlds:
         self._check_watched()
         self._numbers(world)
         guard = EnergyGuard(self._worlds[world].started)
-        return bool(self.healthy[world]) and guard.look(self.core.S[world]) is None
+        return bool(self.healthy[world]) and guard.look(self.core.joint_states[world]) is None
 
     def prepared_of(self, world: int) -> Prepared:
         """The scenario with the parameters of a world."""
@@ -643,8 +485,7 @@ class Worlds:
         if not self.closed:
             self.closed = True
             self.core.close()
-            if self._pool is not None:
-                self._pool.shutdown()
+            self.blocks.close()
 
     def __enter__(self) -> Worlds:
         return self
@@ -670,7 +511,7 @@ def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
 
 
 def check_number(value: Any, key: str) -> None:
-    """Raise InputError for what is no whole number of at least 1."""
+    """Raise InputError if a value is not a whole number of at least 1."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < 1:
         raise InputError("must be a whole number of at least 1", key=key, value=value, code="worlds")
 
@@ -680,9 +521,3 @@ def count_of(steps: int) -> int:
     if index(steps) < 0:
         raise InputError("must not be negative: restore a snapshot or reset to go back", key="steps", value=steps, code="steps")
     return index(steps)
-
-
-def whole_steps(before: int, after: int, every: int) -> tuple[int, int]:
-    """Index of the first whole step between two substeps, and number of whole steps between these substeps."""
-    first = -(-before // every)
-    return first, -(-after // every) - first

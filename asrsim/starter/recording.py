@@ -97,10 +97,14 @@ def write_from_recording(
     # Items of `map` cannot state all that a document states, so the complete document is stored beside the recording.
     documented = any(map(is_document, mapping))
     files = Files(
-        scenario=out.name, robot=robot_key(robot, folder, arguments, packages), recording=called,
-        commands=f"{out.stem}_commands.csv", plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
-        mapping=() if documented else tuple(mapping), rate=None if documented else rate,
-    )  # fmt: skip
+        scenario=out.name,
+        robot=robot_key(robot, folder, arguments, packages),
+        recording=called,
+        commands=f"{out.stem}_commands.csv",
+        plugins=tuple(relative_path(plugin, folder) for plugin in plugins),
+        mapping=() if documented else tuple(mapping),
+        rate=None if documented else rate,
+    )
     fit, schema = out.with_suffix(FIT), folder / SCHEMA_FILE
     tables = {folder / name: members for name, members in command_tables(plan, files.commands).items()}
     for path in (out, fit, *tables):

@@ -275,9 +275,15 @@ def mounted(robot: Robot, joints: Collection[str], parameters: Mapping[str, Mapp
 
 
 def write_starter(
-    robot: Path, out: Path, *, mode: int | None = None, actuators: Mapping[str, str] | None = None, force: bool = False,
-    arguments: Mapping[str, str] | None = None, packages: Mapping[str, Path] | None = None,
-) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:  # fmt: skip
+    robot: Path,
+    out: Path,
+    *,
+    mode: int | None = None,
+    actuators: Mapping[str, str] | None = None,
+    force: bool = False,
+    arguments: Mapping[str, str] | None = None,
+    packages: Mapping[str, Path] | None = None,
+) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:
     """Write a starter scenario for the robot to `out`, and the JSON Schema beside it.
 
     mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with

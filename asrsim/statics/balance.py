@@ -23,9 +23,16 @@ ROUNDS = 200
 
 
 def balanced(
-    loads: Callable[[Array], Array], springs: Callable[[Array], Array], start: Array, low: Array, high: Array,
-    movable: NDArray[np.bool_], *, close: float = 0.0, shove: float = SHOVE,
-) -> tuple[Array, Array]:  # fmt: skip
+    loads: Callable[[Array], Array],
+    springs: Callable[[Array], Array],
+    start: Array,
+    low: Array,
+    high: Array,
+    movable: NDArray[np.bool_],
+    *,
+    close: float = 0.0,
+    shove: float = SHOVE,
+) -> tuple[Array, Array]:
     """Positions (m, n) of m robots at rest, and the torques (m, n) that remain on joints that are free to move.
 
     The remaining torques are nearly 0. They are NaN for a robot with infinite torques.

@@ -206,11 +206,16 @@ def holdings(statics: _Statics) -> tuple[Holding, ...]:
             stopped = np.abs(links[row] - joint.stops).min() < 1e-6
             most = np.array(drives[row].max_torque or np.inf)
             found[row] = Holding(
-                joint=joint.name, sag=sag, load=float(loads[worst[row], row]), time=float(statics.time[worst[row]]),
-                scale=scale, on_stop=bool(stopped and sag > OFF * scale),
+                joint=joint.name,
+                sag=sag,
+                load=float(loads[worst[row], row]),
+                time=float(statics.time[worst[row]]),
+                scale=scale,
+                on_stop=bool(stopped and sag > OFF * scale),
                 limited=bool(np.any(np.abs(pull[:motors]) > (1.0 - 1e-6) * most)),
-                overloaded=bool(abs(pull.sum()) > joint.most_effort), droop=droop,
-            )  # fmt: skip
+                overloaded=bool(abs(pull.sum()) > joint.most_effort),
+                droop=droop,
+            )
     return tuple(found[row] for row in range(len(columns)))
 
 

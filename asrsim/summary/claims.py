@@ -42,9 +42,14 @@ def _unrecorded(claim: Expectation, joints: Sequence[JointInfo]) -> Iterator[Pro
         if missing:
             names, choices = [f"'{joint.name}'" for joint in missing], sorted({*missing[0].quantities, *DERIVED_FUNCTIONS})
             yield Problem(
-                f"is not recorded for joint {listed(names, 3)}", line=claim.line, key=f"expect.{key}", value=name,
-                choices=tuple(choices), meant=name, code="expect",
-            )  # fmt: skip
+                f"is not recorded for joint {listed(names, 3)}",
+                line=claim.line,
+                key=f"expect.{key}",
+                value=name,
+                choices=tuple(choices),
+                meant=name,
+                code="expect",
+            )
 
 
 def claim_results(

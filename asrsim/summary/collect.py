@@ -88,7 +88,7 @@ class Collector:
         """Summaries; overshoot and settling count from the start of the reference's motion, see `step_start`.
 
         desired: intended motion of joints whose reference is not their intended position (a planned or learned input).
-        balanced: the run begins in equilibrium, so that a constant reference is no step.
+        balanced: the run begins in equilibrium, so that a constant reference is not a step.
         """
         travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
         return Seen(self._measures(desired or {}, balanced), self._tip(), tuple(travels.tolist()))

@@ -67,11 +67,14 @@ def require_columns(
     if missing:
         raise RecordingError(
             Problem(
-                f"{path.name} has no column for {name}.{claim.quantity}, which `expect` compares", line=claim.line,
-                key="expect", choices=found, code="no-such-quantity",
+                f"{path.name} has no column for {name}.{claim.quantity}, which `expect` compares",
+                line=claim.line,
+                key="expect",
+                choices=found,
+                code="no-such-quantity",
                 hint=f"Its columns: {', '.join(list(recording.channels)[:30])}. Map one with "
                 f"options: {{map: ['COLUMN={name}.{claim.quantity}']}}",
             )
             for name in missing
-        )  # fmt: skip
+        )
     return recording, pairing

@@ -22,7 +22,8 @@ from asrsim.scenario.data import SCENARIO
 from asrsim.scenario.load import scenario_from_data
 from asrsim.scenario.overrides import split_path
 from asrsim.simulation.examine import Plan, examine_all
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.summary.claims import claim_titles
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study
@@ -30,8 +31,9 @@ from asrsim.sweeps.study import Study
 MEASURES = tuple(field.name for field in fields(JointSummary))
 UNITS = {
     **dict.fromkeys(("steady_state", "steady_state_error", "peak_deflection", "motion_left"), "rad"),
-    "settling": "s", "frequency": "Hz",
-}  # fmt: skip
+    "settling": "s",
+    "frequency": "Hz",
+}
 """Unit of each measure."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096
@@ -58,9 +60,13 @@ class Case:
     def scenario(self, settings: Mapping[str, Any]) -> Scenario:
         """Scenario with some keys set. Raises ScenarioError."""
         return scenario_from_data(
-            self.resolved, base_dir=self.base_dir, files=self.files, name=self.name, variant=self.variant,
+            self.resolved,
+            base_dir=self.base_dir,
+            files=self.files,
+            name=self.name,
+            variant=self.variant,
             overrides={**settings, **self.substeps},
-        )  # fmt: skip
+        )
 
     def robot_of(self, values: Mapping[str, Any]) -> Robot | None:
         """Robot with the parameter values of a run; None if the run needs another robot file."""

@@ -16,10 +16,16 @@ from asrsim.plain import misfit
 from asrsim.samples import Array
 
 SHAPE = {
-    "keys": [str], "mean": [float], "covariance": [[float]], "logarithmic?": (bool, [bool]), "bounds?": [[(float, None)]],
-    "ties?": [{"key": str, "to": str, "factor": float, "*": object}], "fits?": bool,
-    "estimates?": [{"key": str, "verdict": str, "*": object}], "*": object,
-}  # fmt: skip
+    "keys": [str],
+    "mean": [float],
+    "covariance": [[float]],
+    "logarithmic?": (bool, [bool]),
+    "bounds?": [[(float, None)]],
+    "ties?": [{"key": str, "to": str, "factor": float, "*": object}],
+    "fits?": bool,
+    "estimates?": [{"key": str, "verdict": str, "*": object}],
+    "*": object,
+}
 """Expected structure of the file's data, as `asrsim.plain.misfit` checks it."""
 
 
@@ -104,10 +110,16 @@ def joint_of(data: Any, file: Path | None = None) -> JointDistribution:
         raise wrong("is not a covariance matrix: it must be symmetric and positive semidefinite")
     ties = {one["key"]: (one["to"], float(one["factor"])) for one in data.get("ties") or ()}
     return JointDistribution(
-        keys=keys, mean=mean, root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))), logarithmic=np.array(flags),
-        low=low, high=high, fits=data.get("fits", True) is True, ties=tuple(_followers(keys, ties)),
+        keys=keys,
+        mean=mean,
+        root=np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))),
+        logarithmic=np.array(flags),
+        low=low,
+        high=high,
+        fits=data.get("fits", True) is True,
+        ties=tuple(_followers(keys, ties)),
         warnings=tuple(_warnings(data, keys, covariance)),
-    )  # fmt: skip
+    )
 
 
 def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array) -> Iterator[str]:

@@ -88,19 +88,27 @@ def over_key(table: Table, result: str) -> Chart:
         mine = mine[np.argsort(table[key][mine], kind="stable")]
         lines.append(
             Line(
-                label=name, x=table[key][mine], y=table[result][mine], colour=style.variant_colour(number),
-                kind="points" if drawn else "both", opacity=0.5 if drawn else 1.0,
+                label=name,
+                x=table[key][mine],
+                y=table[result][mine],
+                colour=style.variant_colour(number),
+                kind="points" if drawn else "both",
+                opacity=0.5 if drawn else 1.0,
             )
-        )  # fmt: skip
+        )
     if len(names) > LINES:
         lines.append(Line(label=f"({LINES} of {len(names)} lines)", x=np.empty(0), y=np.empty(0), colour="none"))
     # Show all values of the key, including those where the result is undefined.
     low, high = float(table[key].min()), float(table[key].max())
     room = 0.03 * (high - low)
     return Chart(
-        words=style.in_words(result), unit=unit_of(table, result), across=style.in_words(key), across_unit=unit_of(table, key),
-        lines=lines, reach=(low - room, high + room),
-    )  # fmt: skip
+        words=style.in_words(result),
+        unit=unit_of(table, result),
+        across=style.in_words(key),
+        across_unit=unit_of(table, key),
+        lines=lines,
+        reach=(low - room, high + room),
+    )
 
 
 def _fixed(table: Table, key: str, number: float) -> str:
@@ -122,6 +130,10 @@ def influence_chart(table: Table, result: str) -> Chart:
     ]
     names = [f"{style.in_words(one.key)}\n{one.sobol}" if one.sobol else style.in_words(one.key) for one in found]
     return Chart(
-        words="", across=f"mean {style.in_words(result)}", across_unit=unit_of(table, result), lines=[*joined, *lines],
-        places=names, mark=float(np.nanmean(table[result])),
-    )  # fmt: skip
+        words="",
+        across=f"mean {style.in_words(result)}",
+        across_unit=unit_of(table, result),
+        lines=[*joined, *lines],
+        places=names,
+        mark=float(np.nanmean(table[result])),
+    )

@@ -17,9 +17,10 @@ from asrsim.runs.execute import collector_of, judged
 from asrsim.samples import Samples
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import EXTERNAL_TORQUE
-from asrsim.simulation.prepare import Prepared, Start
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import Run, make_run, run_to_end
 from asrsim.simulation.simulation import Simulation
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from asrsim.summary import Collector
 from asrsim.summary.claims import needs_of
@@ -145,9 +146,13 @@ class _Kind:
             values = {name: table[place] for name, table in record.items()}
             collector.write(Samples(time=time, joints=tuple(worlds.joints), values=values))
             run = make_run(
-                prepared, worlds.counts(world), "complete", wall_time=(clock.perf_counter() - began) / len(points),
-                simulated_time=prepared.last_substep(None) * prepared.substep, compiled=worlds.compiled,
-            )  # fmt: skip
+                prepared,
+                worlds.counts(world),
+                "complete",
+                wall_time=(clock.perf_counter() - began) / len(points),
+                simulated_time=prepared.last_substep(None) * prepared.substep,
+                compiled=worlds.compiled,
+            )
             # If a claim cannot be evaluated, the run is simulated alone, and its row gives the reason.
             with suppress(AsrsimError):
                 cells[world] = result_cells(run, collector)

@@ -71,7 +71,9 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
     """
     for name in results:
         if name not in table.results:
-            raise InputError(Problem("is no result of this study", key=name, choices=table.results, meant=name, code="result"))
+            raise InputError(
+                Problem("is not a result of this study", key=name, choices=table.results, meant=name, code="result")
+            )
         if table.quantiles(name) is None:
             raise InputError("no run has a value of this result", key=name, code="result")
     return list(results) or varying(table)[:most]

@@ -32,9 +32,17 @@ NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 KINDS = ("int", "float", "bool", "text")
 """Kinds of columns."""
 MANIFEST_SHAPE: dict[str, Any] = {
-    "scenario": str, "plugins": [str], "study": {"variants": [str], "*": object}, "inputs": object, "versions": object,
-    "runs": int, "columns": [[str]], "claims": {"*": [str]}, "substeps": {"*": {"*": int}}, "*": object,
-}  # fmt: skip
+    "scenario": str,
+    "plugins": [str],
+    "study": {"variants": [str], "*": object},
+    "inputs": object,
+    "versions": object,
+    "runs": int,
+    "columns": [[str]],
+    "claims": {"*": [str]},
+    "substeps": {"*": {"*": int}},
+    "*": object,
+}
 """Structure of `study.json`."""
 GROUP = 20_000
 """Number of rows in a group of a file. As many waiting rows are written at once, and a part with as many is complete."""
@@ -44,9 +52,10 @@ MOST_PARTS = 32
 """Number of incomplete parts that are merged to one."""
 SAME = {
     "format": "it was written by another version of asrsim",
-    "study": "its study has other values of", "inputs": "its inputs have changed:",
+    "study": "its study has other values of",
+    "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
-}  # fmt: skip
+}
 """Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry, which the
 names of what changed in it follow."""
 

@@ -221,9 +221,14 @@ def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
 
 @renamed(design="sampler")
 def make_study(
-    scenario: str | Path, over: Mapping[str, Any] | Sequence[str] = (), *, fit: str | Path | Mapping[str, Any] | None = None,
-    plugins: Sequence[str | Path] = (), name: str | None = None, **options: Any,
-) -> Study:  # fmt: skip
+    scenario: str | Path,
+    over: Mapping[str, Any] | Sequence[str] = (),
+    *,
+    fit: str | Path | Mapping[str, Any] | None = None,
+    plugins: Sequence[str | Path] = (),
+    name: str | None = None,
+    **options: Any,
+) -> Study:
     """Study from plain data. Raises InputError with every problem.
 
     Args:
@@ -238,12 +243,17 @@ def make_study(
     data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
     try:
         study = Study(
-            scenario=Path(scenario), over=dict(pairs),
+            scenario=Path(scenario),
+            over=dict(pairs),
             fit=data,
-            plugins=tuple(Path(path) for path in one_or_more(plugins)), name=name or Path(scenario).stem,
-            **{**options, "variants": one_or_more(options.get("variants", ())),
-               "overrides": override_texts(options.get("overrides", ()))},
-        )  # fmt: skip
+            plugins=tuple(Path(path) for path in one_or_more(plugins)),
+            name=name or Path(scenario).stem,
+            **{
+                **options,
+                "variants": one_or_more(options.get("variants", ())),
+                "overrides": override_texts(options.get("overrides", ())),
+            },
+        )
     except TypeError as error:
         raise InputError(f"unknown option of a study: {error}", code="usage") from None
     _check(study, pairs, None if isinstance(fit, Mapping) or fit is None else Path(fit))

@@ -24,7 +24,8 @@ from asrsim.scenario.overrides import override_texts
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
 from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
-from asrsim.simulation.prepare import Prepared, prepare_worlds
+from asrsim.simulation.prepare import prepare_worlds
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.twin import Twin, TwinStep
 
@@ -74,24 +75,34 @@ class Followed:
             if not np.isfinite(torque).any():
                 continue
             largest, known = int(np.nanargmax(np.abs(torque))), np.isfinite(stiffness)
-            found.append({
-                "joint": name,
-                "alarms": self.alarms(j),
-                "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))),
-                "largest": float(torque[largest]),
-                "largest_at": float(self.time[largest]),
-                "residual_rms": float(np.sqrt(np.nanmean(residual**2))),
-                "stiffness": [float(stiffness[known].min()), float(stiffness[known].max())] if known.any() else None,
-            })  # fmt: skip
+            found.append(
+                {
+                    "joint": name,
+                    "alarms": self.alarms(j),
+                    "external_torque_rms": float(np.sqrt(np.nanmean(torque**2))),
+                    "largest": float(torque[largest]),
+                    "largest_at": float(self.time[largest]),
+                    "residual_rms": float(np.sqrt(np.nanmean(residual**2))),
+                    "stiffness": [float(stiffness[known].min()), float(stiffness[known].max())] if known.any() else None,
+                }
+            )
         return found
 
 
 def follow_recording(
-    scenario: Path, recording: Path, *, bandwidth: float | None = None, mapping: Any = None, rate: float | None = None,
-    clock_offset: float = 0.0, variant: str | None = None, overrides: Sequence[str] | Mapping[str, Any] = (),
-    progress: Tell = tell_nobody, stop: Stop = never,
+    scenario: Path,
+    recording: Path,
+    *,
+    bandwidth: float | None = None,
+    mapping: Any = None,
+    rate: float | None = None,
+    clock_offset: float = 0.0,
+    variant: str | None = None,
+    overrides: Sequence[str] | Mapping[str, Any] = (),
+    progress: Tell = tell_nobody,
+    stop: Stop = never,
     watch: Callable[[float, Array, TwinStep], None] = lambda time, positions, found: None,
-) -> Followed:  # fmt: skip
+) -> Followed:
     """Estimates of a twin that follows a recording of positions and commands.
 
     Args:
@@ -152,11 +163,15 @@ def follow_recording(
     slides = [drive.joint.kind == "prismatic" for drive in ready.drives]
     units = {field: tuple(linear_unit(unit) if sliding else unit for sliding in slides) for field, unit in UNITS.items()}
     return Followed(
-        name=ready.scenario.name, joints=tuple(names), units=units, time=time[: len(rows)],
+        name=ready.scenario.name,
+        joints=tuple(names),
+        units=units,
+        time=time[: len(rows)],
         positions=measured[: len(rows)],
-        notes=tuple(dict.fromkeys(notes)), interrupted=len(rows) < len(time),
+        notes=tuple(dict.fromkeys(notes)),
+        interrupted=len(rows) < len(time),
         **{**table, "alarm": table["alarm"] == 1.0},
-    )  # fmt: skip
+    )
 
 
 def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str]) -> dict[str, dict[str, Signal]]:
@@ -223,11 +238,15 @@ def charts(found: Followed) -> list[list[Chart]]:
         most = 1.1 * float(max(known.max(initial=0.0), np.nanmedian(limit))) or 1.0
         stiffness = found.stiffness[:, j]
         above = float(np.nanmax(stiffness, initial=0.0))
-        rows.append([
-            Chart(head=joint, words="external torque", unit=unit, lines=[line], bands=bands, span=(-most, most)),
-            Chart(
-                words="stiffness", unit=stiff, span=(0.0, 1.1 * above or 1.0),
-                lines=[Line(label="", x=found.time, y=stiffness, colour=style.colour("stiffness"))],
-            ),
-        ])  # fmt: skip
+        rows.append(
+            [
+                Chart(head=joint, words="external torque", unit=unit, lines=[line], bands=bands, span=(-most, most)),
+                Chart(
+                    words="stiffness",
+                    unit=stiff,
+                    span=(0.0, 1.1 * above or 1.0),
+                    lines=[Line(label="", x=found.time, y=stiffness, colour=style.colour("stiffness"))],
+                ),
+            ]
+        )
     return rows

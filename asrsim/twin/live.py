@@ -41,9 +41,16 @@ class LiveTwin:
     """Twin that follows a robot in real time. `tell` receives messages for the user."""
 
     def __init__(
-        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, transports: Sequence[str] = (), access: Access | None = None,
-        namespace: str = "", duration: float | None = None, tell: Callable[[str], None] = lambda text: None,
-    ) -> None:  # fmt: skip
+        self,
+        scenario: ScenarioLike,
+        *,
+        bandwidth: float = 8.0,
+        transports: Sequence[str] = (),
+        access: Access | None = None,
+        namespace: str = "",
+        duration: float | None = None,
+        tell: Callable[[str], None] = lambda text: None,
+    ) -> None:
         """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
         stops.
         """

@@ -48,21 +48,23 @@ class AlarmLimits(NamedTuple):
     """Numbers of the thresholds of alarms."""
 
     forgotten: float
-    """Share of the springs' largest torque that is forgotten in a step."""
+    """Fraction by which the springs' largest recent torque decays in a step."""
     noise_gain: float
-    """Standard deviation of the torque for one of the position, for links of inertia 1, s^-2."""
+    """Standard deviation of the torque divided by that of the position, for links of inertia 1, s^-2."""
     sigmas: float
-    """Standard deviations of an alarm."""
+    """Number of standard deviations of the torque at which noise alone raises no alarm."""
     release: float
     """Fraction of the threshold at which an alarm ends."""
     slowest: float
-    """Speed of a link that moves, rad/s."""
+    """Speed above which a link counts as moving, rad/s."""
     tolerance: float
-    """Tolerated errors of the model, estimated and not estimated, as fractions of the springs' largest torque."""
+    """Tolerated error of the model as a fraction of the springs' largest recent torque, after the error was estimated."""
     unlearned: float
+    """The same fraction before the error was estimated."""
     friction: float
-    """Multiples of the friction that are tolerated, in motion and at rest."""
+    """Multiple of the friction that is tolerated while the link moves."""
     sticking: float
+    """Multiple of the friction that is tolerated while the link is at rest."""
 
 
 class Watch(NamedTuple):
@@ -86,11 +88,19 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     """The arrays at the start. columns: number of columns of the regression's rows."""
     shape = simulations, joints
     return TwinTables(
-        integral=np.zeros(shape), lagged=np.zeros(shape), torques=np.zeros(shape), masses=np.eye(joints),
-        stiffness=np.full(joints, np.nan), rows=np.zeros((2, columns, joints)), before=np.full((2, joints), np.nan),
-        missing=np.zeros(joints, dtype=np.int64), variance=np.zeros(joints), peak=np.zeros(joints), carried=np.zeros(joints),
+        integral=np.zeros(shape),
+        lagged=np.zeros(shape),
+        torques=np.zeros(shape),
+        masses=np.eye(joints),
+        stiffness=np.full(joints, np.nan),
+        rows=np.zeros((2, columns, joints)),
+        before=np.full((2, joints), np.nan),
+        missing=np.zeros(joints, dtype=np.int64),
+        variance=np.zeros(joints),
+        peak=np.zeros(joints),
+        carried=np.zeros(joints),
         noise=np.zeros(joints),
-    )  # fmt: skip
+    )
 
 
 def compare(t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:

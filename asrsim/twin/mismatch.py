@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from asrsim.engines.loops import solve_normal
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.statics.sizing import linear_parameters
 
 MEMORY = 5.0
@@ -75,10 +75,14 @@ def mismatch_of(joints: int, interval: float) -> Mismatch:
     """Regression without rows."""
     columns = len(KINDS) + 1
     return Mismatch(
-        products=np.zeros((joints, columns + 1, columns + 1)), found=np.zeros((len(KINDS), joints)),
-        learned=np.zeros(joints, dtype=bool), stiffening=np.full(joints, np.nan), normal=np.zeros((columns, columns + 4)),
-        size=np.zeros(columns + 1), interval=interval,
-    )  # fmt: skip
+        products=np.zeros((joints, columns + 1, columns + 1)),
+        found=np.zeros((len(KINDS), joints)),
+        learned=np.zeros(joints, dtype=bool),
+        stiffening=np.full(joints, np.nan),
+        normal=np.zeros((columns, columns + 4)),
+        size=np.zeros(columns + 1),
+        interval=interval,
+    )
 
 
 def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:

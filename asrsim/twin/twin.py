@@ -17,7 +17,8 @@ from asrsim.errors import InputError
 from asrsim.robot.chain_masses import find_masses
 from asrsim.samples import Array
 from asrsim.scenario.overrides import Overrides
-from asrsim.simulation.prepare import ScenarioLike, Start, prepare_worlds
+from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
@@ -94,9 +95,15 @@ class Twin:
     """
 
     def __init__(
-        self, scenario: ScenarioLike, *, bandwidth: float = 8.0, variant: str | None = None, overrides: Overrides = (),
-        plugins: Sequence[str | Path] = (), compiled: bool | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        scenario: ScenarioLike,
+        *,
+        bandwidth: float = 8.0,
+        variant: str | None = None,
+        overrides: Overrides = (),
+        plugins: Sequence[str | Path] = (),
+        compiled: bool | None = None,
+    ) -> None:
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
         for `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
         ready = prepare_worlds(scenario, variant=variant, overrides=overrides, plugins=plugins)
@@ -125,9 +132,16 @@ class Twin:
         self._watch = Watch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
         self._limits = AlarmLimits(
-            forgotten=step / PEAK_MEMORY, noise_gain=noise_gain(step, bandwidth), sigmas=SIGMAS, release=RELEASE,
-            slowest=SLOWEST, tolerance=TOLERANCE, unlearned=UNLEARNED, friction=FRICTION, sticking=STICKING,
-        )  # fmt: skip
+            forgotten=step / PEAK_MEMORY,
+            noise_gain=noise_gain(step, bandwidth),
+            sigmas=SIGMAS,
+            release=RELEASE,
+            slowest=SLOWEST,
+            tolerance=TOLERANCE,
+            unlearned=UNLEARNED,
+            friction=FRICTION,
+            sticking=STICKING,
+        )
         self._tables = tables(len(self._starts), n, COLUMNS)
         self._mismatch, self._loops, self._chain = mismatch_of(n, EVERY), TwinLoops(), None
         self._find_masses: Any = None
@@ -195,11 +209,17 @@ class Twin:
         if isinstance(measured, Mapping):
             unknown = [name for name in measured if name not in self.joints]
             measured = [measured.get(name, math.nan) for name in self.joints]
-        positions = np.array(measured, dtype=float)
-        if unknown or positions.shape != (len(self.joints),):
-            message = f"must be {len(self.joints)} positions, of {', '.join(self.joints)}"
-            raise InputError(message, key="measured", value=unknown or positions.shape, code="twin-measured")
-        return positions
+        wrong: object = unknown
+        if not unknown:
+            try:
+                positions = np.array(measured, dtype=float)
+                if positions.shape == (len(self.joints),):
+                    return positions
+                wrong = positions.shape
+            except (TypeError, ValueError):
+                wrong = measured
+        message = f"must be {len(self.joints)} positions, of {', '.join(self.joints)}"
+        raise InputError(message, key="measured", value=wrong, code="twin-measured")
 
     def _command(self, joint: str, reference: str, value: float, notes: list[str]) -> None:
         if math.isfinite(value):
@@ -253,9 +273,14 @@ class Twin:
         if ready and self._steps % self._every == 0:
             self._loops.learn(mismatch, own.rows[0], error, alarm)
         return TwinStep(
-            time=round(self._steps * self._step, 9), external_torque=found[0], stiffness=own.stiffness * mismatch.stiffening,
-            residual=error, threshold=found[1], alarm=alarm, notes=tuple(notes),
-        )  # fmt: skip
+            time=round(self._steps * self._step, 9),
+            external_torque=found[0],
+            stiffness=own.stiffness * mismatch.stiffening,
+            residual=error,
+            threshold=found[1],
+            alarm=alarm,
+            notes=tuple(notes),
+        )
 
     def _say_deaf(self, notes: list[str]) -> None:
         """Note joints whose threshold, from noise alone, exceeds all that their springs have carried in motion."""

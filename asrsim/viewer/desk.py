@@ -19,7 +19,7 @@ from asrsim.live.session import Session
 from asrsim.plots.style import unit
 from asrsim.samples import Array, HeldWrench, Samples
 from asrsim.simulation.drives import EXTERNAL_TORQUE
-from asrsim.simulation.prepare import Numbers
+from asrsim.simulation.start import Numbers
 from asrsim.summary import RunSummary
 from asrsim.viewer.colours import words_of
 from asrsim.viewer.figure import frames_of
@@ -42,9 +42,15 @@ class Desk:
     """Controls of one live run on a page. It is the operator of `asrsim.live.session.Session`."""
 
     def __init__(
-        self, page: Page, session: Session, subject: Subject, *, variants: Sequence[str] = (),
-        companions: Sequence[Companion] = (), simulate: Callable[[str], Companion] | None = None,
-    ) -> None:  # fmt: skip
+        self,
+        page: Page,
+        session: Session,
+        subject: Subject,
+        *,
+        variants: Sequence[str] = (),
+        companions: Sequence[Companion] = (),
+        simulate: Callable[[str], Companion] | None = None,
+    ) -> None:
         """variants: names of the scenario's variants; companions: ghosts; simulate: function that returns the ghost of a
         variant, which is called in a thread of its own."""
         self._simulate = simulate

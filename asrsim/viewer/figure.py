@@ -1,4 +1,4 @@
-"""A robot with its world in the page's 3-D scene; ghosts are figures of one colour that one sees through."""
+"""A robot with its world in the page's 3-D scene; ghosts are translucent figures of one colour."""
 
 from __future__ import annotations
 
@@ -30,9 +30,14 @@ class Figure:
     """
 
     def __init__(
-        self, server: viser.ViserServer, scene: RenderScene, *, colour: Colour | None = None, opacity: float | None = None,
+        self,
+        server: viser.ViserServer,
+        scene: RenderScene,
+        *,
+        colour: Colour | None = None,
+        opacity: float | None = None,
         objects: bool = True,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """colour: colour of all bodies; None: their own. objects: whether the objects of the world are shown too."""
         self.scene, self._server = scene, server
         root = f"/figure_{next(_NAMES)}"
@@ -65,10 +70,17 @@ class Figure:
             place = np.linalg.inv(frames[body]) @ frames[part.body]
             own = colour or _bytes(part.colour)
             mesh = server.scene.add_mesh_simple(
-                f"{self.nodes[body].name}/mesh_{number}", part.mesh.vertices, part.mesh.faces, color=own, opacity=opacity,
-                side="double", cast_shadow=colour is None, receive_shadow=colour is None, position=place[:3, 3],
+                f"{self.nodes[body].name}/mesh_{number}",
+                part.mesh.vertices,
+                part.mesh.faces,
+                color=own,
+                opacity=opacity,
+                side="double",
+                cast_shadow=colour is None,
+                receive_shadow=colour is None,
+                position=place[:3, 3],
                 wxyz=quaternions(place[None])[0],
-            )  # fmt: skip
+            )
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
     def place(self, samples: Samples, positions: Array | None = None) -> dict[str, Array]:

@@ -20,8 +20,9 @@ from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.samples import Array
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.prepare import Numbers, Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.run import simulate
+from asrsim.simulation.start import Numbers
 from asrsim.summary import RunSummary
 from asrsim.viewer.desk import Desk
 from asrsim.viewer.history import History
@@ -54,10 +55,17 @@ class LiveView:
     """Live runs of a scenario's variants on a page."""
 
     def __init__(
-        self, page: Page, plans: Sequence[Plan], *, variant: str | None = None, out: Path | None = None,
-        overwrite: bool = False, settings: Settings | None = None, companions: Sequence[Companion] = (),
+        self,
+        page: Page,
+        plans: Sequence[Plan],
+        *,
+        variant: str | None = None,
+        out: Path | None = None,
+        overwrite: bool = False,
+        settings: Settings | None = None,
+        companions: Sequence[Companion] = (),
         tell: TellUser = lambda text: None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """variant: variant of the first run; out: folder of the log, or of a folder for each
         of several variants; settings: of the live runs; companions: ghosts."""
         self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
@@ -138,9 +146,13 @@ class LiveView:
         self._numbers = tunable(prepared)
         if desk is None or before is None or not same:
             return Desk(
-                self._page, session, live_subject(prepared), variants=tuple(self._plans), companions=self._companions,
+                self._page,
+                session,
+                live_subject(prepared),
+                variants=tuple(self._plans),
+                companions=self._companions,
                 simulate=self._ghost_of,
-            )  # fmt: skip
+            )
         subject = replace(before, history=History(prepared.info.joints))
         if before.history.latest is not None:
             self._page.add(as_companion(before, BEFORE, shown=bool(changes)))
@@ -193,9 +205,13 @@ def live_subject(prepared: Prepared) -> Subject:
     scene = RenderScene(robot, scenario)
     title = f"{scenario.name} / {scenario.variant}"
     return Subject(
-        title=title, joints=info.joints, scene=scene, history=History(info.joints), notes=(*notes, *scene.notes),
+        title=title,
+        joints=info.joints,
+        scene=scene,
+        history=History(info.joints),
+        notes=(*notes, *scene.notes),
         path=_task_path(prepared),
-    )  # fmt: skip
+    )
 
 
 def _task_path(prepared: Prepared) -> Array | None:

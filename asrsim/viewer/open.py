@@ -107,10 +107,18 @@ class View:
 
 
 def view(
-    target: str | Path | Scenario, *beside: str | Path, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (), experiments: Sequence[str | Path] = (), lag: LagChoice = "auto", speed: float = 1.0,
-    port: int = 0, out: str | Path | None = None, overwrite: bool = False,
-) -> View:  # fmt: skip
+    target: str | Path | Scenario,
+    *beside: str | Path,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    experiments: Sequence[str | Path] = (),
+    lag: LagChoice = "auto",
+    speed: float = 1.0,
+    port: int = 0,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+) -> View:
     """Open a page of a scenario, which runs live, of a log, which is played back, or of a robot file.
 
     Args:
@@ -132,9 +140,17 @@ def view(
         InputError: viser is missing, the port is taken, or a file cannot be read.
     """
     make = maker(
-        target, beside, variant=variant, overrides=overrides, plugins=plugins, experiments=experiments, lag=lag, speed=speed,
-        out=out, overwrite=overwrite,
-    )  # fmt: skip
+        target,
+        beside,
+        variant=variant,
+        overrides=overrides,
+        plugins=plugins,
+        experiments=experiments,
+        lag=lag,
+        speed=speed,
+        out=out,
+        overwrite=overwrite,
+    )
     return View(PageServer(port), make).start()
 
 

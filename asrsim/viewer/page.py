@@ -32,7 +32,7 @@ NARROW = 700
 LIFT = 0.2
 """Distance by which the robot stands above the middle of a narrow window, as a fraction of the window's height."""
 LINE = 21
-"""Height of a line of text that changes, pixels."""
+"""Height of a line in the text that is updated during a run, pixels."""
 SAID = 3
 """Number of lines of the text above the tabs."""
 UP = (0.0, 0.0, 1.0)

@@ -23,9 +23,14 @@ class Player:
     """Plays the samples of a subject on a page."""
 
     def __init__(
-        self, page: Page, subject: Subject, *, companions: Sequence[Companion] = (), events: Sequence[Event] = (),
+        self,
+        page: Page,
+        subject: Subject,
+        *,
+        companions: Sequence[Companion] = (),
+        events: Sequence[Event] = (),
         speed: float = 1.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self._page, self.subject = page, subject
         self.start, self.end = subject.history.span
         self.time, self.playing, self.speed = self.start, True, speed

@@ -16,9 +16,14 @@ from asrsim.viewer.subject import Companion
 
 
 def recorded(
-    path: Path, info: RunInfo, read: SampleReader, *, lag: LagChoice = "auto", mapping: Sequence[str] | Path | None = None,
+    path: Path,
+    info: RunInfo,
+    read: SampleReader,
+    *,
+    lag: LagChoice = "auto",
+    mapping: Sequence[str] | Path | None = None,
     rate: float | None = None,
-) -> Companion:  # fmt: skip
+) -> Companion:
     """Recording as a companion of a run.
 
     Args:

@@ -19,14 +19,11 @@ from asrsim.live.origin import OriginProxy
 if TYPE_CHECKING:
     import viser
 
-PORT = 8080
-"""Port of the page, unless the user chooses another."""
-
 
 class PageServer:
     """Page at an address of this machine; a context manager that ends it whatever clients do."""
 
-    def __init__(self, port: int = PORT, *, tell: Callable[[str], None] = lambda text: None) -> None:
+    def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
         """port: port of the page; 0: any free port. tell: receives one sentence for each refused origin. Raises InputError if
         viser is missing or the port is taken."""
         server: Any = library("viser", "view").ViserServer

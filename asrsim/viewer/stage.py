@@ -113,9 +113,17 @@ class ViewerStage:
         if level is None:
             level, shadow, fine, coarse = float(cloud[:, 2].min()), 0.0, 232, 210
         server.scene.add_grid(
-            "/ground", cell_size=cell, section_size=5 * cell, plane="xy", position=(0.0, 0.0, level), infinite_grid=True,
-            fade_distance=15 * size, shadow_opacity=shadow, cell_color=(fine,) * 3, section_color=(coarse,) * 3,
-        )  # fmt: skip
+            "/ground",
+            cell_size=cell,
+            section_size=5 * cell,
+            plane="xy",
+            position=(0.0, 0.0, level),
+            infinite_grid=True,
+            fade_distance=15 * size,
+            shadow_opacity=shadow,
+            cell_color=(fine,) * 3,
+            section_color=(coarse,) * 3,
+        )
         return size
 
     # -- ghosts -----------------------------------------------------------------------------------------------------
@@ -220,9 +228,13 @@ class ViewerStage:
             if not len(points):
                 return
             self._arrows[name] = self._server.scene.add_arrows(
-                f"/arrows_{name}", points, colour, shaft_radius=0.006 * self.size, head_radius=0.015 * self.size,
+                f"/arrows_{name}",
+                points,
+                colour,
+                shaft_radius=0.006 * self.size,
+                head_radius=0.015 * self.size,
                 head_length=0.04 * self.size,
-            )  # fmt: skip
+            )
         elif len(points):
             self._arrows[name].points = points
         self._arrows[name].visible = bool(len(points))

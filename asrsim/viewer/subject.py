@@ -69,9 +69,13 @@ def logged(path: Path) -> Subject:
     title = f"{name} / {info.variant}" if info.variant else name
     goal = samples.bodies.get("tip_goal")
     return Subject(
-        title=title, joints=info.joints, scene=scene, history=History(info.joints, samples), notes=notes,
+        title=title,
+        joints=info.joints,
+        scene=scene,
+        history=History(info.joints, samples),
+        notes=notes,
         path=None if goal is None else goal[:: max(1, len(goal) // 300), :3],
-    )  # fmt: skip
+    )
 
 
 def as_companion(subject: Subject, label: str, *, shown: bool = True) -> Companion:

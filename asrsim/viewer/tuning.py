@@ -15,7 +15,8 @@ from asrsim.robot.edit import edited_urdf
 from asrsim.scenario.data import for_joint
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.examine import Plan, examine
-from asrsim.simulation.prepare import Numbers, Prepared
+from asrsim.simulation.prepared import Prepared
+from asrsim.simulation.start import Numbers
 
 OF_JOINTS = {"damping": "N m s/rad", "friction": "N m"}
 """Numbers of every joint, which are in the robot's file, with their units."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.progress import Stop
 from asrsim.samples import Array, Samples
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 from asrsim.twin import TwinStep
 from asrsim.twin.follow import Followed
 from asrsim.twin.live import LiveTwin

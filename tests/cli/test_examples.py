@@ -26,9 +26,35 @@ FASTER = {
     "plot out/step_2dof --format": ["--joint", "joint_1"],
     # Live runs and views would take the time that they simulate.
     "live examples": ["--speed", "5"],
-    "view examples": ["--speed", "5"],
+    "view examples": ["--speed", "5", "--duration", "2"],
 }
 """Options that make a command faster in this test, by words of the command."""
+SAID = {
+    "examples": r"^wrote \d\d files into examples; run one: asrsim run examples/scenarios/step_2dof\.yaml$",
+    "check examples/urdf/plain_arm": r"· 2 moving joints · 0 actuators · not driven: shoulder, elbow$",
+    "check examples/urdf/dof2_vertical.urdf examples": r"^2 joints: joint_1 \(line 92\), joint_2 \(line 108\)$",
+    "check --strict": r"^1 file: 0 errors, 0 warnings$",
+    "check --actuator": r"^my_vsa: all checks passed$",
+    "check --stage": r"^clutch: all checks passed$",
+    "init examples/urdf/plain_arm": r"; run it: asrsim run arm\.yaml$",
+    "init examples/urdf/dof2_vertical": r"^find the robot's parameters: asrsim identify lab\.fit\.yaml$",
+    "init --experiment": r": check it; every command that reads bench_motion\.csv obeys it$",
+    "run arm": r"^arm / stiff  3 s simulated in .* step 1 ms, 2 substeps, leapfrog",
+    "run lab": r"^pass joint_1: rmse of link_position against two_joints\.csv is .*, expected < .* rad: holds; compared with",
+    "ilc": r"^play what was learned: asrsim run out/ilc_2dof/ilc/learned\.yaml$",
+    "live": r"^repeat it: asrsim rerun out/step_2dof/soft_live/log\.mcap$",
+    "view": r"^repeat it: asrsim rerun out/step_2dof/soft_view/log\.mcap$",
+    "rerun": r"^out/step_2dof/soft/log\.mcap: 4001 samples compared: identical, bit for bit$",
+    "plot out/step_2dof/soft/log": r"^two_joints\.csv beside soft: 12\.5 s late \(start\)$",
+    "plot out/step_2dof/soft --bode": r"^note soft: joint_1: the input explains little of the output: median coherence 0\.",
+    "identify": r"^joint_1\.spring_damping: no effect: .*\n(.*\n)*to identify more parameters:\n  ",
+    "export": r"^Replayed in MuJoCo \(.*\)\.\nNot in the file:\n  ",
+    "twin": r"^joint_1: its positions follow the commands .* s later than in the model",
+    "sweep": r"^step_2dof: 20 of 20 runs, 20 complete$",
+    "datasheet qbmove": r"^repeat the simulations, in datasheet/: asrsim run qbmove\.yaml$",
+    "actuators qbmove": r"^motors  2; second reference in rad$|^<gazebo>$",
+}
+"""What commands say, by their first words. What they name as written must be there."""
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 
 
@@ -53,6 +79,12 @@ def test_every_command_of_the_tutorial_and_of_the_help_runs(asrsim_command, tmp_
         more = [word for words, options in FASTER.items() if words in line for word in options]
         done = asrsim_command(*shlex.split(line)[1:], *more)
         assert done.code == 0, f"{line}\n{done.out}\n{done.err}"
+        for words, sentence in SAID.items():
+            if line.startswith(f"asrsim {words}"):
+                assert re.search(sentence, done.out, re.MULTILINE), f"{line}\n{done.out}"
+        for folder, files in re.findall(r"^wrote (\S+/): (.*?)(?: \(\d+ replaced\))?$", done.out, re.MULTILINE):
+            for name in files.split(", "):
+                assert (tmp_path / folder / name).is_file(), f"{line}\n{done.out}"
     pictures = GENERATE["tutorial_pictures"](tmp_path)
     assert len(pictures) == len(re.findall(r"!\[", (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8"))) >= 5
     for shown, made in pictures.items():

@@ -65,6 +65,16 @@ def test_check_has_no_warning_for_starter_variants(tmp_path, name, actuator):
         assert not [str(problem) for problem in warnings if problem.file == scenario.path]
 
 
+def test_comments_of_a_starter_name_the_actuator_the_mode_and_the_units(tmp_path):
+    elbow, slide = {"name": "elbow", "mode": 3}, {"name": "slide", "kind": "prismatic", "actuator": "sea", "mode": 2}
+    write_starter(write_robot(tmp_path, elbow, slide), tmp_path / "s.yaml")
+    text = (tmp_path / "s.yaml").read_text()
+    mode = "mode 3 (SpringEqPres: ideal motors, through the reference map)"
+    assert f"  elbow:  # qbMove Advanced (agonistic-antagonistic VSA), {mode}\n    equilibrium_position:  # rad\n" in text
+    mode = "mode 2 (SpringRefs: ideal motors stand at the references)"
+    assert f"  slide:  # Series elastic actuator, {mode}\n    reference_1:  # m\n" in text
+
+
 def test_mode_is_that_of_mounted_actuators_and_of_others(tmp_path):
     robot = write_robot(tmp_path, {"name": "driven"}, {"name": "bare"})
     head, _, tail = robot.read_text().rpartition("<gazebo>")

@@ -72,6 +72,22 @@ def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("mode", "spring", "motor", "gain"), [(1, False, False, True), (3, True, False, False), (6, True, True, False)]
+)
+def test_suggested_fit_frees_what_moves_the_joint_in_its_mode(tmp_path, mode, spring, motor, gain):
+    """Mode 1 has no spring, and the motors of mode 3 have no dynamics."""
+    robot = tmp_path / "arm.urdf"
+    robot.write_text((EXAMPLES / "dof1_sea.urdf").read_text().replace("<operation_mode>3", f"<operation_mode>{mode}"))
+    write_from_recording(robot, lab(tmp_path), tmp_path / "s.yaml")
+    free = {key.removeprefix("joint_1.") for key in task_of(tmp_path / "s.fit.yaml").free}
+    assert ("spring_stiffness" in free) == spring
+    assert {"motor_1_inertia", "motor_1_damping", "motor_1_friction_torque"}.issubset(free) == motor
+    assert any("motor" in key for key in free) == motor
+    assert ("controller_1_proportional" in free) == gain
+    assert {"damping", "friction"} <= free
+
+
+@pytest.mark.parametrize(
     ("robot", "header", "told"),
     [
         ("dof1_sea", "time,q1,q1_ref,current", ""),

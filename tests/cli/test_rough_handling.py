@@ -94,8 +94,8 @@ def test_numbers_of_substeps_are_bounded_before_the_run(tiny, asrsim_command, wr
         assert said in outcome.out + outcome.err
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_compiled_run_of_many_motor_substeps_ends_with_a_readable_log(tiny, number):
+def test_a_compiled_run_of_many_motor_substeps_ends_with_a_readable_log(tiny):
+    """Ctrl-C; SIGTERM is handled alike, which tests/cli/test_writers.py shows."""
     pytest.importorskip("numba")
     tiny.scenario.write_text(
         "robot: pendulum.urdf\nmodes: 5\nduration: 1000\nmotor_substeps: 9999\ncompiled: true\n"
@@ -107,7 +107,7 @@ def test_a_compiled_run_of_many_motor_substeps_ends_with_a_readable_log(tiny, nu
         limit = time.monotonic() + 120
         while not (log.is_file() and len(open_log(log)._structure.chunks) > 0) and time.monotonic() < limit:
             time.sleep(0.05)
-        running.send_signal(number)
+        running.send_signal(signal.SIGINT)
         assert running.wait(20) == 130
     assert open_log(log).status == "interrupted"
 

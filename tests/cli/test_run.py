@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asrsim.actuators import ACTUATORS
+from asrsim.actuators import ACTUATORS, Sea
 from asrsim.log import LogWriter, read_log
 from support.bags import ramp_bag
 from support.paths import ROOT
@@ -116,6 +116,7 @@ def test_equal_warnings_of_variants_are_printed_once(tiny, asrsim_command):
     assert len(warnings) == 1
     assert "pendulum.urdf:25: " in warnings[0]
     assert "warning " not in outcome.out
+    assert "1 warning as above" in outcome.err
 
 
 @pytest.mark.parametrize(("value", "code"), [(0.45, 0), (0.3, 1)])
@@ -318,6 +319,18 @@ def test_rerun_needs_consent_to_run_code_of_a_log(tiny, asrsim_command):
     assert "my_drive" not in ACTUATORS.names()
     trusted = asrsim_command("rerun", log_of(tiny), "--trust-plugins")
     assert "identical" in trusted.out
+
+
+def test_rerun_of_a_program_s_own_actuator_names_it_and_no_plugin(tiny, asrsim_command):
+    """An actuator that a program registers is in no plugin file, so the log cannot carry its code."""
+    ACTUATORS.add("own_drive", type("OwnDrive", (Sea,), {"name": "own_drive", "title": "Own drive"}))
+    tiny.robot.write_text(tiny.robot.read_text().replace("libsea", "libown_drive"))
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.01", "--set", "compiled=false").code == 0
+    ACTUATORS._entries.pop("own_drive")
+    refused = asrsim_command("rerun", log_of(tiny))
+    assert refused.code == 1
+    assert "own_drive" in refused.err
+    assert "whose Python code is in the log" not in refused.err
 
 
 def test_version_and_unknown_commands(asrsim_command):

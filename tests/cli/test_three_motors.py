@@ -27,7 +27,7 @@ def three(tmp_path, asrsim_command):
     (tmp_path / "arm.urdf").write_text(PENDULUM.replace("libsea", "libthree").replace("<operation_mode>3", "<operation_mode>6"))
     step = "{equilibrium_position: {step: {at: 0.1, to: 0.5}}, stiffness_preset: 0.1}"
     (tmp_path / "s.yaml").write_text(f"robot: arm.urdf\nduration: 0.8\nreferences: {{elbow: {step}}}\n{CLAIMS}")
-    outcome = asrsim_command("run", "s.yaml", "--plugin", "three.py")
+    outcome = asrsim_command("run", "s.yaml", "--plugin", "three.py", "--no-plot")
     assert outcome.code == 0, outcome.err
     samples = read_log(tmp_path / "out/s/default/log.mcap").samples
     names = ["link_position", *(f"motor_{i}_position" for i in (1, 2, 3)), "reference_1"]

@@ -76,6 +76,9 @@ def beside(gap):
     return {"loops": [LOOP | {"points": [[four_bar.COUPLER, gap, 0], [four_bar.ROCKER, 0, 0]]}]}
 
 
+STOPS = "the joint stops where the gap would be larger"
+
+
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_gap_of_rounded_numbers_does_not_change_the_motion(tmp_path, engine):
     """No motion of a planar linkage moves its points across the plane, so a gap across the plane stays as it is."""
@@ -84,6 +87,7 @@ def test_a_gap_of_rounded_numbers_does_not_change_the_motion(tmp_path, engine):
     scenario = asrsim.make_scenario(tmp_path / "four_bar.urdf", duration=0.1, **beside(2e-5))
     found = [problem for problem in asrsim.prepare(scenario).warnings if problem.code == "loop-gap"]
     assert [(problem.key, problem.value) for problem in found] == [("crank", "up to 0.02 mm")]
+    assert STOPS not in found[0].message
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
@@ -96,6 +100,8 @@ def test_a_linkage_stops_where_its_gap_would_exceed_rounding(tmp_path, engine):
     assert 0.8e-4 < gaps.max() < 1.001e-4
     assert 1.21 < q[-1, 0] < turned(pair.INERTIA) - 0.03
     assert np.abs(q[-20:, 0] - q[-1, 0]).max() < 1e-9
+    scenario = asrsim.make_scenario(tmp_path / "parallelogram.urdf", initial=pair.START, duration=0.1)
+    assert any(problem.code == "loop-gap" and STOPS in problem.message for problem in asrsim.prepare(scenario).warnings)
 
 
 def test_a_chain_that_is_open_at_the_usual_start_is_said_to_start_elsewhere(tmp_path):
@@ -127,7 +133,7 @@ REFUSED = {
     "no start closes it": ({"loops": [LOOP | {"points": [[3, 0, 0], [0.3, 0, 0]]}]}, "no positions of its joints close it"),
     "dead centre": ({"initial": {"crank": np.pi / 2, "coupler": -np.pi / 2, "rocker": 0.0},
                      "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}]}, "dead centre|close it"),
-    "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is no joint of the loop|no moving joint|elbow"),
+    "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is not a joint of the loop|no moving joint|elbow"),
     "one link twice": ({"loops": [{"links": ["B", "B"], "points": [[0, 0, 0], [0.1, 0, 0]]}]}, "no joints lie between"),
     "two masters": ({"loops": [LOOP | {"master": "crank"}, LOOP | {"master": "rocker"}]}, "two masters"),
 }  # fmt: skip

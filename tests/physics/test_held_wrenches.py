@@ -135,8 +135,8 @@ def test_what_cannot_be_pushed_is_refused():
     wall = {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [3, 0, 1]}
     with asrsim.Simulation(with_objects("mujoco", wall=wall)) as simulation:
         for body, force, said in (
-            ("wall", [1, 0, 0], "'wall' is no link and no movable object"),
-            ("bal", [1, 0, 0], "'bal' is no link"),
+            ("wall", [1, 0, 0], "'wall' is neither a link nor a movable object"),
+            ("bal", [1, 0, 0], "'bal' is neither a link"),
             ("link_1", [np.nan, 0, 0], "three finite numbers"),
             ("link_1", [1, 0], "three finite numbers"),
         ):

@@ -4,48 +4,15 @@ import ast
 import os
 import subprocess
 import sys
-from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 
 import pytest
 
+from support.imports import MODULES, PACKAGE, SOURCES, imported
 from support.paths import ROOT
 
-PACKAGE = ROOT / "asrsim"
-SOURCES = sorted(PACKAGE.rglob("*.py"))
 HEAVY = ("matplotlib", "scipy", "numba", "trimesh", "rosbags", "xacro", "rich", "pandas", "mcap_ros2")
-
-
-def module_name(path):
-    parts = path.relative_to(ROOT).with_suffix("").parts
-    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
-
-
-MODULES = {module_name(path): path for path in SOURCES}
-
-
-def imported(path, *, types):
-    """Modules that a file imports, also inside functions. types: also those that it imports for type checkers only."""
-    return tuple(name for name, for_types in _imports(path) if types or not for_types)
-
-
-@cache
-def _imports(path):
-    """Pairs (imported module, whether only type checkers import it) of a file."""
-    nodes = [*ast.walk(ast.parse(path.read_text(encoding="utf-8")))]
-    checked = [node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
-    for_types = {id(child) for node in checked for child in ast.walk(node)}
-    found = []
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            found += [(alias.name, id(node) in for_types) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, ast.unparse(node)
-            for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                found.append((whole if whole in MODULES else str(node.module), id(node) in for_types))
-    return found
 
 
 def users_of(library):
@@ -105,8 +72,8 @@ def test_readers_of_logs_do_not_import_the_simulation(folder):
 
 
 INNER = {
-    "arguments", "bound_engine", "core", "divergence", "equilibrium", "fields", "imperfections", "inputs", "joint", "kernel",
-    "laws", "layout", "ledger", "native", "released", "rows", "sensing", "substeps",
+    "arguments", "blocks", "bound_engine", "core", "divergence", "equilibrium", "fields", "imperfections", "inertia", "inputs",
+    "joint", "kernel", "laws", "layout", "ledger", "native", "released", "rows", "sensing", "setups", "substeps",
 }  # fmt: skip
 """Modules of asrsim.simulation that nothing outside it imports."""
 

@@ -10,7 +10,7 @@ from support.paths import ROOT
 
 CHECKS = (
     "main job, CPython 3.11", "main job, CPython 3.14", "tests, CPython 3.11", "tests, CPython 3.14", "lint", "format", "types",
-    "site", "tests beside ../shared", "slow tests, ASRSIM_SEED=5", "tests in a browser",
+    "tests beside ../shared", "slow tests, ASRSIM_SEED=5", "tests in a browser",
 )  # fmt: skip
 README = "<!-- ci: main -->\n```sh\npython3 main\n```\n<!-- ci: tests -->\n```sh\npython3 tests\n```\n"
 CHECK = 'check() { case "$FAULTS" in *"|$1|"*) exit 1;; esac; }\n'
@@ -21,7 +21,7 @@ PYTHON = f"""#!/bin/sh
   main) check "main job, CPython VERSION" ;;
   tests)
     mkdir -p .venv/bin
-    for tool in ruff mypy mkdocs pytest; do ln -s "$(dirname "$0")/tool" .venv/bin/$tool; done
+    for tool in ruff mypy pytest; do ln -s "$(dirname "$0")/tool" .venv/bin/$tool; done
     echo "1 passed"
     check "tests, CPython VERSION" ;;
 esac
@@ -31,7 +31,6 @@ TOOL = f"""#!/bin/sh
   "ruff check .") check lint ;;
   "ruff format --check .") check format ;;
   mypy*) check types ;;
-  "mkdocs build --strict") check site ;;
   "pytest -m shared and not slow") [ -d ../shared ] && check "tests beside ../shared" ;;
   "pytest -n auto -m slow") check "slow tests, ASRSIM_SEED=$ASRSIM_SEED" ;;
   "pytest -m browser and not slow") check "tests in a browser" ;;

@@ -14,7 +14,6 @@ FAULTS = {
     "lint": ("asrsim/planted_lint.py", None, "import math\n"),
     "format": ("asrsim/planted_format.py", None, "ONE = (1,  2)\n"),
     "types": ("asrsim/planted_types.py", None, 'ONE: int = "one"\n'),
-    "site": ("docs/index.md", "\n## ", "\n[planted](nowhere.md)\n\n## "),
 }
 """A fault for each check: file, text that the fault replaces (None: a file of its own), and the fault."""
 

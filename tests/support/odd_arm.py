@@ -33,17 +33,19 @@ KEYS = {
 
 
 @njit(cache=True)
-def _rate(y, goal, p, e):  # type: ignore[no-untyped-def]
-    """Time derivative of link, its speed, motor, its speed, tip, its speed, and bristles of joint, motor and spring."""
+def _rate(out, y, goal, p, e):  # type: ignore[no-untyped-def]
+    """Set `out` to the time derivative of link, its speed, motor, its speed, tip, its speed, and bristles of joint, motor and
+    spring.
+    """
     k, rotor, drag, motor_rub, damping, rub, inertia, mass, reach, gain, brake = p
     width, cubic, soft, split, level, bend, static, slow, most, fastest, load = e
-    out = np.zeros(9)
+    out[8] = 0.0
     q, v, theta, omega, tip, tip_v = y[0], y[1], y[2], y[3], y[4], y[5]
     deflection = theta - q
     free = math.copysign(max(abs(deflection) - 0.5 * width, 0.0), deflection)
     spring = k * free + cubic * free**3
     if level > 0.0:
-        out[8] = (omega - v) * (1.0 - y[8] * np.sign(omega - v)) / bend
+        out[8] = (omega - v - abs(omega - v) * y[8]) / bend
         spring += level * y[8]
     own = rub + static * math.exp(-((v / slow) ** 2))
     stiff = STUCK**2 * (inertia + mass * reach**2)
@@ -69,7 +71,6 @@ def _rate(y, goal, p, e):  # type: ignore[no-untyped-def]
     else:
         out[1] = (spring - damping * v - lost - weight * math.sin(q)) / total
         out[4], out[5] = v, 0.0
-    return out
 
 
 @njit(cache=True)
@@ -77,17 +78,22 @@ def _move(goals, every, step, p, e):  # type: ignore[no-untyped-def]
     """Link and motor at every `every`-th step; goals (2 steps + 1,) at half steps."""
     steps = (len(goals) - 1) // 2
     y, rows = np.zeros(9), np.empty((steps // every + 1, 2))
+    between, rate, mean = np.zeros(9), np.zeros(9), np.zeros(9)
     stiff = STUCK**2 * (p[6] + p[7] * p[8] ** 2)
     for s in range(steps + 1):
         if s % every == 0:
-            rows[s // every] = y[0], y[2]
+            rows[s // every, 0], rows[s // every, 1] = y[0], y[2]
         if s == steps:
             break
-        k1 = _rate(y, goals[2 * s], p, e)
-        k2 = _rate(y + 0.5 * step * k1, goals[2 * s + 1], p, e)
-        k3 = _rate(y + 0.5 * step * k2, goals[2 * s + 1], p, e)
-        k4 = _rate(y + step * k3, goals[2 * s + 2], p, e)
-        y = y + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        for half, weight in ((0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)):
+            for m in range(9):
+                between[m] = y[m] + 0.5 * half * step * rate[m]
+            _rate(rate, between, goals[2 * s + half], p, e)
+            for m in range(9):
+                mean[m] += weight / 6.0 * rate[m]
+        for m in range(9):
+            y[m] += step * mean[m]
+            mean[m] = 0.0
         own = p[5] + e[6] * math.exp(-((y[1] / e[7]) ** 2))
         y[6] = min(max(y[6], -own / stiff), own / stiff)
         y[7] = min(max(y[7], -p[3] / 1000.0), p[3] / 1000.0)

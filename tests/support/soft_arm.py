@@ -8,6 +8,7 @@ Runge-Kutta.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -30,48 +31,63 @@ DEFAULTS = {
 """Values of the parameters that an arm does not state: `length` to the next joint and `reach` to the centre of mass in m."""
 
 
+# Numba compiles loops over numbers three times as fast as operations on arrays and `np.linalg.solve`.
+
+
 @njit(cache=True)
-def _rate(y, goals, outer, n, motors, p, gravity):  # type: ignore[no-untyped-def]
-    """Time derivative of the state: position, speed and bristle deflection of each link and, after it, of its motors."""
+def _rate(out, y, goals, outer, n, motors, p, gravity, room):  # type: ignore[no-untyped-def]
+    """Set `out` to the time derivative of the state: position, speed and bristle deflection of each link and, after it, of its
+    motors. room: memory for the mass matrix (n, n), torques, angles and speeds (n,) of the links.
+    """
     mass, reach, length, inertia, damping, rub, bristles, a, k_1, k_2, rotor, drag, motor_rub, most, gain, brake = p
-    out, torque, phi, omega = np.zeros(len(y)), np.zeros(n + 1), np.zeros(n), np.zeros(n)
+    matrix, push, phi, omega = room
     for j in range(n):
         at = 3 * (1 + motors) * j
-        phi[j], omega[j] = y[at], y[at + 1]
-        if j > 0:
-            phi[j] += phi[j - 1]
-            omega[j] += omega[j - 1]
-        torque[j] = outer[j] - damping[j] * y[at + 1]
+        phi[j] = y[at] + (phi[j - 1] if j > 0 else 0.0)
+        omega[j] = y[at + 1] + (omega[j - 1] if j > 0 else 0.0)
+        push[j] = outer[j] - damping[j] * y[at + 1]
         for i in range(1 + motors):
             m = at + 3 * i
             level, stiffness = (rub[j], bristles[j]) if i == 0 else (motor_rub[j], BRISTLES)
             bend = min(max(y[m + 2], -level / stiffness), level / stiffness)
-            slips = bend * np.sign(y[m + 1]) >= level / stiffness
+            slips = abs(bend) >= level / stiffness and bend * y[m + 1] > 0.0
             lost = stiffness * bend
             out[m], out[m + 2] = y[m + 1], 0.0 if slips else y[m + 1]
             if i == 0:
-                torque[j] -= lost
+                push[j] -= lost
                 continue
             k, deflection = k_1[j] if i == 1 else k_2[j], y[m] - y[at]
-            spring = k * deflection if motors == 1 else k * np.sinh(a[j] * deflection)
+            spring = k * deflection if motors == 1 else k * math.sinh(a[j] * deflection)
             drive = min(max(gain[j] * (goals[motors * j + i - 1] - y[m]) - brake[j] * y[m + 1], -most[j]), most[j])
             out[m + 1] = (drive - spring - drag[j] * y[m + 1] - lost) / rotor[j]
-            torque[j] += spring
+            push[j] += spring
     # Equations of motion in the angles of the links to the vertical.
-    matrix, push = np.zeros((n, n)), torque[:-1] - torque[1:]
+    for link in range(n):
+        push[link] -= push[link + 1] if link < n - 1 else 0.0
+        for j in range(n):
+            matrix[link, j] = 0.0
     for link in range(n):
         matrix[link, link] += inertia[link]
         for i in range(link + 1):
             first = reach[i] if i == link else length[i]
-            push[i] -= gravity * mass[link] * first * np.sin(phi[i])
+            push[i] -= gravity * mass[link] * first * math.sin(phi[i])
             for j in range(link + 1):
                 both = mass[link] * first * (reach[j] if j == link else length[j])
-                matrix[i, j] += both * np.cos(phi[i] - phi[j])
-                push[i] -= both * np.sin(phi[i] - phi[j]) * omega[j] ** 2
-    turned = np.linalg.solve(matrix, push)
+                matrix[i, j] += both * math.cos(phi[i] - phi[j])
+                push[i] -= both * math.sin(phi[i] - phi[j]) * omega[j] ** 2
+    # Gauss's elimination, which leaves the accelerations in `push`.
     for j in range(n):
-        out[3 * (1 + motors) * j + 1] = turned[j] - (turned[j - 1] if j > 0 else 0.0)
-    return out
+        for i in range(j + 1, n):
+            share = matrix[i, j] / matrix[j, j]
+            push[i] -= share * push[j]
+            for k in range(j + 1, n):
+                matrix[i, k] -= share * matrix[j, k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            push[i] -= matrix[i, j] * push[j]
+        push[i] /= matrix[i, i]
+    for j in range(n):
+        out[3 * (1 + motors) * j + 1] = push[j] - (push[j - 1] if j > 0 else 0.0)
 
 
 @njit(cache=True)
@@ -80,20 +96,28 @@ def _integrate(goals, outer, start, every, step, n, motors, p, gravity):  # type
 
     goals: motor setpoints (2 steps + 1, n motors) at half steps; outer: external torques (steps, n), N m; start: first row.
     """
-    steps = (len(goals) - 1) // 2
-    y, rows = np.zeros(3 * len(start)), np.empty((steps // every + 1, len(start)))
-    y[::3] = start
+    steps, many = (len(goals) - 1) // 2, len(start)
+    y, rows = np.zeros(3 * many), np.empty((steps // every + 1, many))
+    between, rate, mean = np.zeros(len(y)), np.zeros(len(y)), np.zeros(len(y))
+    room = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n)
+    for m in range(many):
+        y[3 * m] = start[m]
     for s in range(steps + 1):
         if s % every == 0:
-            rows[s // every] = y[::3]
+            for m in range(many):
+                rows[s // every, m] = y[3 * m]
         if s == steps:
             break
-        k1 = _rate(y, goals[2 * s], outer[s], n, motors, p, gravity)
-        k2 = _rate(y + 0.5 * step * k1, goals[2 * s + 1], outer[s], n, motors, p, gravity)
-        k3 = _rate(y + 0.5 * step * k2, goals[2 * s + 1], outer[s], n, motors, p, gravity)
-        k4 = _rate(y + step * k3, goals[2 * s + 2], outer[s], n, motors, p, gravity)
-        y = y + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        for m in range(len(start)):
+        for half, weight in ((0, 1.0), (1, 2.0), (1, 2.0), (2, 1.0)):
+            for m in range(len(y)):
+                between[m] = y[m] + 0.5 * half * step * rate[m]
+            _rate(rate, between, goals[2 * s + half], outer[s], n, motors, p, gravity, room)
+            for m in range(len(y)):
+                mean[m] += weight / 6.0 * rate[m]
+        for m in range(len(y)):
+            y[m] += step * mean[m]
+            mean[m] = 0.0
+        for m in range(many):
             j = m // (1 + motors)
             slip = p[5][j] / p[6][j] if m % (1 + motors) == 0 else p[12][j] / BRISTLES
             y[3 * m + 2] = min(max(y[3 * m + 2], -slip), slip)

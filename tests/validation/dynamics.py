@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from asrsim.robot import Robot, load_robot
 from asrsim.scenario import Scenario
-from asrsim.simulation.prepare import make_engine
+from asrsim.simulation.engine import make_engine
 from support.pinocchio_model import PinocchioModel, differences, without_stops
 from validation.check import Check
 from validation.check import engine as current

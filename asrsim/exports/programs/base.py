@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 from asrsim.exports.constructs import Constructs
 from asrsim.samples import Array
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 
 
 class Program:

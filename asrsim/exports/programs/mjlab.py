@@ -21,7 +21,7 @@ from asrsim.exports.programs.base import Program
 from asrsim.outfile import make_folder, write_text
 from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint, ranges_of
-from asrsim.simulation.prepare import Prepared
+from asrsim.simulation.prepared import Prepared
 
 FILES = "__init__", "robot", "reach", "train"
 """Modules of the package; their texts are in the folder `mjlab_package`."""
@@ -125,7 +125,7 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
     bounds = [own[name] if np.isfinite(own[name]).all() else UNLIMITED for name in names]
     if not np.allclose(matrix @ points[:, -1] + offset, values[:, -1], rtol=1e-9, atol=1e-9):
         raise ScenarioError(
-            f"the inputs of the motors of joint '{stepped.name}' are no affine function of its references: the package for "
+            f"the inputs of the motors of joint '{stepped.name}' are not affine functions of its references: the package for "
             "mjlab has no action for it",
             key=stepped.name,
             code="export-goals",

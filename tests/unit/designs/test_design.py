@@ -12,6 +12,8 @@ from support.paths import EXAMPLES
 
 SEA = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
 FREE = ["joint_1.spring_stiffness", "joint_1.damping"]
+UNSEARCHED = {"rounds": 0, "stop": lambda: True}
+"""Options by which a design is the first motion within the limits, for facts that hold for every motion."""
 WITHIN = "limits: {joint_1: {link_position: [-1.4, 1.4], link_velocity: 60, deflection: 0.6}}\n"
 
 
@@ -36,7 +38,7 @@ def found(tmp_path_factory):
 def test_information_about_a_spring_is_the_sum_of_squared_torques(limits, noise, every):
     text = f"limits: {{joint_1: {{link_position: 0.5}}}}\nnoise: {{elastic_torque_1: {noise}}}\nrate: {1000 / every}\n"
     path = limits(text)
-    found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], duration=1.0, rounds=0)
+    found = design(SEA, path, variant="soft", overrides=["engine=bench"], free=FREE[:1], duration=1.0, **UNSEARCHED)
     torque = 200.0 * found.found.motion[0, ::every]
     assert found.found.information[0, 0, 0] == pytest.approx(np.sum(torque**2) / noise**2, rel=1e-4)
 
@@ -45,7 +47,7 @@ def test_information_of_a_recording_adds_to_that_of_every_motion(limits, tmp_pat
     joint = asrsim.run(SEA, variant="soft", overrides=["duration=0.5"])["joint_1"].link_position
     recording = save(tmp_path / "a.csv", "time [s],joint_1.link_position [rad]", 1e-3 * np.arange(len(joint)), joint)
     plain, more = (
-        design(SEA, limits(), variant="soft", free=FREE[:1], duration=1.0, rounds=0, experiments=files)
+        design(SEA, limits(), variant="soft", free=FREE[:1], duration=1.0, experiments=files, **UNSEARCHED)
         for files in ([], [recording])
     )
     gained = [more.intervals[name][0] ** -2 - plain.intervals[name][0] ** -2 for name in ("one step", "chirp")]
@@ -75,7 +77,7 @@ def test_promised_interval_agrees_with_finite_differences_of_runs(limits, tmp_pa
     lab = limits(f"{text}parameters: {{joint_1: {{spring_stiffness: 8}}}}\n")
     lab = lab.rename(tmp_path / "lab.yaml")
     within = limits("limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n")
-    one = design(lab, within, free=["joint_1.spring_stiffness"], duration=1.0, rounds=0)
+    one = design(lab, within, free=["joint_1.spring_stiffness"], duration=1.0, **UNSEARCHED)
     _, scenario, *_ = write_design(one, tmp_path / "excite.csv", plot=False)
     low, high = (
         asrsim.run(scenario, overrides=[f"parameters.joint_1.spring_stiffness={8.0 * np.exp(h)}"])["joint_1"].link_position
@@ -131,11 +133,11 @@ def test_parameter_without_any_effect_is_named_before_the_search(limits):
             {"overrides": ["references=", "initial.joint_1=0.3"]},
             "begins outside this limit, at 0.3",
         ),
-        (WITHIN, {"duration": 0.2}, "is too short"),
+        (WITHIN, {"duration": 0.2}, "is too short: .* takes at least 0.5 s"),
         (WITHIN, {"free": []}, "no parameter is free"),
         (WITHIN + "choose: {sensors: [elastic_torque]}\n", {}, "has no noise"),
         ("limits: {joint_1: {link_position: [1.0, -1.0]}}\n", {}, "not below its upper limit"),
-        (WITHIN + "choose: {joint_1.controler_1_proportional: [1, 2]}\n", {}, "2: .* is no parameter of the robot"),
+        (WITHIN + "choose: {joint_1.controler_1_proportional: [1, 2]}\n", {}, "2: .* is not a parameter of the robot"),
     ],
 )
 def test_impossible_designs_are_refused_with_the_reason(limits, text, options, said):
@@ -153,7 +155,7 @@ def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
         design(scenario, path, free=["joint_1.damping"], duration=1.0)
     assert error.value.problems[0].key == "limits.joint_1.motor_1_torque"
     assert "initial: equilibrium" in error.value.problems[0].hint
-    assert design(scenario, path, free=["joint_1.damping"], duration=1.0, rounds=0, overrides=["initial=equilibrium"]).keys
+    assert design(scenario, path, free=["joint_1.damping"], duration=1.0, overrides=["initial=equilibrium"], **UNSEARCHED).keys
 
 
 def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):

@@ -71,6 +71,16 @@ def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
     assert left == pytest.approx(2.0 * (theta - q), rel=1e-6)
 
 
+def test_a_motion_that_is_held_keeps_its_time_step_and_its_last_joints():
+    linear = linear_at(sea(), 0.3, (0.5, 0.0), count=41, end=2.0)
+    held = linear.held(0.3)
+    np.testing.assert_allclose(held.time, np.linspace(0.0, 2.3, 47), atol=1e-12)
+    for name in ("mass", "rates", "slopes", "springs"):
+        before, after = getattr(linear, name), getattr(held, name)
+        assert np.array_equal(after[:41], before)
+        assert np.array_equal(after[41:], np.repeat(before[-1:], 6, axis=0))
+
+
 @pytest.mark.parametrize("mode", [3, 6])
 def test_what_an_input_does_follows_the_motion(mode):
     """A spring that stiffens and an inertia that grows: each step has the joints as they are in its middle."""

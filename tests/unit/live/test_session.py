@@ -286,7 +286,7 @@ def test_objects_that_a_program_has_excluded_from_garbage_collection_stay_exclud
         (["joint_1"], [(0.1, [0.1, 0.2], [])], "2 values where 1 are expected"),
         (["joint_1"], [(0.2, [0.1], []), (0.1, [0.2], [])], "order of time"),
         (["joint_1"], [(0.1, [math.nan], [])], "not finite"),
-        (["joint_1"], [(0.1, [1e308], [-1e308]), (0.2, [-1e308], [1e308])], "which no robot has"),
+        (["joint_1"], [(0.1, [1e308], [-1e308]), (0.2, [-1e308], [1e308])], "too large for a robot"),
         (["joint_1"], [(1e308, [0.1], [])], "order of time"),
         (["nobody"], [(0.1, [0.1], [])], "does not take commands"),
     ],

@@ -61,6 +61,20 @@ def test_joint_states_that_repeat_or_lack_names_are_told(tmp_path):
     assert "/nameless: no names of joints for position[0], position[1], effort[0], effort[1]: they go" in doubts
 
 
+def test_messages_that_lack_velocities_keep_their_positions(tmp_path):
+    def state(i, _):
+        whole = {"name": ["elbow"], "position": [Q[0, i]]}
+        return whole | ({"velocity": [Q[1, i]]} if i % 3 else {})
+
+    recording = read_recording(mcap(tmp_path / "lab.mcap", {"/joint_states": state}))
+    (told,) = recording.doubts
+    assert "/joint_states: 12 missing samples" in told
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, Q[0])
+    velocity = recording.column("elbow", "link_velocity")
+    np.testing.assert_allclose(velocity.values, [Q[1, i] for i in range(N) if i % 3])
+    np.testing.assert_allclose(np.diff(velocity.time)[:3], [0.015, 0.03, 0.015])
+
+
 def test_ros1_bag(tmp_path):
     path = write_ros1(tmp_path / "lab.bag")
     check(path)

@@ -66,6 +66,20 @@ def test_what_no_joint_has_is_not_asked_about(tmp_path, name):
     assert recording.asked == ()
 
 
+@pytest.mark.parametrize("name", ["tool.position[1]", "/imu/angular_velocity[1]", "ee_pos_1", "tcp.velocity1"])
+def test_the_components_of_a_vector_of_a_body_are_no_joints(tmp_path, name):
+    recording = read(tmp_path, [name, "q1"], None)
+    assert recording.channels[name].quantity is None
+    assert recording.channels["q1"].joint == "joint_1"
+
+
+def test_a_name_that_states_the_joint_precedes_one_that_numbers_it(tmp_path):
+    recording = read(tmp_path, ["position[1]", "joint_1.position"], None)
+    assert recording.channels["joint_1.position"].quantity == "link_position"
+    assert recording.channels["position[1]"].quantity is None
+    assert [problem.code for problem in recording.findings] == ["second-column"]
+
+
 @pytest.mark.parametrize(
     ("names", "joints", "expected"),
     [

@@ -125,10 +125,10 @@ def test_only_bad_rows_are_dropped_and_their_lines_are_reported(tmp_path):
         (["q1=elbow.link_positon"], "Did you mean 'link_position'"),
         (["q1=elbow.link_position [degg]"], "not a known unit"),
         (["absent=elbow.link_position"], "no such column"),
-        (["q1=elbow.link_position [V]"], "is no unit of link_position"),
+        (["q1=elbow.link_position [V]"], "is not a unit of link_position"),
         (["q1=elbow.link_position", "q2=elbow.link_position"], "second column for elbow.link_position"),
         (["absent=time"], "no such time column"),
-        (["time=time [rad]"], "rad is no unit of time"),
+        (["time=time [rad]"], "rad is not a unit of time"),
     ],
 )
 def test_bad_mappings_say_what_is_expected(tmp_path, mapping, words):

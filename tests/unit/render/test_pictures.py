@@ -186,6 +186,14 @@ def test_a_folder_and_a_part_of_runs_are_drawn(log, tmp_path):
         assert CliRunner().invoke(app, ["render", str(log), *wrong]).exit_code != 0
 
 
+def test_what_holds_for_several_runs_is_noted_once(tiny, asrsim_command):
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.01", "--set", "compiled=false", "-o", "out")
+    done = json.loads(asrsim_command("render", "out", "--size", "40", "--json").out)
+    assert len(done["files"]) == 2
+    assert done["notes"] == ["links without shapes, drawn as rods: arm"]
+
+
 def test_a_body_behind_another_is_hidden_and_from_the_side_it_is_seen(log):
     film = Film(log, size=100)
     points = film._painter.points(film.frames(0))

@@ -135,6 +135,15 @@ def test_a_learning_s_page_has_errors_and_motions(learned):
     assert [line["label"] for line in motion["series"]] == ["desired position", "learned input"]
 
 
+def test_a_learning_that_ended_before_its_first_trial_has_a_page(learned):
+    data = json.loads((learned / "ilc.json").read_text())
+    ended = {"trials": [], "outcome": "interrupted", "converged": False, "reason": "interrupted before the first iteration"}
+    write_json(learned / "ilc.json", {**data, **ended})
+    page = write_report(learned)
+    assert "interrupted before the first iteration" in Page(page).text
+    assert titles(page) == []
+
+
 @pytest.mark.parametrize("name", ["fit.json", "study.json", "ilc.json", "twin.csv"])
 @pytest.mark.parametrize("content", ["", "{", "[3]", '{"keys": 3}', "time [s],a\n1,2"])
 def test_damaged_results_are_refused_by_name(tmp_path, name, content):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim.cli.app import app
 from asrsim.engines import default_engine
 from asrsim.errors import InputError
@@ -20,6 +21,7 @@ from asrsim.report.plots import joint_sections
 from asrsim.report.series import pack, read_runs, unpack
 from support.browser import CHROMIUM, Browser
 from support.pages import Page
+from support.paths import ROOT
 from support.plot_example import made_up_log, simulated_log
 
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
@@ -97,6 +99,16 @@ def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path):
     values = {name: rng.normal(size=20_001) for name in QUANTITIES}
     log = made_up_log(tmp_path / "log.mcap", joints=5, count=20_001, values=values)
     assert write_report(log.parent, film=False).stat().st_size < 1_800_000
+
+
+def test_without_a_summary_the_measures_of_every_joint_follow_from_the_log(tmp_path):
+    scenario = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
+    overrides = ["duration=0.3", "compiled=false", "expect=[]"]
+    result = asrsim.run(scenario, variant="soft", overrides=overrides, out=tmp_path / "run")
+    (tmp_path / "run" / "summary.json").unlink(missing_ok=True)
+    text = " ".join(Page(write_report(tmp_path / "run", film=False)).text.split())
+    for joint in result.summary.joints:
+        assert f"{joint.name} qbmove, mode 6 {joint.measures.peak_deflection:.3g} " in text
 
 
 HEAD = "source,joint,quantity,measure,value,unit\n"

@@ -14,6 +14,8 @@ from asrsim.robot.tags import parameter_tags
 REQUIRED = "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>"
 LINK = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 
+ONE, ZERO = 'mass value="1"', 'mass value="0"'
+
 
 def block(tags="", *, actuator="qbmove", joint="elbow", mode="5", required=REQUIRED):
     return (
@@ -173,6 +175,28 @@ def test_warnings_of_a_block(read_arm, tags, code, says):
     (warning,) = warnings_of(read_arm(block(tags)))
     assert warning.code == code
     assert says in str(warning)
+
+
+@pytest.mark.parametrize(
+    ("code", "old", "new"),
+    [
+        ("plugin-in-reference", "<gazebo>", '<gazebo reference="hand">'),
+        ("misread-value", "</joint>\n<operation_mode>", "</joint>\n<spring_k1>2*0.01</spring_k1><operation_mode>"),
+        ("prismatic-joint", 'name="elbow" type="revolute"', 'name="elbow" type="prismatic"'),
+        ("no-effort-limit", '<limit effort="100" velocity="10" lower="-1" upper="1"/>', ""),
+        ("no-effect", "</joint>\n<operation_mode>", "</joint>\n<hyst_def>0.1</hyst_def><operation_mode>"),
+        ("idle-stage", "<operation_mode>5", "<hyst_tau>0.1</hyst_tau><operation_mode>0"),
+        ("mimic-joint", '<joint name="wrist" type="revolute">', '<joint name="wrist" type="revolute"><mimic joint="ankle"/>'),
+        ("massless-link", f'<link name="tip">{LINK}', f'<link name="tip">{LINK.replace(ONE, ZERO)}'),
+        ("value-attribute", "<gazebo>", '<gazebo reference="wrist"><springStiffness value="200"/></gazebo><gazebo>'),
+    ],
+)
+def test_what_acts_otherwise_than_written_is_told(read, code, old, new):
+    """Each text is in the file once too often, in the wrong place, or in a form that Gazebo reads otherwise."""
+    text = urdf(block())
+    assert code not in codes(read(text))
+    assert old in text
+    assert code in codes(read(text.replace(old, new, 1)))
 
 
 def test_effort_limits_that_matter_to_an_actuator(read):

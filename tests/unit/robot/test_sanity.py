@@ -2,12 +2,15 @@
 
 import math
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from asrsim.errors import RobotError, ScenarioError
 from asrsim.robot import load_robot, merge_fixed, with_overrides
 from asrsim.robot.doubts import warnings_of
 from asrsim.robot.meshes import usable_shapes
+from asrsim.robot.poses import link_poses
 from asrsim.robot.values import law_fault
 from asrsim.robot.vary import names_of, physical
 from asrsim.scenario import load_scenario
@@ -337,6 +340,26 @@ def test_springs_and_mimics_are_shown(tiny, asrsim_command):
     assert "passive spring, 200 N m/rad to -0.26 rad: wrist" in told
     assert "follows elbow" in told
     assert '"wrist": {' in asrsim_command("check", tiny.robot, "--json").out
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_a_joint_that_mimics_a_fixed_joint_is_fixed_at_its_offset(tiny, kind):
+    """The axis is oblique, and so is the frame of the joint."""
+    second = (
+        '<link name="tip"/><link name="post"/>'
+        '<joint name="still" type="fixed"><parent link="world"/><child link="post"/></joint>'
+        f'<joint name="wrist" type="{kind}"><parent link="world"/><child link="tip"/><axis xyz="0 0.6 0.8"/>'
+        '<origin xyz="0.1 0.2 0.3" rpy="0.3 -0.4 0.5"/><mimic joint="still" multiplier="2" offset="0.7"/>'
+        '<limit effort="1" velocity="1" lower="-1" upper="1"/></joint></robot>'
+    )
+    robot = changed(tiny, ("</robot>", second))
+    frame, way = Rotation.from_euler("xyz", (0.3, -0.4, 0.5)), np.array([0.0, 0.42, 0.56])
+    found = link_poses(robot)["tip"]
+    turned = frame * Rotation.from_rotvec(way) if kind == "revolute" else frame
+    np.testing.assert_allclose(found.rotation, turned.as_matrix(), atol=1e-12)
+    moved = frame.apply(way) if kind == "prismatic" else 0.0
+    np.testing.assert_allclose(found.position, np.array([0.1, 0.2, 0.3]) + moved, atol=1e-12)
+    assert "mimic-fixed" in codes(warnings_of(robot))
 
 
 # -- check knows what run refuses --------------------------------------------------------------------------------------

@@ -38,6 +38,8 @@ SCENARIOS = {
     "reference-limits of a torque": "modes: 0\nreferences: {elbow: {link_torque: -51}}",
     "reference-limits of a motor's torque": "modes: 4\nreferences: {elbow: {motor_1_torque: 6.1}}",
     "motor-gains": f"step: 0.0125\n{STRONG}",
+    "unused-effect": "modes: 3\nimperfections: {sensors: {elbow: {noise: 0.01}}}",
+    "released-model": "stepping: toolbox\nparameters: {elbow: {hyst_tau: 0.1}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -62,6 +64,14 @@ def warned(tiny, more):
         for part in problem.key.split(".")[:-1] if problem.line else ():
             entry = entry[int(part) if isinstance(entry, list) else part]
     return {problem.code for problem in warnings}
+
+
+@pytest.mark.parametrize(("to", "told"), [(90, True), (6, False)])
+def test_a_jump_by_more_than_a_turn_of_a_joint_without_stops_gets_a_warning(to, told, tiny):
+    text = tiny.robot.read_text().replace('type="revolute"', 'type="continuous"').replace('lower="-3" upper="3"', "")
+    tiny.robot.write_text(text)
+    step = f"references: {{elbow: {{equilibrium_position: {{step: {{at: 0.1, to: {to}}}}}}}}}"
+    assert ("reference-turns" in warned(tiny, step)) == told
 
 
 @pytest.mark.parametrize("case", SCENARIOS)

@@ -215,7 +215,7 @@ def test_faults_have_file_line_key_and_the_right_choice(load, tmp_path, text, li
 
 @pytest.mark.parametrize("text", ["", "[1, 2]", "just text", "null"])
 def test_what_is_no_mapping_is_no_scenario(load, text):
-    assert "is no scenario" in str(faults(load, text)[0])
+    assert "is not a scenario" in str(faults(load, text)[0])
 
 
 def test_a_file_that_is_not_there_or_no_text(tmp_path):

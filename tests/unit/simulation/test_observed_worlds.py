@@ -5,7 +5,7 @@ import pytest
 
 from asrsim.errors import SimulationError
 from asrsim.scenario import make_scenario
-from asrsim.simulation.prepare import Start
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Observer, Worlds
 from support.paths import ROOT
 

@@ -11,7 +11,8 @@ import pytest
 import asrsim
 from asrsim.compiled.compiling import numba_available
 from asrsim.samples import concatenate
-from asrsim.simulation.prepare import Prepared, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.simulation import Simulation
 from support.bits import Tape, assert_same, busy_keys
 from support.random_runs import RandomRun, random_run

@@ -8,7 +8,7 @@ import pytest
 import asrsim
 from asrsim.errors import InputError
 from asrsim.plugins import load_plugin_file
-from asrsim.simulation.prepare import Start
+from asrsim.simulation.start import Start
 from support.paths import EXAMPLES, ROOT
 
 pytest.importorskip("mujoco_warp", reason='needs the extra "warp"')
@@ -97,6 +97,18 @@ def test_references_are_set_and_worlds_are_reset_one_by_one():
         after = worlds.observe()
         assert after.time.tolist() == pytest.approx([0.003, 0.002, 0.003])
         np.testing.assert_array_equal(after.link_position[[0, 2]], before.link_position[[0, 2]])
+
+
+@pytest.mark.parametrize("push", [1e12, 1e38], ids=["runs away", "has no number"])
+def test_a_world_that_diverges_is_told_and_stops_alone_until_it_is_reset(push):
+    with asrsim.Worlds(scenario("sea", duration=1.0), 2, engine="mujoco_warp") as worlds:
+        worlds.set_reference("joint_1", "external_torque", np.array([push, 0.0]))
+        worlds.advance(20)
+        assert worlds.healthy.tolist() == [False, True]
+        assert worlds.time[1] == pytest.approx(0.02)
+        worlds.reset(worlds=[0])
+        worlds.advance(1)
+        assert worlds.healthy.all()
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ import asrsim
 from asrsim import make_scenario
 from asrsim.errors import SimulationError
 from asrsim.signals import Sinusoid
-from asrsim.simulation.prepare import Start, prepare
+from asrsim.simulation.prepare import prepare
+from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
 from support.paths import EXAMPLES
 from validation.models import INSTALLED
@@ -183,19 +184,6 @@ def test_worlds_have_the_bits_of_single_runs_in_any_order(threads):
             np.testing.assert_array_equal(found[0], [position for position, _ in ends])
             np.testing.assert_array_equal(found[1], [torque for _, torque in ends])
             worlds.restore(kept)
-
-
-def test_a_diverged_world_does_not_shorten_the_blocks_of_others(monkeypatch):
-    with Worlds(arm(duration=1.0), 2, chunk=50) as worlds:
-        worlds.advance(-(-49 // worlds.substeps))
-        worlds.set_reference("joint_1", "external_torque", 1e305, worlds=[0])
-        worlds.advance()
-        lengths = []
-        take = worlds.go_on
-        monkeypatch.setattr(worlds, "go_on", lambda numbers, length: lengths.append(length) or take(numbers, length))
-        worlds.advance(400)
-        assert max(lengths) == 50
-        assert len(lengths) < 400 * worlds.substeps / 50 + 2
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

@@ -2,6 +2,7 @@
 
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 
 from asrsim.workers import Lost
 from asrsim.workers.local import Processes
+from support.paths import EXAMPLES, ROOT
 
 ITEMS = ["1", "__import__('os')._exit(9)", "3"]
 
@@ -40,6 +42,20 @@ def test_nothing_is_done_of_what_nobody_wants(workers):
     assert in_order(workers, math.sqrt, []) == []
     assert list(workers.results(math.sqrt, [4.0], stop=lambda: True)) == []
     assert in_order(workers, abs, [-3]) == [3]
+
+
+def test_workers_find_plugins_of_a_program_that_went_to_another_folder(tmp_path, monkeypatch):
+    shutil.copy(EXAMPLES / "plugins" / "my_vsa.py", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with Processes(1, plugins=[Path("my_vsa.py")]) as workers:
+        monkeypatch.chdir(ROOT)
+        assert in_order(workers, is_actuator, ["my_vsa", "my_other_vsa"]) == [True, False]
+
+
+def is_actuator(name):
+    from asrsim.actuators import ACTUATORS
+
+    return name in ACTUATORS.names()
 
 
 def test_running_items_are_not_lost_when_the_work_stops(tmp_path):

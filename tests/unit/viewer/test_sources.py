@@ -15,6 +15,7 @@ from asrsim.log import open_log
 from asrsim.outfile import csv_text
 from asrsim.runs.rerun import rerun
 from asrsim.samples import Samples
+from asrsim.scenario import load_scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow_recording
 from asrsim.viewer.events import limit_events
@@ -132,10 +133,19 @@ def test_the_preset_of_two_antagonistic_springs_uses_up_part_of_the_largest_defl
     assert (event.time, event.text) == (pytest.approx(0.5), "joint_1: deflection limit")
 
 
-def test_the_first_picture_has_room_for_a_motion_that_is_known(tmp_path, server):
+(SWING,) = load_scenario(SOFT_ARM, variant="nominal_soft", overrides=["duration=0.7"])
+TURN = asrsim.make_scenario(
+    EXAMPLES / "urdf" / "dof1_sea.urdf", duration=0.7, modes={"*": 3}, initial={"joint_1": 1.5},
+    references={"joint_1": {"equilibrium_position": {"ramp": {"duration": 0.6, "from": 1.5, "to": -1.6}}}},
+)  # fmt: skip
+"""A link turns by half a turn."""
+
+
+@pytest.mark.parametrize("scenario", [SWING, TURN], ids=["swing", "half a turn"])
+def test_the_first_picture_has_room_for_a_motion_that_is_known(tmp_path, server, scenario):
     """In a window of 1280 x 800 pixels, the picture begins at 304, and the controls cover what is right of 945."""
-    swung = asrsim.run(SOFT_ARM, variant="nominal_soft", overrides={"duration": 0.7}, out=tmp_path / "swung")
-    stage = ViewerStage(server.viser, logged(swung.log))
+    moved = asrsim.run(scenario, out=tmp_path / "moved")
+    stage = ViewerStage(server.viser, logged(moved.log))
     start, scene = server.viser.initial_camera, stage.subject.scene
     forward = np.subtract(start.look_at, start.position)
     forward /= np.linalg.norm(forward)
