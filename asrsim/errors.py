@@ -182,7 +182,7 @@ def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
 
 
 def folded(names: Sequence[str], most: int = 20) -> list[str]:
-    """The names; of more than `most`, those that differ only in a number as one: `motor_{1..8}_torque`, `ctrl_{1,2}_P`."""
+    """The names. If they are more than `most`, names that differ only in a number are joined: `motor_{1..8}_torque`."""
     if len(names) <= most:
         return list(names)
     families: dict[str, list[str]] = {}

@@ -64,7 +64,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
     The file may also add to any other registry of asrsim: signals, measures, recording readers, engines. The file
     runs as ordinary Python code: name only files that you trust. Classes whose names begin with an underscore are ignored.
     Returns the actuators. Raises ActuatorError with file and line if the file is missing, raises, adds nothing, or defines a
-    malformed actuator or stage; then nothing that the file adds stays.
+    malformed actuator or stage; then everything that the file added is removed.
     """
     path = Path(path)
     if not path.is_file():

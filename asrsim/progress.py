@@ -27,9 +27,9 @@ Stop: TypeAlias = Callable[[], bool]
 
 
 def tell_nobody(_: Progress) -> None:
-    """Function `progress` of a caller who does not want to know."""
+    """Function `progress` that ignores the progress."""
 
 
 def never() -> bool:
-    """Function `stop` of a caller who waits for the end."""
+    """Function `stop` that never stops the work."""
     return False

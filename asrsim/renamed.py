@@ -1,4 +1,4 @@
-"""Names of the last version that have changed: they still work in this version, and say so."""
+"""Names of the last version that have changed: they still work in this version, with a warning."""
 
 from __future__ import annotations
 

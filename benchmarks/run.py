@@ -47,10 +47,13 @@ class Row:
 def _rows() -> dict[str, Row]:
     goals: dict[str, tuple[str, float]] = {}
     for name, loop in (("1", 0.6), ("2", 0.6), ("5", 0.85), ("v2", 0.85), ("v3", 0.85), ("v3_stops", 0.85)):
-        goals[f"loop_{name}"] = (f"substep of the loop / mj_step of the robot without springs, {name}", loop)
-        goals[f"record_{name}"] = (f"step with complete record / step without record, {name}", 1.5)
-        goals[f"bullet_{name}"] = (f"substep in PyBullet with complete record / PyBullet's step without springs, {name}", 3.0)
-        goals[f"worlds_{name}"] = (f"64 worlds / 64 simulations, {name}", 0.33)
+        goals[f"loop_{name}"] = (f"substep of the loop / mj_step without springs, robot {name}", loop)
+        goals[f"record_{name}"] = (f"step with complete record / step without record, robot {name}", 1.5)
+        goals[f"bullet_{name}"] = (
+            f"substep in PyBullet with complete record / PyBullet's step without springs, robot {name}",
+            3.0,
+        )
+        goals[f"worlds_{name}"] = (f"64 worlds / 64 simulations, robot {name}", 0.33)
     goals |= {
         "joints_mujoco": ("80 joints with Coulomb friction / one joint, MuJoCo", 120.0),
         "joints_bullet": ("80 joints with Coulomb friction / one joint, PyBullet", 250.0),

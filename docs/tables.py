@@ -195,7 +195,7 @@ def _said(function: ast.FunctionDef | ast.Module) -> Iterator[tuple[str, str, st
         if not isinstance(code := words.get("code"), ast.Constant) or not code.value or isinstance(function, ast.Module):
             continue
         message = words.get("message", node.args[0] if node.args else None)
-        cure = _template(words.get("hint"), known) or ("Choose one of those that it names" if "choices" in words else "")
+        cure = _template(words.get("hint"), known) or ("Choose one that the message lists" if "choices" in words else "")
         if (said := _template(message, known)) != "...":
             yield str(code.value), said, cure
 

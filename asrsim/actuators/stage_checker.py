@@ -37,7 +37,7 @@ BEYOND = 2.0
 LARGEST = 5.0
 """Torque limit and largest torque of the motor in a motion, N m."""
 SLACK = 1e-6
-"""Relative excess of a slope over its bound that is rounding."""
+"""Largest relative excess of a slope over its bound that counts as a rounding error."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
 """Values of the motor on which a stage is tried."""
 

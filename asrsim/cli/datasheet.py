@@ -50,8 +50,8 @@ def datasheet(
     quiet: bool,
 ) -> Done:
     """Write the data sheet of an actuator: torque, speed, power, stiffness, energy, times and bandwidths, with curves and
-    simulated responses. Each number says how it was found; what the file does not state is empty, with the tag that would
-    state it.
+    simulated responses. Each number states its origin. A number that the file does not determine is left empty, with the tag
+    that would state it.
 
     Example: asrsim datasheet qbmove
 

@@ -31,7 +31,7 @@ def design(
         Files, option("An existing recording; may be repeated.", "--experiment", "-e", metavar="FILE")
     ] = None,
     robust: Annotated[
-        int, option("Further draws of the free numbers, within a factor of 2, that the motion is made for.", min=0)
+        int, option("Number of draws of the free parameters, within a factor of 2, that the motion must suit, too.", min=0)
     ] = 0,
     variant: Variant = None,
     overrides: Overrides = None,
@@ -46,8 +46,8 @@ def design(
 ) -> Done:
     """Design the most informative experiment for the free parameters, within limits.
 
-    Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture; and says which
-    interval each parameter is promised, beside one step and a chirp. Ctrl-C keeps the best so far.
+    Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture. Prints the
+    predicted interval of each parameter, for this motion, for a step and for a chirp. Ctrl-C keeps the best motion so far.
 
     Example: asrsim design lab.yaml --set initial=equilibrium --free 'joint_1.spring_*' --limits
     examples/recordings/limits.yaml --duration 4

@@ -36,8 +36,8 @@ def export(
 ) -> Done:
     """Write the robot with motors and springs as MJCF for MuJoCo, MuJoCo Warp, MuJoCo XLA or mjlab, without any plugin.
 
-    Replays the scenario there if the program is installed, else in MuJoCo; prints and draws the error of each joint, and lists
-    what the file lacks. What the program would step wrong is refused.
+    Replays the scenario in this program, or in MuJoCo if the program is not installed. Prints and draws the error of each
+    joint, and lists the parts of the scenario that the file lacks. Refuses a scenario that the program would simulate wrongly.
 
     Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --for mujoco --out soft.xml
     """

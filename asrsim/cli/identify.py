@@ -85,7 +85,7 @@ def identify(
     duration: Annotated[
         float | None,
         option(
-            "Longest time of the search. The best fit so far is then reported as unfinished.",
+            "Longest time of the search. If it ends the search, the best fit so far is reported as unfinished.",
             "--duration",
             metavar="SECONDS",
             min=0.0,
@@ -104,8 +104,8 @@ def identify(
     """Fit parameters of a robot to recordings, with intervals and a verdict on each parameter.
 
     Verdicts: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound. The fit is tested on data that
-    were held out, and the robot is written with the identified numbers. Exit code: 0, 1 if nothing could be fitted, the model
-    does not fit, or --duration ended the search, 130 after Ctrl-C. The best fit so far is kept.
+    were held out, and the robot is written with the identified numbers. --duration and Ctrl-C keep the best fit so far. Exit
+    code: 0, 1 if nothing could be fitted, the model does not fit, or --duration ended the search, 130 after Ctrl-C.
 
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 

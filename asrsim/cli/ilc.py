@@ -46,7 +46,7 @@ def ilc(
 ) -> Done:
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
-    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the numbers (ilc.json), a picture
+    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the results (ilc.json), a picture
     (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, and the command says so;
     files of another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit
     code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
@@ -117,7 +117,7 @@ def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None
             _row(trial)
         if step.twin is not None:
             left = f"{step.twin.residual:.2g} rad, {step.twin.before:.2g} before"
-            say(f"masses, stiffnesses, losses and a delay were fitted to the recorded trials; what they do not explain: {left}")
+            say(f"masses, stiffnesses, losses and a delay were fitted to the recorded trials; remaining error: {left}")
         if step.warning:
             say(step.warning, "yellow")
         if step.outcome:

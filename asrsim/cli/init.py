@@ -29,7 +29,7 @@ def init(
     actuator: Annotated[
         Texts,
         option(
-            "Put this actuator on every joint, or on one; the scenario has it, the robot's file stays.",
+            "Put this actuator on every joint, or on one joint. The scenario states it; the robot's file stays unchanged.",
             "--actuator",
             "-a",
             metavar="[JOINT=]NAME",
@@ -38,7 +38,7 @@ def init(
     experiment: Annotated[
         Path | None,
         option(
-            "Play this recording's commands, compare with its motion; without ROBOT, propose how it is read.",
+            "Recording whose commands are played and whose motion is compared. Without ROBOT, propose how to read it.",
             "--experiment",
             "-e",
             metavar="FILE",
@@ -52,7 +52,7 @@ def init(
     *,
     plugin: list[Path],
 ) -> Done:
-    """Write a commented starter scenario for a robot, or one from a recording of it; or propose how a recording is read.
+    """Write a commented starter scenario for a robot, with or without a recording of it; or propose how to read a recording.
 
     Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
 
@@ -73,7 +73,7 @@ def init(
         document = out or experiment.with_name(experiment.name + ENDING)
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
-        hints = [f"wrote {document}: check it; every command that reads {experiment.name} obeys it"]
+        hints = [f"wrote {document}: check it; every command reads {experiment.name} as it states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

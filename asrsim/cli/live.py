@@ -32,7 +32,7 @@ def live(
     namespace: Annotated[str, option("Prefix of the topics' names.")] = "",
     domain: Annotated[int | None, option("ROS domain.", min=0, max=232, default="ROS_DOMAIN_ID, else 0")] = None,
     port: Annotated[int, option("Port of the WebSocket; 0: any free port.", min=0, max=65535)] = 8765,
-    network: Annotated[bool, option("Also accept other machines.", "--network")] = False,
+    network: Annotated[bool, option("Also accept connections from other machines.", "--network")] = False,
     allow_origin: Annotated[
         Texts,
         option("Web pages that may use the WebSocket; may be repeated.", "--allow-origin", metavar="URL"),
@@ -49,7 +49,7 @@ def live(
     plugin: list[Path],
     quiet: bool,
 ) -> Done:
-    """Run a scenario in real time; references come from its signals until a topic overrides them.
+    """Run a scenario in real time; references follow its signals until a topic overrides them.
 
     Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
     Listens on this machine only. Ctrl-C ends the run. Exit code: 0, 1 if the run failed or diverged.

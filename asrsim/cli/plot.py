@@ -36,14 +36,15 @@ def plot(
         Files,
         argument(
             "[LOG]...",
-            "Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. None: Bode plots of "
+            "Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. Without logs, --bode draws "
             "recordings alone.",
         ),
     ] = None,
     experiment: Annotated[
         Texts,
         option(
-            "Recording to draw with it (CSV, MCAP, ROS bag, .mat); may be repeated: several runs are drawn as a band.",
+            "Recording to draw with the run (CSV, MCAP, ROS bag, .mat). May be repeated: recordings of the same motion are "
+            "drawn as a band.",
             "--experiment",
             "-e",
             metavar="[VARIANT=]FILE",
@@ -63,7 +64,7 @@ def plot(
     bode: Annotated[bool, option("Draw frequency responses with coherence.", "--bode")] = False,
     band: Annotated[
         tuple[float, float] | None,
-        option("Frequency band of the Bode plot, Hz.", metavar="LOW HIGH", default="what is excited"),
+        option("Frequency band of the Bode plot, Hz.", metavar="LOW HIGH", default="the excited frequencies"),
     ] = None,
     given: Annotated[
         str | None,
@@ -75,7 +76,7 @@ def plot(
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,
-    formats: Annotated[Texts, option("May be repeated.", "--format", metavar="png|pdf|svg")] = None,
+    formats: Annotated[Texts, option("Format of the pictures; may be repeated.", "--format", metavar="png|pdf|svg")] = None,
     *,
     quiet: bool,
 ) -> Done:

@@ -24,7 +24,7 @@ def render(
     mp4: Annotated[bool, option("Write a video (needs the extra `video`).", "--mp4")] = False,
     size: Annotated[
         int,
-        option("Square root of a picture's area, pixels; its aspect ratio follows from the motion.", min=32, max=4000),
+        option("Square root of a picture's area, pixels; the motion determines its aspect ratio.", min=32, max=4000),
     ] = SIZE,
     speed: Annotated[float, option("Speed of the film; 2 is twice as fast as the run.")] = 1.0,
     fps: Annotated[float | None, option("Frames per second.", default="GIF 15, MP4 30")] = None,

@@ -14,18 +14,19 @@ from asrsim.cli.options import argument, into_file, option
 def report(
     folder: Annotated[
         Path,
-        argument("FOLDER", "Folder of a run or of a scenario's variants, or a log; or of a fit, a study, learning or a twin."),
+        argument("FOLDER", "Log, or folder of a run, a scenario's variants, a fit, a study, learning or a twin."),
     ],
     out: Annotated[Path | None, into_file("The page to write.", ".html", ".htm", default="report.html in the folder")] = None,
     film: Annotated[bool, option("Also draw film strips and the moving view.", "--film/--no-film")] = True,
     *,
     quiet: bool,
 ) -> Done:
-    """Write one HTML page about results: interactive plots, numbers, how to go on. The page needs no network.
+    """Write one HTML page about results: interactive plots, numbers, commands for the next step. The page needs no network.
 
-    Of runs: the moving robot, claims, measures, parameters with their sources, and a comparison that `asrsim plot` wrote into
-    the folder. Of `identify`: recordings over simulations, residuals and their spectra, intervals, profiles, correlations. Of
-    `sweep`: results over keys, Sobol indices, best and worst rows. Of `ilc` and `twin`: what they found.
+    The page of runs shows the moving robot, claims, measures, parameters with their sources, and a comparison that
+    `asrsim plot` wrote into the folder. The page of `identify` shows recordings and simulations, residuals and their spectra,
+    intervals, profiles, correlations. The page of `sweep` shows results over keys, Sobol indices, best and worst rows. The
+    pages of `ilc` and `twin` show their results.
 
     Example: asrsim report out/step_2dof
     """

@@ -48,7 +48,7 @@ def sweep(
     workers: Annotated[int | None, option("Number of processes.", "--workers", "-j", min=1, default="one per core")] = None,
     cluster: Annotated[str | None, option("Address of a Dask scheduler, whose workers do the runs.", default="none")] = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
-    resume: Annotated[bool, option("Do only the runs that are missing in the folder.", "--resume")] = False,
+    resume: Annotated[bool, option("Run only what is missing in the folder.", "--resume")] = False,
     overwrite: Annotated[bool, option("Start again in a folder that contains rows.", "--overwrite")] = False,
     run: Annotated[int | None, option("Repeat this run of a study's folder, with a log.", min=0, default="")] = None,
     result: Annotated[
@@ -62,9 +62,9 @@ def sweep(
 ) -> Done:
     """Vary keys of a scenario, run it on all cores, and show how much each key influences each result.
 
-    Rows are in rows.parquet, written as runs end. Ctrl-C keeps the rows so far; --resume continues. Equal studies give equal
-    rows on one core, on many, and on a cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C; runs that
-    diverge are rows, not failures of the command.
+    Each run is a row of rows.parquet, written when the run ends. Ctrl-C keeps the rows so far; --resume continues. The rows do
+    not depend on the number of cores or on the cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C. A
+    run that diverges is a row, not a failure of the command.
 
     Example: asrsim sweep examples/scenarios/step_2dof.yaml --variant soft --over references.joint_1.stiffness_preset=0.2:0.6:20
 

@@ -34,8 +34,8 @@ def twin(
 ) -> Done:
     """Find the external torques on a robot, and the stiffness of its joints, from a recording of commands and link positions.
 
-    A simulation gets the commands and is pulled to the measured positions. An alarm means contact, or a robot that differs from
-    its model.
+    A simulation receives the commands, and an observer corrects it towards the measured positions. An alarm means contact, or a
+    robot that differs from its model.
 
     Example: asrsim twin lab.yaml --experiment examples/recordings/two_joints.csv
     """

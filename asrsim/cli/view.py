@@ -36,7 +36,10 @@ PORT = 8080
 
 @command()
 def view(
-    target: Annotated[Path, argument("FILE", "Scenario (YAML): runs live. Log or folder of logs: played back. URDF, xacro.")],
+    target: Annotated[
+        Path,
+        argument("FILE", "Scenario (YAML): simulated. Log or folder of logs: played back. URDF or xacro: posed by sliders."),
+    ],
     beside: Annotated[Files, argument("[LOG]...", "Logs of other runs, shown as ghosts.")] = None,
     experiment: Annotated[
         Files, option("Recording to show beside the robot; may be repeated.", "--experiment", "-e", metavar="FILE")
@@ -60,8 +63,8 @@ def view(
 ) -> Done:
     """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, plots that move.
 
-    A live run writes a log with all that was done by hand, which `asrsim rerun` repeats. Listens on this machine only.
-    Ctrl-C ends the view. Needs the extra `view`.
+    A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats the run. Listens on this machine
+    only. Ctrl-C ends the view. Needs the extra `view`.
 
     Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
     """

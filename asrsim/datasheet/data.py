@@ -55,7 +55,7 @@ class Sheet:
     name: str
     """Name of files: the actuator's, or that of robot and joint."""
     short: str
-    """Name beside other sheets: the actuator's, or the joint's."""
+    """Name in comparisons of sheets: that of the actuator or of the joint."""
     title: str
     source: str
     """Publication of the law."""

@@ -77,8 +77,8 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="change_loaded", text="its change of stiffness was measured at a nominal torque of 1.5 N m", source=PARNENZINI,
-            why="the toolbox states no nominal torque: the sheet loads the joint by 20 % of what every setting holds; the "
-            "published times are a figure only",
+            why="the toolbox states no nominal torque: the sheet loads the joint by 20 % of the torque that every setting "
+            "holds; the published times are only drawn in a figure",
         ),
         Published(
             key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,

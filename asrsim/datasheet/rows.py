@@ -27,6 +27,6 @@ def compared_rows(sheets: Sequence[Sheet]) -> tuple[list[str], list[list[str]]]:
 
 
 def names_of(sheets: Sequence[Sheet]) -> list[str]:
-    """Short names of sheets; the names of their files where two are alike."""
+    """Short names of sheets; if two short names are equal, the names of their files."""
     short = [sheet.short for sheet in sheets]
     return short if len(set(short)) == len(short) else [sheet.name for sheet in sheets]

@@ -28,7 +28,8 @@ WIDE = 50.0
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
-"""Share of the largest stiffness up to which a setting has none: its bandwidth would be that of rounding errors."""
+"""Fraction of the largest stiffness up to which a setting counts as having no stiffness: its bandwidth would be a rounding
+error."""
 
 
 def make_sheet(
@@ -76,11 +77,11 @@ def make_sheet(
 
 
 def _torques(statics: Statics) -> Iterator[Entry]:
-    """Torque, speed and power: of the motors' limits, and for ever."""
+    """Torque, speed and power: the largest within the motors' limits, and those that the motors hold continuously."""
     most, lasting = statics, statics.lasting
     heat = "not stated: <thermal_resistance>, and <winding_heat> or the electric constants"
     if lasting is not None:
-        heat = f"{LAW}: with every winding at <derating_temperature> for ever"
+        heat = f"{LAW}: with every winding at <derating_temperature> continuously"
     yield Entry(key="peak_torque", words="peak torque", unit="N m", value=most.peak_torque, how=WITHIN)
     at_rest = heat if lasting is None else f"{heat}, at rest"
     held = None if lasting is None else lasting.peak_torque
@@ -90,7 +91,7 @@ def _torques(statics: Statics) -> Iterator[Entry]:
         words="speed without load",
         unit="rad/s",
         value=_finite(most.top_speed),
-        how=f"{LAW}: where the motors' torque less damping and friction ends, or their largest speed"
+        how=f"{LAW}: where the motors' torque equals damping and friction, or their largest speed"
         if math.isfinite(most.top_speed)
         else "not limited by the motors' torque, voltage or largest speed",
     )

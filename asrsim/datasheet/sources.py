@@ -30,7 +30,7 @@ class Source:
     name: str
     """Name of the sheet and its files."""
     short: str
-    """Name beside other sheets: the actuator's, or the joint's."""
+    """Name in comparisons of sheets: that of the actuator or of the joint."""
     drive: Drive
     """Drive in `SHEET_MODE`."""
     origin: str

@@ -19,12 +19,12 @@ from asrsim.samples import Array
 POINTS, PRESETS = 1001, 21
 """Numbers of deflections and of presets at which the laws are evaluated."""
 NEAR = 1e-4
-"""Relative difference of a law's largest values at neighbouring presets, up to which presets between them are not searched."""
+"""Relative difference of a law's largest values at two neighbouring presets up to which presets between them are skipped."""
 WIDEST = math.pi
 """Largest deflection of a drive without a limit, rad."""
 MARGIN = 0.75
-"""Share of the presets that springs and motors allow, up to which a sheet goes if the actuator states no range: at the end
-of that range, the joint could not be loaded."""
+"""Fraction of the presets that springs and motors allow which a sheet covers if the actuator states no range: at the largest
+preset, the joint could not be loaded."""
 ROUNDING = 1e-12
 
 
@@ -104,7 +104,8 @@ class Statics:
         return over_arrays(energy_law(self.drive.actuator))(np.zeros_like(deflection), *positions, self.drive.elastic)
 
     def allowed(self, deflection: Array, preset: Array) -> NDArray[np.bool_]:
-        """Whether (n,) springs are within their deflection limit, motors hold the springs, and the joint takes the torque."""
+        """Whether (n,) the springs are within their deflection limit, the motors within their torque limit, and the joint
+        within its effort limit."""
         drive = self.drive
         torques, positions = self.torques(deflection, preset), self.motors(deflection, preset)
         limits = np.array([*drive.max_torque, *[np.inf] * len(torques)][: len(torques)])[:, None]
@@ -113,7 +114,7 @@ class Statics:
         return np.asarray(turns.all(axis=0) & held.all(axis=0) & (np.abs(torques.sum(axis=0)) <= self.effort))
 
     def reach(self, preset: float) -> float:
-        """Largest deflection at a preset up to which all is allowed, rad."""
+        """Largest deflection at a preset up to which no limit is exceeded, rad."""
         farthest = min(self.drive.max_deflection, WIDEST)
         return _last(lambda deflections: self.allowed(deflections, np.full_like(deflections, preset)), farthest)
 
@@ -153,7 +154,7 @@ class Statics:
 
     @cached_property
     def lasting(self) -> Statics | None:
-        """The same drive with the torques that the motors hold for ever without derating; None if motors have no temperature.
+        """The same drive with the torques that the motors hold continuously; None if motors have no temperature.
 
         A motor heats its winding with h tau^2 and stays below the derating temperature while R h tau^2 <= T_d - T_a.
         """
@@ -230,8 +231,8 @@ class Statics:
 
 
 def _last(allowed: Callable[[Array], NDArray[np.bool_]], farthest: float) -> float:
-    """Largest number from 0 to `farthest` up to which all numbers are allowed, by bisection of the first interval that ends
-    outside."""
+    """Largest number from 0 to `farthest` up to which all numbers are allowed, by bisection of the first interval whose end
+    is not allowed."""
     low, high = 0.0, farthest
     if bool(allowed(np.linspace(low, high, POINTS)).all()):
         return farthest

@@ -30,7 +30,7 @@ STEP, LEAST = 0.2, 0.05
 AT, LASTS = 0.1, 2.0
 """Time of the steps, and duration of a trial, s."""
 BAND = 0.1
-"""Share of its change by which the stiffness may still differ when it counts as changed."""
+"""Fraction of its change within which the stiffness counts as settled at its new value."""
 MEASURE = "settling"
 OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
 """Measure of the stiffness that is the time of its change, and its options."""
@@ -41,7 +41,7 @@ CHANGES = ("stiffness_free", "stiffness_loaded")
 STILL = 1e-9
 """Relative change of the stiffness below which the stiffness counts as constant."""
 LOADED = 0.2
-"""Load while the stiffness changes where no nominal torque is stated, as a share of the torque that every setting holds."""
+"""Load during a change of stiffness if no nominal torque is stated, as a fraction of the torque that every setting holds."""
 JOINT = "joint_1"
 
 
@@ -53,7 +53,7 @@ class Trials:
     results: Mapping[str, Result]
     faults: Mapping[str, str]
     change_times: Mapping[str, float]
-    """Time in s after which the stiffness stays within `BAND` of its change, of the variants in which it settles."""
+    """Time in s after which the stiffness stays within `BAND` of its change, for each variant in which it settles."""
     ends: Mapping[str, tuple[float, float]]
     """Stiffness before and after the change in these variants, N m/rad."""
     unchanged: Collection[str]
@@ -112,7 +112,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
 
 
 def _torque(statics: Statics) -> tuple[float, str]:
-    """Load while the stiffness changes, N m, and in words: the nominal torque where every setting holds it."""
+    """Load during the change of stiffness, N m, and its description: the nominal torque if every setting holds it."""
     nominal = None if statics.lasting is None else statics.lasting.peak_torque
     if nominal is not None and nominal <= statics.held_torque:
         torque, words = nominal, "the nominal torque"

@@ -53,13 +53,13 @@ def interval_columns(found: Design) -> list[TableColumn]:
     cells = [TableColumn("parameter", list(found.keys))]
     for name, halves in found.intervals.items():
         cells.append(
-            TableColumn("promised" if name == DESIGN else name, [f"± {100.0 * half:.2g} %" for half in halves], right=True)
+            TableColumn("predicted" if name == DESIGN else name, [f"± {100.0 * half:.2g} %" for half in halves], right=True)
         )
     return [*cells, TableColumn(f"time for {100.0 * WANTED:g} %", [f"{seconds:.3g} s" for seconds in found.needed], right=True)]
 
 
 def charts(found: Design) -> list[list[Chart]]:
-    """Rows of charts: each reference with its range, and the interval that each motion promises for each parameter."""
+    """Rows of charts: each reference with its range, and the interval of each parameter predicted for each motion."""
     time: Array = found.step * np.arange(float(found.found.motion.shape[1]))
     ends = time[[0, -1]]
     rows = []
@@ -76,7 +76,7 @@ def charts(found: Design) -> list[list[Chart]]:
         for n, (name, halves) in enumerate(found.intervals.items())
     ]
     names = [style.in_words(key) for key in found.keys]
-    promised = "half width of the 95 % interval"
-    chart = Chart(words="", across=promised, across_unit="%", lines=intervals, places=names, logarithmic="x")
+    across = "half width of the 95 % interval"
+    chart = Chart(words="", across=across, across_unit="%", lines=intervals, places=names, logarithmic="x")
     rows.append([chart])
     return rows

@@ -81,7 +81,7 @@ def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | Non
     if kind is None or kind == wanted:
         return None
     command = COMMANDS[kind].format(path=path, folder=path.parent)
-    return Problem(f"is a {kind}, no {wanted}", file=path, hint=f"Use it with: {command}", code="other-kind")
+    return Problem(f"is a {kind}, not a {wanted}", file=path, hint=f"Use it with: {command}", code="other-kind")
 
 
 def read_document(

@@ -9,14 +9,14 @@ from typing import Any, TypeAlias
 
 from asrsim.errors import listed
 
-Value: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] | None"
+NodeValue: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] | None"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
     """Scalar, list or mapping of a document. Nodes are compared by identity."""
 
-    value: Value
+    value: NodeValue
     line: int | None = None
     """Line in the file, counted from 1; None for values that are not from a file."""
     key_lines: Mapping[str, int | None] | None = None

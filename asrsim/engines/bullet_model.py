@@ -216,7 +216,7 @@ class BulletDynamics:
         return plain if self._same else [plain[j] for j in self._to_bullet]
 
     def _set_gravity(self, rotation: Array) -> None:
-        """Turn gravity in the place of the base. rotation: (3, 3) rotation of the base."""
+        """Rotate gravity instead of the base. rotation: (3, 3) rotation of the base."""
         self._p.setGravity(*(self._gravity @ rotation).tolist())
 
     def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:

@@ -48,7 +48,7 @@ def make_env(
         fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
         push: Laws of external torques on joints, in N m, drawn at every reset; a torque acts during the whole episode.
         delay: Time in s, or a law of it, by which actions are late, rounded to control periods and drawn at every reset.
-        noise: Standard deviations of the noise of observed quantities, by name, in their units. Rewards see no noise.
+        noise: Standard deviations of the noise of observed quantities, by name, in their units. It does not affect rewards.
         history: Number of earlier control periods whose observed values and actions belong to an observation, after the goal.
         initial: Laws of the start positions by joint, in rad or m.
         goal: Laws of goal values by name, drawn at every reset. The values are the last entries of the observation.

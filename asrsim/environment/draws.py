@@ -67,7 +67,7 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
         for key in wrong
     ]
     joints = ("*", *(drive.name for drive in prepared.drives))
-    why = "changes nothing: no such joint has a controller whose sensor could be late"
+    why = "has no effect: none of these joints has a controller that reads a sensor"
     problems += [Problem(why, key=key, choices=joints, code="randomise") for key in late if not numbers[key]]
     if problems:
         raise InputError(problems)

@@ -220,7 +220,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             now = np.concatenate(parts[:-1], axis=1)
             if moved:
                 self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
-            # The history of a new episode is its start, with actions in the middle.
+            # The history of a new episode repeats its start, with actions in the middle of their range.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
         shown = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")

@@ -49,7 +49,7 @@ class Export:
 
     @property
     def good(self) -> bool:
-        """Whether the motion is finite, and the program steps the file as MuJoCo does."""
+        """Whether the motion is finite, and the program simulates the file as MuJoCo does."""
         return self.replay.diverged_at is None and self.replay.apart <= APART
 
     def as_dict(self) -> dict[str, Any]:
@@ -83,8 +83,8 @@ def export(
         scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As for `asrsim.run`.
-        program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only what this
-            program steps right. The replay is in this program if it is installed, else in MuJoCo.
+        program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only
+            constructs that this program simulates correctly. The replay is in this program if it is installed, else in MuJoCo.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         step: Time step of the model, s; None: half of the scenario's step.
         fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
@@ -92,7 +92,7 @@ def export(
         plot: Draw the error.
 
     Raises:
-        ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that the program would step wrong.
+        ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that the program would simulate wrongly.
         SimulationError: MuJoCo cannot load the model.
         OutputError: A file cannot be written.
     """
@@ -136,7 +136,7 @@ def export(
         ranges = write_ranges(distribution, compiled, path, Path(str(fit)))
         files.append(ranges)
         if not distribution.fits:
-            remarks.append("the model of the fit is not shown to fit its recordings: its intervals may be too narrow")
+            remarks.append("the fit did not show that its model explains the recordings: its intervals may be too narrow")
     beside = target.write(path, ready, model.spec.option.timestep, ranges)
     if not isinstance(beside, list) or not all(isinstance(file, Path) for file in beside):
         message = f"`write` must return the list of the paths that it wrote; it returns {beside!r}"
@@ -147,8 +147,8 @@ def export(
     if result.diverged_at is not None:
         remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --step")
     if result.apart > APART:
-        remarks.append(f"{result.program} moves {result.apart:.3g} mrad (mm) from MuJoCo on the same file: do not use it there")
+        remarks.append(f"{result.program} differs from MuJoCo by {result.apart:.3g} mrad (mm) on the same file: do not use it")
     if len(result.time) < len(run["link_position"]):
-        remarks.append(f"the replay has the first {result.time[-1]:g} s of the scenario")
+        remarks.append(f"the replay covers only the first {result.time[-1]:g} s of the scenario")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}
     return Export(files=(path, *files), remarks=tuple(remarks), made_for=target.name, replay=result, spring_errors=errors)

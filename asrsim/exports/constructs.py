@@ -1,4 +1,4 @@
-"""Constructs of MJCF, of which programs that read MJCF step some and not others."""
+"""Constructs of MJCF that some programs simulate correctly and others do not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Constructs:
-    """Constructs of MJCF that a program steps right."""
+    """Constructs of MJCF that a program simulates correctly."""
 
     dc_motors: bool = True
     """DC motors with speed limit, integral action and bristles, and an implicit integrator that knows their limits. Without

@@ -151,8 +151,8 @@ def model_of(
             add_motors(spec, drive, () if moving else splines[drive.joint], delay_of(stepped), constructs)
             if moving and not constructs.stiffness_controls:
                 raise ScenarioError(
-                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which has no construct that "
-                    "this program steps right",
+                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which this program does not "
+                    "simulate correctly",
                     key=drive.joint,
                     code="export-construct",
                 )
@@ -172,7 +172,7 @@ def model_of(
     shifted = [link.name for link in robot.links if link.gravity and link.weightless_mass not in (0.0, link.mass)]
     if shifted:
         remarks.append(
-            f"{listed(shifted, MOST_NAMES)}: gravity acts on a part of the body; here a smaller gravity acts on all of it"
+            f"{listed(shifted, MOST_NAMES)}: gravity acts on a part of the body; in the file, less gravity acts on all of it"
         )
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
@@ -194,12 +194,12 @@ def model_of(
 def _check(prepared: Prepared, constructs: Constructs) -> None:
     """Raise ScenarioError for parts of the scenario that need other constructs."""
     problems = [
-        Problem(f"joint '{stepped.name}': the {part} has no construct that this program steps right", code="export-construct")
+        Problem(f"joint '{stepped.name}': this program does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives
         for part in refused(stepped, constructs)
     ]
     if not constructs.contacts and not prepared.scenario.world.empty:
-        message = "the contacts of ground and objects have no construct that this program steps right"
+        message = "this program does not simulate the contacts of ground and objects correctly"
         problems.append(Problem(message, code="export-construct"))
     if problems:
         raise ScenarioError(problems)

@@ -1,4 +1,4 @@
-"""Motors, springs and controllers of a joint in MJCF, made of the constructs that a program steps right."""
+"""Motors, springs and controllers of a joint in MJCF, made of the constructs that a program simulates correctly."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ BRAKE = 10.0
 """Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor
 chatters about the limit; with smaller ones it passes the limit (measured at 0.25 to 1 ms)."""
 IMPLICIT = 0.9
-"""Part of a motor's inertia that its implicit damping stands for, where damping limits the speed. A time step takes away this
-part of an excess speed."""
+"""Fraction of a motor's inertia that implicit damping replaces, if damping limits the speed. A time step removes this fraction
+of the speed above the limit."""
 
 
 def motor_name(joint: str, index: int) -> str:

@@ -285,7 +285,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
             if possible and parameter is not None and parameter.key not in free:
                 beside = f"{joint}.{BESIDE.get(name, '')}"
                 more = (known[beside],) if beside in known.keys() - free else ()
-                # A joint that too much friction holds moves only without friction.
+                # If the friction is so large that the joint does not move, the search starts without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
@@ -364,10 +364,11 @@ for name, cause in {
     "commands": Cause(title="zeros of commands", extensions=_commands),
     "robot": Cause(
         title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
-        "motors and of deflections, masses of links", extensions=_robot,
+        "motors and of deflections, masses of links",
+        extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands", extensions=_delays),
     "ties": Cause(title="wrong ties", extensions=_wrong_ties),
     "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
-}.items():  # fmt: skip
+}.items():
     CAUSES.add(name, cause)

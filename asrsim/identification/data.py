@@ -152,9 +152,10 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         raise RecordingError(
             f"the commands of {', '.join(missing)} are missing in the recording and in the scenario; "
             f"the columns of the recording are {', '.join(list(recording.channels)[:30])}",
-            file=recording.path, code="no-command",
+            file=recording.path,
+            code="no-command",
             hint=f"Name the column: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
-        )  # fmt: skip
+        )
     remarks = [*recording.doubts, *plan.remarks]
     channels = tuple(_channels(task, plan, remarks))
     if not channels:

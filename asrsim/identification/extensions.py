@@ -145,8 +145,8 @@ class Optimum:
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
         if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
-            # The start is the optimum of the linearised problem, or the proposed start if this is farther: a joint that
-            # friction holds moves only without friction.
+            # The start is the optimum of the linearised problem, or the proposed start if this is farther: if friction keeps
+            # a joint at rest, a small change of the friction has no effect.
             best = np.maximum(moves, 1.0) * np.asarray(begin) if extension.begins else moves
             start = np.append(self.x, np.clip(best, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))

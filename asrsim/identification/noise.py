@@ -74,8 +74,8 @@ def independent_samples(residuals: Array) -> float:
 
 
 def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
-    """Residuals (n,) minus an offset of at most the encoder's unknown zero within a step; and the lag-1 correlation that
-    quantisation of the predicted motion would cause.
+    """Residuals (n,) minus their mean, of which at most half an encoder step is subtracted, since the encoder's zero within a
+    step is unknown; and the lag-1 correlation that quantisation of the predicted motion would cause.
     """
     if not quantum or not len(left):
         return left, 0.0

@@ -18,7 +18,7 @@ from asrsim.identification.door import SteppedJoint
 from asrsim.samples import Array
 
 BETWEEN = 0.2
-"""Interval between corrections in units of 1 / w, if samples are closer: corrections by noise then cost less."""
+"""Interval between corrections in units of 1 / w, if samples are closer: fewer corrections add less noise."""
 FASTEST = 0.5
 """Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
 REVERSED = 0.7
@@ -66,7 +66,7 @@ class Measured:
             for channel, sign in terms:
                 key = channel.key
                 late = values.get(f"{key}.delay", 0.0)
-                # A sensor shows what was; a command acts later than recorded.
+                # A late sensor shows an earlier position; a late command acts later than it was recorded.
                 late = clock + late if isinstance(channel, Channel) else -late
                 shown = self._curves[key].at(late, every * self._step, steps // every + 1)
                 true = values.get(f"{key}.gain", 1.0) * (shown - values.get(f"{key}.offset", 0.0))

@@ -1,4 +1,4 @@
-"""Profiles: the misfit along each parameter while the others follow. If a profile is a parabola, the interval from slopes at
+"""Profiles: the misfit along each parameter, with the others adjusted. If a profile is a parabola, the interval from slopes at
 the estimate is right.
 """
 

@@ -66,7 +66,7 @@ APART = 10.0
 
 
 @dataclass
-class Watch(Meter):
+class FitWatch(Meter):
     """Counter that reports the progress to the user after evaluations, and ends the search when its time is over."""
 
     progress: Callable[[FitProgress], None] | None = None
@@ -154,7 +154,7 @@ def identify(
         SimulationError: The simulation diverges at the start.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
-    watch = Watch(progress=progress, seconds=math.inf if duration is None else duration)
+    watch = FitWatch(progress=progress, seconds=math.inf if duration is None else duration)
     with one_thread(), ExitStack() as stack:
         watch.stage("reading and preparing")
         setup = set_up(task, stack, watch)
@@ -176,7 +176,7 @@ def identify(
 
 
 def _fitted(
-    setup: Setup, best: Best, before: Differences, watch: Watch, *, check: bool, accept: bool
+    setup: Setup, best: Best, before: Differences, watch: FitWatch, *, check: bool, accept: bool
 ) -> tuple[FitResult, Suspicion | None]:
     """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack."""
     status = CHECKED if check else COMPLETE
@@ -198,7 +198,7 @@ def _fitted(
 
 
 def _judged(
-    setup: Setup, best: Best, before: Differences, status: str, watch: Watch, *, accept: bool
+    setup: Setup, best: Best, before: Differences, status: str, watch: FitWatch, *, accept: bool
 ) -> tuple[FitResult, Suspicion | None]:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
@@ -221,7 +221,7 @@ def _judged(
         with watch.in_time(), suppress(OutOfTime):
             for level in slow:
                 for one in _causes(*level):
-                    # Other levels say the same without a trial.
+                    # A cause that is found without a trial fit is the same at every level: take it once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
                         causes.append(one.text)

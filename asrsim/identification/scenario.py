@@ -100,8 +100,8 @@ def _delays_not_written(
 
 
 def rotors_of_scenario(result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Fitted inertias of rotors that the scenario states, kg m^2 (kg): behind springs, where the file's do not count, and in
-    place of those that it already states."""
+    """Fitted inertias of rotors that the scenario must state, kg m^2 (kg): behind a spring, those of the robot file have no
+    effect; elsewhere, the scenario's own values have precedence."""
     sprung, given = sprung_joints(result.robot), result.scenario.armature
     return {
         owner: _rounded(own["armature"])

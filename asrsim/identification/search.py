@@ -88,7 +88,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
-            # Where short predictions show little, they led away from a good start.
+            # Short predictions may contain too little information: then they led away from a good start.
             x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
@@ -111,7 +111,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # Where short predictions show little, they may lead to parameters with which the robot moves otherwise.
+    # Short predictions may contain too little information: then they lead to parameters that give another motion.
     if most > max(_followed(*fit) for fit in found[:-1]):
         return
     best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
@@ -163,8 +163,9 @@ def _transfers(problem: FitProblem, x: Array) -> bool:
     """Whether a fit predicts held-out parts as well as the parts that were fitted."""
     parts = [
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
-        for part, left in differences(problem.everything, x) if problem.ends[part.track] and np.isfinite(left).all()
-    ]  # fmt: skip
+        for part, left in differences(problem.everything, x)
+        if problem.ends[part.track] and np.isfinite(left).all()
+    ]
     return all(len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts)
 
 
@@ -195,7 +196,7 @@ def refined(problem: FitProblem, x: Array, rounds: int) -> Array:
 def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
     _resolve(best)
-    # With many samples, both are significant even if the residuals look like noise.
+    # With many samples, jumps and pre-sliding friction are significant even if the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     if found.chosen:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost

@@ -91,7 +91,7 @@ KEPT = 6
 """Number of predictions, and of played commands, that a track caches."""
 
 
-Settings = tuple[tuple[str, float], ...]
+TrackSettings = tuple[tuple[str, float], ...]
 """Values of parameters as pairs of key and value."""
 
 
@@ -226,7 +226,7 @@ class Track:
         """Prediction of each channel at its recorded times up to `until` s; NaN if the simulation diverges."""
         return self._predicted(tuple(sorted(values.items())), playing, until)
 
-    def _predict(self, values: Settings, playing: Playing, until: float) -> list[Array]:
+    def _predict(self, values: TrackSettings, playing: Playing, until: float) -> list[Array]:
         return next(self.predictions([dict(values)], playing, until))
 
     def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
@@ -279,9 +279,10 @@ class Track:
     def motor_velocities(self, velocities: Mapping[str, float]) -> dict[str, list[float]]:
         """Velocities of motors at time 0, by joint, rad/s: a motor moves with a link that moves as the recording begins."""
         return {
-            drive.name: [speed] * drive.dynamic_motors for drive in self.door.drives
+            drive.name: [speed] * drive.dynamic_motors
+            for drive in self.door.drives
             if drive.dynamic_motors and not drive.motor_velocities and (speed := velocities.get(drive.name, 0.0))
-        }  # fmt: skip
+        }
 
     def start(self, joint: str, values: Mapping[str, float]) -> tuple[float, float]:
         """Position and velocity of a link at time 0, rad and rad/s."""
@@ -290,7 +291,7 @@ class Track:
         stops = next(drive.joint.stops for drive in self.door.drives if drive.name == joint)
         return float(np.clip(initial[f"{joint}.initial_position"], *stops)), initial[f"{joint}.initial_velocity"]
 
-    def _play(self, values: Settings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
+    def _play(self, values: TrackSettings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""
         table: dict[str, dict[str, Played]] = {}
         early = tuple((self.jumps[int(key.removeprefix(JUMP)) - 1], value) for key, value in values if key.startswith(JUMP))

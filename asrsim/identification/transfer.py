@@ -37,8 +37,8 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
         name, ratio = problem.tracks[track].data.name, before[track] / max(after[track], 1e-300)
         if ratio > TRANSFERS:
             yield (
-                f"{name}: if it is fitted, too, its error falls to {percent(1.0 / ratio)}: the other recordings show too "
-                "little for its motion; fit it, too, and predict another one"
+                f"{name}: if it is fitted, too, its error falls to {percent(1.0 / ratio)}: the other recordings contain too "
+                "little information for its motion; fit it, too, and validate with another recording"
             )
         else:
             yield (

@@ -214,8 +214,10 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 
 
 def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick: bool = False) -> Uncertainty:
-    """Uncertainty of the parameter vector x. Entries at a bound count as free. foreseen: no search was made, and the residuals
-    are assumed to be white noise; quick: derivatives are computed with one simulation for each entry.
+    """Uncertainty of the parameter vector x. Entries at a bound count as free.
+
+    foreseen: whether x is a start value without a search: the residuals are then assumed to be white noise. quick: whether
+    derivatives are computed with only one simulation for each entry.
     """
     n, left = len(x), residuals(problem, x)
     # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.

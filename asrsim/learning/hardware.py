@@ -1,10 +1,10 @@
 """Learning on the real robot, trial by trial: the next input follows from each recording; files store the state between trials.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
-twin, and plants drawn from the posterior of the fit, predict the error of the next trial, to which a bound of what the twin
-does not explain of the recordings is added. The change of the input is halved until this sum does not exceed 1.2 times the best
-error. If it does so even for the smallest change, a warning is given before the trial. With the other laws the change is not
-halved, and only the warning is given.
+twin, and plants drawn from the posterior of the fit, predict the error of the next trial. The part of the recordings that the
+twin does not explain bounds the error of this prediction; the bound is added. The change of the input is halved until this sum
+is at most 1.2 times the best error. If even the smallest change exceeds this limit, a warning is given before the trial. With
+the other laws the change is not halved, and only the warning is given.
 """
 
 from __future__ import annotations

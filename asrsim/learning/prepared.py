@@ -14,7 +14,7 @@ from asrsim.kinematics.inverse import Demand, InverseDynamics, SoftArm
 from asrsim.learning.linear import Linearised, linearise_along, spring_slopes
 from asrsim.learning.optimal import Lifted, NormOptimal
 from asrsim.learning.plant import Plant
-from asrsim.learning.trial import FixedGain, Law, LearningProblem, LearningResult
+from asrsim.learning.trial import FixedGain, LearningLaw, LearningProblem, LearningResult
 from asrsim.samples import Array
 from asrsim.scenario.goals import Learning
 
@@ -92,7 +92,7 @@ class PreparedLearning:
     problem: LearningProblem
     settings: Learning
     """Settings of the scenario with the chosen first guess."""
-    law: Law = field(repr=False)
+    law: LearningLaw = field(repr=False)
     demands: tuple[Demand, ...]
     """Demands of the motion on the joints, highest score first."""
 
@@ -146,7 +146,7 @@ def prepare_learning(plant: Plant) -> PreparedLearning:
         reference=plant.reference,
         first_guess=guesses[settings.first_guess or "zero"](),
     )
-    law: Law = FixedGain(problem, settings)
+    law: LearningLaw = FixedGain(problem, settings)
     if settings.law == "auto":
         law = NormOptimal(problem, model.lifted)
     return PreparedLearning(plant=plant, problem=problem, settings=settings, law=law, demands=model.inverse.demands)

@@ -139,10 +139,10 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     if head["format"] != FORMAT:
         raise _fault(path, f"its format is {head['format']}")
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
-        raise _fault(path, "its arrays are not those of trials")
+        raise _fault(path, "its arrays have wrong shapes or types")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
-        raise _fault(path, "its trials are not whole")
+        raise _fault(path, "its trials are incomplete")
     # Only the outputs of a trial that diverged are NaN.
     if not (np.abs(inputs).max(initial=0.0) <= LARGEST_NUMBER and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST_NUMBER):
-        raise _fault(path, "its numbers are those of no robot")
+        raise _fault(path, "its numbers are too large for a robot")
     return head, inputs, outputs

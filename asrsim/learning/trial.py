@@ -108,7 +108,7 @@ class Trial:
         return max(self.largest)
 
 
-class Law(Protocol):
+class LearningLaw(Protocol):
     """A learning law. Its updates depend only on the trials so far, so a resumed run continues exactly."""
 
     def propose(self, trials: Sequence[Trial]) -> Array:
@@ -201,7 +201,7 @@ def iterate(
     settings: Learning,
     on_trial: Callable[[Trial], None] | None = None,
     *,
-    law: Law,
+    law: LearningLaw,
     finished: Sequence[Trial] = (),
     stop: Stop = never,
 ) -> LearningResult:
@@ -231,7 +231,9 @@ def best_of(trials: Sequence[Trial]) -> Trial:
     return min(trials, key=lambda trial: trial.worst if np.isfinite(trial.worst) else np.inf)
 
 
-def verdict(problem: LearningProblem, trials: Sequence[Trial], settings: Learning, law: Law) -> tuple[Outcome, str] | None:
+def verdict(
+    problem: LearningProblem, trials: Sequence[Trial], settings: Learning, law: LearningLaw
+) -> tuple[Outcome, str] | None:
     """Outcome and reason if learning stops after the last trial; None to continue."""
     last = trials[-1]
     if last.worst <= settings.tolerance:

@@ -41,7 +41,7 @@ LIKELY = 6
 
 Forecast = Callable[[Array], Array]
 """Function from inputs (n, joints) to expected outputs (n, joints)."""
-Group = Mapping[tuple[str, str], float]
+ParameterGroup = Mapping[tuple[str, str], float]
 """Values of parameters that are scaled together, by pairs (joint or link, name)."""
 
 
@@ -60,7 +60,7 @@ class LearningTwin:
     """Plants drawn from the posterior."""
 
     def unexplained(self, best: Trial, trials: Sequence[Trial]) -> Unexplained:
-        """What this twin does not explain of recorded trials."""
+        """Part of the recorded trials that this twin does not explain."""
         forecast, others = _forecast(self.plant, best), [trial for trial in trials if trial is not best]
         return Unexplained(
             most=largest(best.outputs - self.plant.outputs(best.inputs)),
@@ -74,7 +74,7 @@ class LearningTwin:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """What a twin does not explain of recorded motions, rad. Predictions assume that it stays as in the best trial."""
+    """Part of recorded motions that a twin does not explain, rad. Predictions assume that it is that of the best trial."""
 
     most: float
     """Largest difference between the best trial and the twin's motion."""
@@ -84,8 +84,8 @@ class Unexplained:
     def of_change(self, size: float) -> float:
         """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.
 
-        What is not explained changes at most by itself, at most by the predicted change, and at most by the error of the
-        prediction of a recorded trial that differs as much.
+        The bound is the smallest of three: the predicted change, the unexplained part of the best trial, and the error of the
+        prediction of a recorded trial that differs from the best trial at least as much.
         """
         return min(size, self.most, *(miss for distance, miss in self.misses if distance >= size))
 
@@ -150,11 +150,11 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     )
 
 
-def _groups(plant: Plant) -> dict[str, Group]:
+def _groups(plant: Plant) -> dict[str, ParameterGroup]:
     """Fitted groups of parameters of each joint: mass of its body, springs, friction of joint and motors, damping."""
     robot = plant.prepared.robot
     blocks = {block.joint: block.values() for block in robot.actuators}
-    found: dict[str, Group] = {}
+    found: dict[str, ParameterGroup] = {}
     for drive in plant.drives:
         joint = drive.name
         found[f"mass.{joint}"] = _body(robot, joint)
@@ -167,7 +167,7 @@ def _groups(plant: Plant) -> dict[str, Group]:
     return {name: group for name, group in found.items() if any(group.values())}
 
 
-def _body(robot: Robot, joint: str) -> Group:
+def _body(robot: Robot, joint: str) -> ParameterGroup:
     """Masses and inertias of the links that move with the joint as one body."""
     body, waiting = {robot.joint(joint).child}, [robot.joint(joint).child]
     while waiting:

@@ -9,8 +9,8 @@ from threading import Lock
 from asrsim.live.transport import Received
 
 WAITING, WAITING_BYTES = 5000, 1 << 24
-"""Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. Of more messages,
-the oldest are dropped and counted."""
+"""Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. If there are more
+messages, the oldest are dropped and counted."""
 LARGEST_MESSAGE = 1 << 20
 """Largest size of a message in bytes. A decoded message takes up to a hundred times as much memory."""
 

@@ -75,8 +75,8 @@ class Outbox:
         self._publishers, self._tell, self._unsent = publishers, tell, 0
 
     def send(self, messages: Sequence[bytes], wanted: Sequence[bool]) -> None:
-        """Send one message to each topic that is wanted; an empty message is left out. The first lost message is told, and the
-        thousandth."""
+        """Send one message to each topic that is wanted; an empty message is left out. The user is told of the first lost
+        message and of the thousandth."""
         for publisher, message, one_wanted in zip(self._publishers, messages, wanted, strict=True):
             if one_wanted and message:
                 try:

@@ -65,7 +65,7 @@ class Settings:
 
 
 class Operator(Protocol):
-    """Person at a live run, such as `asrsim view` shows it to: sees the samples, and sets references by hand."""
+    """Person who operates a live run, for example in `asrsim view`: sees the samples, and sets references by hand."""
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
         """References to set at this tick; None: the scenario's signal again. Called in each tick, also while the run is paused,

@@ -199,12 +199,12 @@ class LogReader:
 
 
 def open_log(path: str | os.PathLike[str]) -> LogReader:
-    """Reader of a log, opened without reading its samples. Raises LogError if the file is damaged or no log."""
+    """Reader of a log, opened without reading its samples. Raises LogError if the file is damaged or not a log."""
     return LogReader(path)
 
 
 def read_origin(path: Path) -> tuple[str, str]:
-    """Scenario file and variant of a log, in less time than `open_log`. Raises LogError if the file is damaged or no log."""
+    """Scenario file and variant of a log, in less time than `open_log`. Raises LogError if the file is damaged or not a log."""
     return origin_from(read_structure(path).attachments)
 
 

@@ -19,8 +19,8 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Header before a message's data in a chunk: opcode, length, channel, sequence, log time, publish time."""
 
 _HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr", f"V{len(ENCAPSULATION)}"), ("stamp", "<u8")])
-"""What changes at the head of a message, up to the time stamp with which most messages begin; one copy of all is faster than a
-copy of each."""
+"""Fields of a message's header that change from row to row, and the time stamp with which most messages begin: one copy of all
+these fields is faster than a copy of each."""
 _HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
 _HEAD_PLACE = 11
 """Offset of these fields in a message's header, bytes."""

@@ -21,7 +21,7 @@ STILL = 1e-6
 _NOISE = 8.0
 """Range of a thousand samples of white noise in standard deviations, rounded up."""
 _SLOWEST = 0.99
-"""Largest ratio of the distances that a creep covers in two successive intervals; of a slower creep, a part is seen."""
+"""Largest ratio of the distances that a creep covers in two successive intervals at which its limit is extrapolated."""
 
 
 def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: float = 0.0) -> float:

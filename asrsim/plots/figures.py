@@ -143,8 +143,8 @@ for name, figure in {
         pages=_energy_pages,
     ),
     "objects": RunFigure(
-        title="displacement and contact force of the world's objects; of a task's tip its way, its goal's and the distance "
-        "between them",
+        title="displacement and contact force of the world's objects; for a task, the displacements of tip and goal, and the "
+        "distance between them",
         pages=_object_pages,
     ),
 }.items():

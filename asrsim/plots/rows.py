@@ -26,7 +26,8 @@ def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Metrics without references that are equal in run and recording, and without step measures of unsettled motions."""
+    """Metrics that a table shows. Left out are references that are equal in run and recording, and measures of a step response
+    if the motion does not settle."""
     from asrsim.metrics.measures import STEP_MEASURES
 
     same = {

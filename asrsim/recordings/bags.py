@@ -338,7 +338,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
         if topic.kind.endswith("/JointState") and nameless:
             message = (
-                f"no names of joints for {listed(nameless, 4)}: they go to the robot's joints by order, "
+                f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
                 "unless --map states others"
             )
             hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"

@@ -164,7 +164,7 @@ def check_path(name: str, joint: str | None, joints: Sequence[str] | None) -> No
     """
     rest = find_joint(split_header(name)[0], joints or ([joint] if joint else ()))[1]
     if unsure := _words_above(rest) & _NOT_MEASURED:
-        raise DoubtError(f"'{min(unsure)}' in its name may mean something else than what was measured or commanded then")
+        raise DoubtError(f"'{min(unsure)}' in its name: is it a value that was measured or commanded at its time?")
 
 
 def _words_above(path: str) -> set[str]:

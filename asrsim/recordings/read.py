@@ -286,8 +286,8 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
     def order(column: Column) -> tuple[int, bool, bool]:
-        """Rank; of the commands of one joint, a position stands before the torque or current of a controller inside; a name
-        that states the joint stands before one that numbers it."""
+        """Rank. Among the commands of one joint, a position precedes the torque or current of an inner controller; a column
+        that names the joint precedes a column that numbers it."""
         inner = column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
         return rank(column), inner, column.joint is not None and find_joint(column.source, [column.joint])[0] is None
 

@@ -152,7 +152,7 @@ def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
         there = numbers == mark
         low, high = (others.min(), others.max()) if len(others := numbers[~there]) > 0.5 * len(numbers) else (mark, mark)
         gap = max(low - mark, mark - high)
-        # 999 and 32767 are numbers that programs write for none; others are suspected further away.
+        # Programs write 999 or 32767 for missing values; other numbers must be farther away to be suspected.
         usual = re.fullmatch(r"-?9{2,}(\.9+|\.0)?", str(mark)) or abs(mark) in _LIMITS
         if high > low and gap > (_NEAR if usual else _FAR) * (high - low):
             message = f"is {mark:g} in {counted(int(there.sum()), 'sample')}, the first at t = {time[there][0]:.6g} s, and "

@@ -325,7 +325,7 @@ def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:
 def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) -> NumberedLine:
     """Header, the last of the fitting rows, with the units of a row that only holds units, below or above it.
 
-    above: rows above the numbers with as many cells.
+    above: rows above the numbers that have the same number of cells as the rows of numbers.
     """
     place = above.index(fitting[-1])
     if _are_units(above[place][1]) and len(fitting) > 1 and above.index(fitting[-2]) == place - 1:

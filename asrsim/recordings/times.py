@@ -244,7 +244,7 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     if period is None:
         return values
     message = f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight or a full counter"
-    findings.append(Problem(f"{message}; its times go on", key=name, code="restarted-clock"))
+    findings.append(Problem(f"{message}; its times continue", key=name, code="restarted-clock"))
     found = values.copy()
     found[known[1:]] += period * np.cumsum(steps < 0.0)
     return found

@@ -28,7 +28,7 @@ def plugin_file(path: str) -> Iterator[None]:
 
 @contextmanager
 def all_or_none() -> Iterator[None]:
-    """Context in which entries are added to registries: if it ends with an error, none of them stays."""
+    """Context in which entries are added to registries: if it ends with an error, all of them are removed."""
     before = [(one, one.state()) for one in Registry.everyone]
     try:
         yield
@@ -121,7 +121,7 @@ class Registry(Generic[T]):
         return dict(self._entries), dict(self._files), dict(self._broken), self._searched
 
     def put(self, state: Any) -> None:
-        """Contain what the registry contained when it had this state."""
+        """Restore this earlier state of the registry."""
         self._entries, self._files, self._broken, self._searched = state
 
     def get(self, name: str) -> T:

@@ -12,12 +12,12 @@ from asrsim.errors import listed
 from asrsim.robot import Robot
 from asrsim.robot.meshes import usable_shapes
 from asrsim.robot.model import Shape
-from asrsim.robot.shapes import Colour
+from asrsim.robot.shapes import Rgba
 from asrsim.samples import Array
 
-_BODY_COLOURS: tuple[Colour, ...] = ((0.38, 0.42, 0.47, 1.0), (0.62, 0.66, 0.70, 1.0))
-_ROD_COLOURS: tuple[Colour, ...] = ((0.84, 0.37, 0.0, 1.0), (0.0, 0.45, 0.70, 1.0))
-_BALL_COLOUR: Colour = (0.15, 0.15, 0.17, 1.0)
+_BODY_COLOURS: tuple[Rgba, ...] = ((0.38, 0.42, 0.47, 1.0), (0.62, 0.66, 0.70, 1.0))
+_ROD_COLOURS: tuple[Rgba, ...] = ((0.84, 0.37, 0.0, 1.0), (0.0, 0.45, 0.70, 1.0))
+_BALL_COLOUR: Rgba = (0.15, 0.15, 0.17, 1.0)
 
 
 def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> tuple[Robot, tuple[str, ...]]:
@@ -65,7 +65,7 @@ def _rod_ends(robot: Robot) -> dict[str, list[Array]]:
     return ends
 
 
-def _rod(end: Array, radius: float, colour: Colour) -> list[Shape]:
+def _rod(end: Array, radius: float, colour: Rgba) -> list[Shape]:
     """Ball at the link's frame, and a rod from there to `end` (3,)."""
     ball = Shape(kind="sphere", size=(1.6 * radius,), colour=_BALL_COLOUR)
     length = float(np.linalg.norm(end))

@@ -43,7 +43,7 @@ def plot_data(chart: Chart) -> dict[str, Any]:
 
 
 def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
-    """Points (n,) of all curves, ascending; of scattered points every one, also where several stand at one place."""
+    """Points (n,) of all curves, ascending; scattered points are all kept, also several at the same place."""
     known = [part.x for part in parts if len(part.x)]
     if not known:
         return np.zeros(1)

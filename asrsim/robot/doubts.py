@@ -167,7 +167,7 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
     if joint.effort is None:
         yield Problem("the joint has no effort limit: torques are not clipped", code="no-effort-limit")
     elif joint.effort == 0.0:
-        message = "the joint's effort limit is 0: every torque is clipped to nothing"
+        message = "the joint's effort limit is 0: every torque is clipped to 0"
         yield Problem(message, code="zero-effort-limit", hint=EMPTY_LIMIT)
     yield from _left_rotor(block, joint)
     if MODES[block.mode].spring and not has_spring(block):

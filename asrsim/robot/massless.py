@@ -83,8 +83,9 @@ def _fixed(robot: Robot, held: Collection[Joint]) -> Robot:
 
 
 def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
-    """Joints without an actuator whose fixing leaves a positive mass matrix at the start, and why: those with a point mass on
-    their axis, and of joints that move against each other without mass between them, those with the least range.
+    """Joints without an actuator that must be fixed so that the mass matrix is positive at the start, each with the reason.
+    These are joints with a point mass on their axis. If joints move against each other without mass between them, those with
+    the smallest range are fixed.
     """
     joints, couplings = robot.moving_joints, robot.couplings
     mass = RobotModel(with_rotors(robot, {})).mass_matrix([joint.start or 0.0 for joint in joints])

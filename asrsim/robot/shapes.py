@@ -14,10 +14,10 @@ SIZES = {"box": ("size",), "sphere": ("radius",), "cylinder": ("radius", "length
 """Required attributes of each shape."""
 LARGEST = 1e6
 """Largest size of a shape, m."""
-Colour = tuple[float, float, float, float]
+Rgba = tuple[float, float, float, float]
 
 
-def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str, Colour]) -> Shape | None:
+def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str, Rgba]) -> Shape | None:
     """Shape of a `<collision>` or `<visual>`; None, or a shape with other values, after an error.
 
     key: place of the element in messages; colours: colours of named materials.
@@ -71,9 +71,9 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     )
 
 
-def read_colours(root: Any) -> dict[str, Colour]:
+def read_colours(root: Any) -> dict[str, Rgba]:
     """Colours of the materials of the robot and of the visuals, by name of the material."""
-    colours: dict[str, Colour] = {}
+    colours: dict[str, Rgba] = {}
     for material in (*elements(root, "material"), *root.iterfind("link/visual/material")):
         colour = _colour(material)
         if colour is not None:
@@ -81,13 +81,13 @@ def read_colours(root: Any) -> dict[str, Colour]:
     return colours
 
 
-def _colour_of(element: Any, colours: Mapping[str, Colour]) -> Colour | None:
+def _colour_of(element: Any, colours: Mapping[str, Rgba]) -> Rgba | None:
     for material in elements(element, "material"):
         return _colour(material) or colours.get(name_of(material))
     return None
 
 
-def _colour(material: Any) -> Colour | None:
+def _colour(material: Any) -> Rgba | None:
     """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid, as colours do not affect the motion."""
     for colour in elements(material, "color"):
         try:

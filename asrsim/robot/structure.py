@@ -15,7 +15,7 @@ from asrsim.robot.findings import SMALLEST, Findings
 from asrsim.robot.freedoms import FREEDOMS
 from asrsim.robot.inertia import numbers_of, tensor_of
 from asrsim.robot.model import INERTIAS, Inertia, Joint, Link, Shape, Vector, is_locked
-from asrsim.robot.shapes import Colour, read_colours, read_shape
+from asrsim.robot.shapes import Rgba, read_colours, read_shape
 from asrsim.robot.tags import JOINT_TAGS
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
@@ -88,7 +88,7 @@ def _named(findings: Findings, root: Any, tag: str) -> list[tuple[Any, str]]:
 # -- links -------------------------------------------------------------------------------------------------------------
 
 
-def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Colour], largest: float) -> Link:
+def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Rgba], largest: float) -> Link:
     link = Link(
         name=name,
         mass=None,
@@ -109,7 +109,7 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Col
     return replace(link, mass=mass, inertia=inertia, centre_of_mass=centre, inertial_rpy=rpy)
 
 
-def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Colour]) -> tuple[Shape, ...]:
+def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Rgba]) -> tuple[Shape, ...]:
     """Collisions or visuals of a link. A collision with invalid numbers is an error, as contacts would be lost; a collision
     without a body (no shape, or a size of 0) and an invalid visual are left out.
     """

@@ -21,7 +21,7 @@ Use = Literal["read", "no physics", "contacts", "left out"]
 
 
 class Effect(NamedTuple):
-    """What a word would do that is left out."""
+    """Effect of a word that is left out."""
 
     text: str
     size: float = 0.0
@@ -33,7 +33,7 @@ ROTOR = ("motorInertia", "motor_inertia", "rotor_inertia", "rotorInertia")
 RATIO = ("mechanicalReduction", "mechanical_reduction", "gear_ratio")
 """Words for the ratio of a transmission: that of ROS 1, of ros2_control, and of Drake."""
 
-Law = Callable[[Any, str], Effect | None]
+EffectReader = Callable[[Any, str], Effect | None]
 """Function of an element and the text of its value: effect of the word, or None if this value changes nothing."""
 
 
@@ -42,7 +42,7 @@ class Word:
     """Meaning of an element or attribute below one parent."""
 
     use: Use
-    effect: Law | None = None
+    effect: EffectReader | None = None
     """Effect of a word that is left out."""
     doc: str = ""
     """What the word would do, for the documentation."""
@@ -75,7 +75,7 @@ def left(message: str, *, neutral: float | None = 0.0, hint: str | None = None) 
     return Word(use="left out", effect=effect, doc=message.replace("{}", "..."), hint=hint)
 
 
-def special(effect: Law, doc: str, *, hint: str | None = None) -> Word:
+def special(effect: EffectReader, doc: str, *, hint: str | None = None) -> Word:
     """Word that is left out, with a warning whose numbers come from several elements."""
     return Word(use="left out", effect=effect, doc=doc, hint=hint)
 
@@ -379,6 +379,6 @@ UNKNOWN_PLUGIN = special(
     lambda plugin, _text: Effect(
         f"the plugin '{plugin.get('filename', '')}' is unknown: what it does in Gazebo has no effect here"
     ),
-    "a plugin that is none of asrsim's, and no known one of Gazebo: it has no effect",
+    "a plugin that is neither an actuator of asrsim nor a known plugin of Gazebo: it has no effect",
 )
 """Any other plugin in `<gazebo>`."""

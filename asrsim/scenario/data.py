@@ -41,7 +41,7 @@ from asrsim.scenario.joints import (
     GivenActuator,
     Imperfections,
     LinkDamping,
-    Range,
+    RangeOf,
 )
 from asrsim.scenario.kinds import LINK, ORIGIN, POSITION, RPY, SIGNALS_BY_JOINT, AnyData, FolderName, Keys
 from asrsim.scenario.manager import ManagerFile
@@ -193,7 +193,7 @@ class Scenario:
         key="velocity_limit_cutoff",
         default=None,
         shown="auto",
-        doc="no torque that drives a joint further beyond its velocity limit, as Gazebo has it; `auto`: in toolbox stepping",
+        doc="cut off a torque that accelerates a joint beyond its velocity limit, as Gazebo does; `auto`: in toolbox stepping",
     )
     motion: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="rad", shown="locked", doc="bench: link positions; a CSV by `playback`"
@@ -225,10 +225,10 @@ class Scenario:
         default={},
         unit="rad",
         shown="the reference",
-        doc="link motion that is wanted where the reference is another (a learned input); the summary's error counts from it",
+        doc="desired motion of the link if it differs from the reference (a learned input); the summary's errors refer to it",
     )
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
-        MapOf(of=MapOf(of=Range(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
+        MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
         "library): beyond, they are clamped; substeps are chosen for them",
@@ -367,5 +367,5 @@ VARIANTS = Key(
     name="variants",
     kind=MapOf(of=VARIANT, noun="name", star=False),
     default={},
-    doc="named variants: what each changes, merged into the rest; `null` takes a key away",
+    doc="named variants: what each changes, merged into the rest; `null` removes a key",
 )

@@ -110,9 +110,9 @@ class Learning:
         shown="law auto: inverse_dynamics; else zero",
     )
     tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it")
-    max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="stop after so many")
+    max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="largest number of iterations")
     patience: int = declare(
         Integer(minimum=1),
         default=3,
-        doc="stop when the error has grown, or there was no progress, for so many iterations in a row",
+        doc="stop when the error has grown, or there was no progress, for this number of iterations in a row",
     )

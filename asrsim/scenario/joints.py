@@ -92,7 +92,7 @@ class GivenActuator:
 IMPERFECTIONS_BY_JOINT = MapOf(of=block_of(Imperfections, "imperfections"))
 
 
-class Range(ListOf[float]):
+class RangeOf(ListOf[float]):
     """Kind of value: two numbers, the smaller one first."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> tuple[float, ...]:

@@ -237,7 +237,7 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     if mode.direct or mode.number == 0:
         return 6 if mode.direct else 1
     if mode.mapped and complete and len(others) > 1:
-        # Equilibrium and preset are two references: so many are those of the motors.
+        # Equilibrium and preset are two references; three or more are the references of the motors.
         return mode.number - 1
     return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and not complete)
 

@@ -38,8 +38,8 @@ class Wrench:
     """Force and torque on a link, given by signals."""
 
     link: str = declare(LINK, doc="the link on which the wrench acts")
-    force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal an axis, `null` for none", shown="none")
-    torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal an axis, `null` for none", shown="none")
+    force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal for each axis, `null` for none", shown="none")
+    torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal for each axis, `null` for none", shown="none")
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
     frame: str = declare(Choice(("world", "link")), default="world", doc="frame of force and torque")
 
@@ -87,7 +87,7 @@ class WorldObject:
         "shape's middle, of a mesh its origin",
     )
     friction: float = declare(
-        NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; a contact's is the product of both bodies'"
+        NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; that of a contact is the product of both"
     )
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
@@ -143,7 +143,7 @@ class World:
     """Surroundings of the robot: ground and objects."""
 
     ground: bool = declare(
-        Either((_GROUND, Boolean())), default=False, doc="a level ground at height 0, or one with friction and height"
+        Either((_GROUND, Boolean())), default=False, doc="`true`: a level ground at height 0; or its friction and height"
     )
     ground_friction: float = 1.0
     ground_height: float = 0.0

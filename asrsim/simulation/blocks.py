@@ -35,7 +35,7 @@ class InputBlock:
     steady: Inputs | None = None
     """Inputs of all these worlds, if all rows are equal."""
     until: int = 0
-    """Substep up to which equal rows hold: until then they can be used again and again."""
+    """Substep up to which equal rows are valid, and can be used again."""
 
 
 class Blocks:

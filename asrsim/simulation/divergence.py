@@ -74,5 +74,5 @@ class EnergyGuard:
         # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
-            return self._joints[int(turnover.argmax())].name, f"the links hold {created:.3g} J that nothing gave them"
+            return self._joints[int(turnover.argmax())].name, f"the links have gained {created:.3g} J without a source"
         return None

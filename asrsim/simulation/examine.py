@@ -1,6 +1,7 @@
 """Examination of a scenario: everything that can be wrong is checked here, once, and all problems are reported together.
 
-Whatever works on a `Plan` trusts it: `prepare` builds the run, `asrsim.runs.execute` simulates, judges and writes it.
+Code that receives a `Plan` does not check it again: `prepare` builds the run, `asrsim.runs.execute` simulates, judges and
+writes it.
 """
 
 from __future__ import annotations

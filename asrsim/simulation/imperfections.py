@@ -22,7 +22,7 @@ from asrsim.signals.common import rounded
 _BLOCK = 4096
 """Number of noise samples that are drawn in one call."""
 LOOKS, BISECTIONS = 4, 40
-"""Looks at a quantised command in each step, and halvings of the time between two looks until a jump is found."""
+"""Number of samples of a quantised command in each step, and number of bisections that find a jump between two samples."""
 SAME = 1e-6
 """Smallest time between two jumps, as a fraction of a step."""
 
@@ -90,8 +90,8 @@ class Imperfect(Signal):
     def _crossings(self, start: float, end: float) -> Array:
         """Times in [start, end] at which the rounded value changes by one quantum, s.
 
-        The value is looked at `LOOKS` times a step. A value that moves by several quanta from one look to the next is as good
-        as one without a quantum.
+        The value is sampled `LOOKS` times a step. A value that changes by several quanta between two samples is treated as a
+        value without a quantum.
         """
         apart = self.step / LOOKS
         times = apart * np.arange(np.floor(start / apart), np.ceil(end / apart) + 1)

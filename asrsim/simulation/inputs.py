@@ -93,7 +93,7 @@ class Inputs:
         self._moving = np.array([[type(signal) is not Constant for signal in row] for row in self._signals])
         """Mask (joints, columns) of the signals that are not constant."""
         self._holds = not self._sensed and all(type(signal) is Constant for row in self._wrenches for signal in row)
-        """Whether inputs cannot change while the signals of the joints hold."""
+        """Whether the inputs are constant if the signals of the joints are constant: no sensors, and constant wrenches."""
         self._goals = len(self._signals[0])
         """Number of columns of the external torque and the references that act."""
         self._recorded = [row + own for row, own in zip(self._signals, sent, strict=True)] if affected else self._signals

@@ -124,7 +124,7 @@ def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides:
             motor.theta = place + way if place > joint.position else place - way
             most = max(most, abs(motor.theta - joint.position))
         if strides[w, 2] == OTHER or not most <= common.deflections[longest, j]:
-            # The stiffness where the step can take the springs.
+            # The stiffness at the deflections that the springs can reach in the step.
             spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
             while longest > 0 and not joint.stiffness <= common.stiffest[longest, j]:
                 longest -= 1

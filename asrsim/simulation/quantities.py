@@ -41,7 +41,7 @@ def simulated_quantities(motors: int) -> tuple[str, ...]:
     return (*names, *(stage.lost for stage in STAGES.loaded() if stage.lost))
 
 
-class Place(NamedTuple):
+class StatePlace(NamedTuple):
     """Place of a number in a joint's state."""
 
     column: int
@@ -52,20 +52,20 @@ class Place(NamedTuple):
     """Name of the number in this record."""
 
 
-def columns_of(shape: RowShape) -> dict[str, Place]:
+def columns_of(shape: RowShape) -> dict[str, StatePlace]:
     """Place of each quantity."""
-    found = {name: Place(JOINT[path], _itself, path) for path, name in LOGGED.items()}
+    found = {name: StatePlace(JOINT[path], _itself, path) for path, name in LOGGED.items()}
     for i in range(shape.motors):
         owner = partial(motor_of, i=i)
-        found |= {name.format(i + 1): Place(motor_column(path, i), owner, path) for path, name in LOGGED_OF_MOTORS.items()}
+        found |= {name.format(i + 1): StatePlace(motor_column(path, i), owner, path) for path, name in LOGGED_OF_MOTORS.items()}
     for index, stage in enumerate(shape.kept):
         first, names = shape.place(stage), {path: one["log"] for path, one in declared(stage.Memory).items()}
         if stage.lost:
-            found[stage.lost] = Place(first, partial(_stage_of, index=index), "loss")
+            found[stage.lost] = StatePlace(first, partial(_stage_of, index=index), "loss")
         for i in range(shape.motors):
             owner, begin = partial(_memory_of, index=index, i=i), first + 1 + i * len(names)
             places = enumerate(names.items(), start=begin)
-            found |= {name.format(i + 1): Place(column, owner, path) for column, (path, name) in places if name}
+            found |= {name.format(i + 1): StatePlace(column, owner, path) for column, (path, name) in places if name}
     return found
 
 
@@ -81,7 +81,7 @@ def _memory_of(joint: JointState, index: int, i: int) -> Any:
     return joint.stages[index].motors[i]
 
 
-def reader_of(places: Sequence[Place]) -> Callable[[JointState], list[float]]:
+def reader_of(places: Sequence[StatePlace]) -> Callable[[JointState], list[float]]:
     """Function that reads the numbers at these places from a joint's state."""
     parts = [(owner, _getter([place.path for place in own])) for owner, own in groupby(places, key=attrgetter("owner"))]
 

@@ -99,7 +99,7 @@ def _obstacles(prepared: Prepared) -> list[str]:
 
 
 def _resolves(prepared: Prepared, substeps: int, share: float) -> bool:
-    """Whether this number of substeps in a step resolves all but the springs beyond this fraction of their stiffness."""
+    """Whether this number of substeps in a step resolves springs of up to this fraction of their largest stiffness."""
     full = prepared.resolution
     try:
         free, fixed = (
@@ -116,7 +116,7 @@ def _resolves(prepared: Prepared, substeps: int, share: float) -> bool:
 
 
 def _safe_deflection(drive: SteppedJoint, stiffness: float) -> float:
-    """Deflection of the joint's springs in rad up to which they are no stiffer together than `stiffness` in N m/rad."""
+    """Deflection of the joint's springs in rad up to which their total stiffness is at most `stiffness` in N m/rad."""
     if drive.drive is None or not drive.drive.mode.spring:
         return np.inf
     actuator, limit = drive.drive.actuator, drive.values.get("max_deflection", np.pi)

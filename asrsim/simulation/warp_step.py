@@ -85,11 +85,11 @@ STATE, CONSTANTS, KIND, SCHEME = (
 )
 
 
-Law = tuple[Any, int, tuple[type[Stage], ...]]
+JointLaw = tuple[Any, int, tuple[type[Stage], ...]]
 """Actuator, number of positions that its laws take, and stages."""
 
 
-def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgram, list[Law]]:
+def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgram, list[JointLaw]]:
     """The program that advances joints with these drives, and their laws: `spring_law` of a joint is the number of its law,
     from 1. Raises TranslationError that names the actuator and the line."""
     found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
@@ -113,7 +113,7 @@ def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgra
     return made, used
 
 
-def law_of(drive: SteppedJoint, stages: tuple[type[Stage], ...]) -> Law | None:
+def law_of(drive: SteppedJoint, stages: tuple[type[Stage], ...]) -> JointLaw | None:
     """Law of a joint with these stages; None without actuator."""
     return None if drive.actuator is None else (drive.actuator, drive.positions, stages)
 
@@ -159,7 +159,7 @@ ROWS = "s: wp.array(dtype=float), s_at: int, p: wp.array(dtype=float), p_at: int
 """Arguments of a function that receives the state, the constants and the kind of a joint."""
 
 
-def _law_text(made: WarpProgram, used: Sequence[Law]) -> str:
+def _law_text(made: WarpProgram, used: Sequence[JointLaw]) -> str:
     """A function that calls the laws with a number."""
     lines = ["@wp.func", f"def spring_law(which: int, {ROWS}, q: float, task: int):"]
     for number, law in enumerate(used, start=1):

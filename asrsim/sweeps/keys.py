@@ -78,8 +78,8 @@ class KeyPlan:
 
 
 def _in_order(keys: Iterable[str]) -> list[str]:
-    """Keys such that the key of a joint comes after, and so replaces, a key that stands for several joints; and a pattern
-    after the key of all joints."""
+    """Keys in the order in which they are applied: keys of all joints, patterns, keys of single joints. A later key replaces
+    an earlier one."""
 
     def rank(key: str) -> int:
         parts = split_path(key)

@@ -30,7 +30,7 @@ class Sampler(ABC):
         return wanted
 
     def draws(self, samples: int, dimensions: int) -> int:
-        """Number of draws that so many samples make."""
+        """Number of draws for this number of samples."""
         return samples * (dimensions + 2) if self.blocks else samples
 
     @abstractmethod

@@ -45,7 +45,8 @@ MANIFEST_SHAPE: dict[str, Any] = {
 }
 """Structure of `study.json`."""
 GROUP = 20_000
-"""Number of rows in a group of a file. As many waiting rows are written at once, and a part with as many is complete."""
+"""Number of rows in a group of a file. Waiting rows are written when they are as many as this, and a part with this number of
+rows is complete."""
 PATIENCE = 3.0
 """Interval in s at which rows are written: a killed program loses at most the rows of this time."""
 MOST_PARTS = 32
@@ -56,8 +57,8 @@ SAME = {
     "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
 }
-"""Entries of `study.json` that must be unchanged when a study continues, each with the message for a changed entry, which the
-names of what changed in it follow."""
+"""Entries of `study.json` that must be unchanged when a study continues, each with the beginning of the message for a changed
+entry; the names of the changed inputs follow."""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -72,7 +73,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
         wrong = "a column is not a name, a kind and a unit"
-    # Who knows how the checksum is made can write one.
+    # A checksum can be forged, so the contents are checked, too.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
     # Folders keep the old names for ever.
@@ -97,7 +98,7 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files of the folder that each contain a part of the rows, sorted. Foreign files with similar names are none."""
+    """Files of the folder that each contain a part of the rows, sorted. Other files with similar names are left out."""
     return sorted(path for path in folder.glob("part-*.parquet") if re.fullmatch(r"part-[0-9]{6,9}\.parquet", path.name))
 
 
@@ -226,7 +227,7 @@ class Store:
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What makes a study another one than that of its folder, with the names of everything that changed."""
+    """Differences between a study and the study of its folder, with the names of the changed inputs."""
     found: list[str] = []
     for key, message in SAME.items():
         old, new = before.get(key), now[key]

@@ -91,7 +91,8 @@ class Study:
     fit: Any = declare(
         File(noun="fit"),
         default=None,
-        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`): drawn together, normally",
+        doc="JSON or YAML with `keys`, `mean` and `covariance` (and `logarithmic`, `bounds`, `ties`) of a joint normal "
+        "distribution",
     )
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),

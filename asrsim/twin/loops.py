@@ -67,7 +67,7 @@ class AlarmLimits(NamedTuple):
     """Multiple of the friction that is tolerated while the link is at rest."""
 
 
-class Watch(NamedTuple):
+class JointWatch(NamedTuple):
     """Numbers by which measured positions are watched."""
 
     share: float
@@ -103,7 +103,7 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
     )
 
 
-def compare(t: TwinTables, watch: Watch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:
+def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:
     """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
 
     positions: measured positions (n,), which become those that the twin can follow; links: of the simulations (w, n), rad;
@@ -180,7 +180,7 @@ def judge(
     ready: bool, error: Any, alarm: Any, found: Any,
 ) -> bool:  # fmt: skip
     """Compute the external torques, thresholds and alarms of each joint. Returns whether a joint's threshold, from noise alone,
-    exceeds all that its springs have carried in motion.
+    exceeds the largest torque that its springs have carried in motion.
 
     rows: recorded values of the simulations (w, n, columns); springs: columns with the torques of the springs, N m; stiffness:
     column with the joints' stiffness, -1 without springs; learned: whether the model's errors are estimated (n,); friction: of
@@ -225,7 +225,7 @@ class TwinLoops(NamedTuple):
     learn: Callable[..., None] = learn
 
 
-def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: Watch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
+def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: JointWatch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
     one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros(1, dtype=np.int64)
     examples = (

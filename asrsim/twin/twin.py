@@ -20,7 +20,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
 from asrsim.simulation.start import Start
 from asrsim.simulation.worlds import Worlds
-from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, TwinLoops, Watch, compiled_loops, tables
+from asrsim.twin.loops import JUMPED, LOST, MISSING, AlarmLimits, JointWatch, TwinLoops, compiled_loops, tables
 from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
@@ -129,7 +129,7 @@ class Twin:
         )
         self._coupled = np.array([drive.name in ready.robot.followers for drive in ready.drives])
         self._stops = np.array([drive.joint.stops for drive in ready.drives]).T.copy()
-        self._watch = Watch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
+        self._watch = JointWatch(share=step / NOISE_MEMORY, step=step, gap=LONGEST_GAP, jump=JUMP)
         self._gains, self._shares = gains_of(step, bandwidth), np.append(filter_shares(step, bandwidth), SHARE)
         self._limits = AlarmLimits(
             forgotten=step / PEAK_MEMORY,
@@ -283,7 +283,7 @@ class Twin:
         )
 
     def _say_deaf(self, notes: list[str]) -> None:
-        """Note joints whose threshold, from noise alone, exceeds all that their springs have carried in motion."""
+        """Note joints whose threshold, from noise alone, exceeds the largest torque of their springs in motion."""
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])

@@ -8,7 +8,7 @@ import numpy as np
 
 from asrsim.quantities import unit_of
 from asrsim.samples import Array
-from asrsim.viewer.figure import Colour
+from asrsim.viewer.figure import Rgb
 
 SCALES: dict[str, tuple[tuple[int, int, int], ...]] = {
     # Diverging, from negative to positive.
@@ -26,7 +26,7 @@ class ColourScale:
         self.quantity = quantity
         self._low, self._high = np.inf, -np.inf
 
-    def colours(self, values: Array) -> list[Colour | None]:
+    def colours(self, values: Array) -> list[Rgb | None]:
         """Colour of each value; None for a value that is not finite."""
         finite = values[np.isfinite(values)]
         if not len(finite):
@@ -43,7 +43,7 @@ class ColourScale:
         )
         place = np.linspace(0.0, 1.0, len(anchors))
         mixed = np.transpose([np.interp(share, place, channel) for channel in anchors.T])
-        found: list[Colour | None] = []
+        found: list[Rgb | None] = []
         for value, (red, green, blue) in zip(values.tolist(), np.nan_to_num(mixed).round().astype(int).tolist(), strict=True):
             found.append((red, green, blue) if np.isfinite(value) else None)
         return found

@@ -331,14 +331,14 @@ class Desk:
         if latest is None:
             return
         self._page.draw(latest, pull=self._pull)
-        # By the wall clock: a run that is paused has news too.
+        # By the wall clock: the text of a paused run is updated, too.
         if (now := clock.perf_counter()) - self._said >= SAID:
             self._said = now
             self._say_references(latest)
             self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
-        """Say each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
+        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
         changes the number that a user types there."""
         for joint, text in self._present.items():
             parts = []

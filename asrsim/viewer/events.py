@@ -82,7 +82,7 @@ def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, pa
 
 
 def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Event]:
-    """An event at the beginning of each interval in which something is the case; short breaks do not count."""
+    """An event at the beginning of each interval in which a condition holds; short breaks do not count."""
     rows = np.flatnonzero(reached)
     if len(rows):
         fresh = np.diff(time[rows], prepend=-np.inf) > APART

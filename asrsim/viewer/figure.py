@@ -15,7 +15,7 @@ from asrsim.samples import Array, Samples
 if TYPE_CHECKING:
     import viser
 
-Colour = tuple[int, int, int]
+Rgb = tuple[int, int, int]
 """Red, green and blue, 0 to 255."""
 MOVED = 1e-7
 """Change of an entry of a frame below which a body counts as still, m or 1."""
@@ -34,7 +34,7 @@ class Figure:
         server: viser.ViserServer,
         scene: RenderScene,
         *,
-        colour: Colour | None = None,
+        colour: Rgb | None = None,
         opacity: float | None = None,
         objects: bool = True,
     ) -> None:
@@ -44,11 +44,11 @@ class Figure:
         self._root = server.scene.add_frame(root, show_axes=False)
         self.nodes: dict[str, viser.FrameHandle] = {}
         """Nodes by the name of their body: the root, each link that a joint moves, and each object."""
-        self.meshes: dict[str, list[tuple[viser.MeshHandle, Colour]]] = {}
+        self.meshes: dict[str, list[tuple[viser.MeshHandle, Rgb]]] = {}
         """Meshes of each body, with their own colours."""
         self._place_of: dict[str, tuple[Array | None, Array | None]] = {}
         """Position and orientation of each node in the node before it, as sent."""
-        self._tints: Mapping[str, Colour] = {}
+        self._tints: Mapping[str, Rgb] = {}
         joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
         carrier = {scene.model.robot.root.name: scene.model.robot.root.name}
         self._before: dict[str, str] = {}
@@ -84,7 +84,7 @@ class Figure:
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
     def place(self, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-        """Move the bodies to the only sample; returns the frame (4, 4) of each body in the world.
+        """Move the bodies to the last of the samples; returns the frame (4, 4) of each body in the world.
 
         positions: positions (joints,) instead of the links' positions, rad (m).
         """
@@ -105,7 +105,7 @@ class Figure:
             self._place_of[name] = known_place, known_turn
         return frames
 
-    def tint(self, colours: Mapping[str, Colour]) -> None:
+    def tint(self, colours: Mapping[str, Rgb]) -> None:
         """Give bodies a colour; all others get their own colours back."""
         if colours == self._tints:
             return
@@ -151,7 +151,7 @@ class Figure:
 
 
 def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-    """Frame (4, 4) of each body in the world at the only sample. Joints without a position are at 0."""
+    """Frame (4, 4) of each body in the world at the last of the samples. Joints without a position are at 0."""
     values = samples.values["link_position"][-1] if positions is None else positions
     return scene.frames(
         {name: float(value) for name, value in zip(samples.joints, values, strict=True) if math.isfinite(value)},
@@ -167,6 +167,6 @@ def quaternions(frames: Array) -> Array:
     return turns
 
 
-def _bytes(colour: Array) -> Colour:
+def _bytes(colour: Array) -> Rgb:
     red, green, blue = np.round(255.0 * colour).astype(int).tolist()
     return red, green, blue

@@ -102,7 +102,7 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # `stop` is first called after the first run is built: only until then Ctrl-C also ends a compilation.
+        # Ctrl-C can end a compilation only before the first call of `stop`, which is therefore after the first run is built.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)

@@ -25,7 +25,7 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Number of ghosts from which they are hidden at first, and from which plots begin with one joint."""
+"""Smallest number of ghosts with which they are hidden at first, and plots begin with one joint."""
 PREPARING = "The simulation is being prepared. The first one after an installation is compiled, which may take half a minute."
 NARROW = 700
 """Width of a window whose controls stand below the robot, pixels."""
@@ -124,7 +124,7 @@ class Page:
         return clock.perf_counter() - self._drawn >= FRAME
 
     def draw(self, samples: Samples, *, pull: Pull | None = None, time: float | None = None) -> None:
-        """Show the only sample, and the plots up to its time, or up to `time` in s."""
+        """Show the last of the samples, and the plots up to its time, or up to `time` in s."""
         now = clock.perf_counter()
         self._drawn = now
         at = float(samples.time[-1]) if time is None else time

@@ -138,8 +138,8 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        # A plot that got other curves would find a wrong scale of the time: viser keeps what part of the time a plot shows, and
-        # takes a plot that is not drawn yet for one whose time ends at 1 s.
+        # A plot whose curves are replaced would show a wrong range of time: viser keeps the part of the time that it shows, and
+        # assumes for a plot that is not drawn yet that its time ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:

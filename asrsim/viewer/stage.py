@@ -13,16 +13,16 @@ from asrsim.render.camera import fit_camera, main_axis, viewpoint
 from asrsim.render.scene import RenderScene
 from asrsim.samples import TIP, Array, Samples
 from asrsim.viewer.colours import ColourScale
-from asrsim.viewer.figure import Colour, Figure, frames_of
+from asrsim.viewer.figure import Figure, Rgb, frames_of
 from asrsim.viewer.history import values_of
 from asrsim.viewer.subject import Companion, Subject
 
 if TYPE_CHECKING:
     import viser
 
-EQUILIBRIUM: Colour = (0, 114, 178)
+EQUILIBRIUM: Rgb = (0, 114, 178)
 """Colour of the ghost at the equilibrium, as in the plots."""
-GHOSTS: tuple[Colour, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
+GHOSTS: tuple[Rgb, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
 """Colours of the other ghosts and their curves."""
 ROOM = 1.9
 """Size of what the camera sees at first, as a factor on the robot's size: the robot moves, and panels cover the edges."""
@@ -145,7 +145,7 @@ class ViewerStage:
     # -- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self, samples: Samples, *, pull: Pull | None = None) -> None:
-        """Show the only sample."""
+        """Show the last of the samples."""
         time, look = float(samples.time[-1]), self.look
         frames = self.figure.place(samples)
         error = values_of(samples, "position_error", self.subject.joints)
@@ -181,7 +181,7 @@ class ViewerStage:
         wanted = self.look.colour
         if (self._scale.quantity if self._scale else "") != wanted:
             self._scale = ColourScale(wanted) if wanted else None
-        colours: dict[str, Colour] = {}
+        colours: dict[str, Rgb] = {}
         values = values_of(samples, wanted, self.subject.joints) if self._scale else None
         if self._scale is not None and values is not None:
             children = {joint.name: joint.child for joint in self.subject.scene.model.robot.joints}
@@ -212,7 +212,7 @@ class ViewerStage:
             if (joint := joints.get(name)) is not None and math.isfinite(torque)
         ]
 
-    def _draw_forces(self, name: str, forces: Sequence[tuple[Array, Array]], colour: Colour) -> None:
+    def _draw_forces(self, name: str, forces: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
         """Draw forces or torques at their points; the largest that was seen has the longest arrow, as their lengths have no
         common unit with the robot."""
         shown = [(point, vector) for point, vector in forces if np.linalg.norm(vector) > LEAST]
@@ -221,7 +221,7 @@ class ViewerStage:
         scale = LONGEST * self.size / most
         self._draw_arrows(name, [(point, point + scale * vector) for point, vector in shown], colour)
 
-    def _draw_arrows(self, name: str, ends: Sequence[tuple[Array, Array]], colour: Colour) -> None:
+    def _draw_arrows(self, name: str, ends: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
         """Draw arrows between points (3,), m."""
         points = np.array(ends, dtype=np.float32).reshape(-1, 2, 3)
         if name not in self._arrows:
@@ -264,7 +264,7 @@ class ViewerStage:
             way, _ = self.subject.scene.model.pose(positions[:: max(1, len(positions) // TRACED)], link, point)
         return way[:: max(1, len(way) // TRACED)]
 
-    def _line(self, name: str, points: Array, colour: Colour) -> None:
+    def _line(self, name: str, points: Array, colour: Rgb) -> None:
         segments = np.stack([points[:-1], points[1:]], axis=1) if len(points) > 1 else np.empty((0, 2, 3))
         if name in self._lines:
             self._lines[name].remove()

@@ -80,7 +80,7 @@ class Translation:
             if before == (self._names, self.returned):
                 break
         else:
-            raise TranslationError("the kinds of its names do not settle")
+            raise TranslationError("the kinds of its names cannot be determined")
         self.text = "\n".join(
             [f"def {name}({', '.join(self._signature)}):", *(f"    {line}" for line in self._lines or ["pass"])]
         )

@@ -38,6 +38,13 @@ def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path
     assert not (tmp_path / "here" / "ilc.png").exists()
 
 
+def test_keys_of_fixed_gains_are_told_to_have_no_effect_with_the_automatic_law(asrsim_command, lift):
+    lift.write_text(lift.read_text().replace("law: paper", "law: auto\n  gain_decay: 0.9"))
+    told = asrsim_command("ilc", lift, "--out", "here", "--no-plot", "--set", "ilc.max_iterations=1").out
+    assert "gain, gain_decay: no effect with law auto" in told
+    assert "filter" not in told
+
+
 @pytest.mark.parametrize(
     ("shares", "code", "words"),
     [
@@ -54,7 +61,7 @@ def test_the_exit_code_of_a_recorded_trial_tells_failed_learning(asrsim_command,
     for share in shares:
         header = "time [s],joint_1.link_position [rad]"
         np.savetxt(tmp_path / "a.csv", np.column_stack([time, share * motion]), delimiter=",", header=header, comments="")
-        done = asrsim_command("ilc", lift, "-e", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1")
+        done = asrsim_command("ilc", lift, "-e", "a.csv", "--out", "robot", "--set", "ilc.max_iterations=1", "--no-plot")
     assert done.code == code, done.err
     assert words in done.out + done.err
 

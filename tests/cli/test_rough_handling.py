@@ -121,7 +121,7 @@ def test_a_learning_folder_without_finite_outputs_is_refused_or_continued(tiny, 
     stored = dict(np.load(state))
     np.savez(state, **(stored | {"outputs": stored["outputs"] + outputs, "inputs": stored["inputs"] + inputs}))
     outcome = no_crash(asrsim_command("ilc", tiny.scenario, "--out", "learned", "--no-plot", "--resume"))
-    refused = "its numbers are those of no robot" in outcome.err
+    refused = "its numbers are too large for a robot" in outcome.err
     assert refused is not (np.isnan(outputs) and inputs == 0.0)
 
 

@@ -99,7 +99,7 @@ def test_init_plays_the_command_of_each_motor(three, asrsim_command, mode, file_
     moves = {names.format(i): f"{{sinusoid: {{amplitude: {0.1 * i}, frequency: {i}}}}}" for i in (1, 2, 3)}
     commands = ", ".join(f"{name}: {signal}" for name, signal in moves.items())
     (three / "c.yaml").write_text(f"robot: arm.urdf\nmodes: {mode}\nduration: 0.4\nreferences: {{elbow: {{{commands}}}}}\n")
-    assert asrsim_command("run", "c.yaml", "--plugin", "three.py", "--out", "c").code == 0
+    assert asrsim_command("run", "c.yaml", "--plugin", "three.py", "--out", "c", "--no-plot").code == 0
     samples = read_log(three / "c/log.mcap").samples
     recorded = {names.format(i): samples.values[f"reference_{i}"][:, 0] for i in (1, 2, 3)}
     recorded["link_position"] = samples.values["link_position"][:, 0]
@@ -110,7 +110,7 @@ def test_init_plays_the_command_of_each_motor(three, asrsim_command, mode, file_
     (three / "arm.urdf").write_text(text)
     outcome = asrsim_command("init", "arm.urdf", "--experiment", "played.csv", "--out", "p.yaml", "--plugin", "three.py")
     assert outcome.code == 0, outcome.err
-    assert asrsim_command("run", "p.yaml", "--plugin", "three.py", "--out", "again").code == 0
+    assert asrsim_command("run", "p.yaml", "--plugin", "three.py", "--out", "again", "--no-plot").code == 0
     again = read_log(three / "again/log.mcap").samples
     rows = len(again.time)
     moved = np.ptp(recorded["link_position"])
@@ -136,4 +136,4 @@ def test_design_proposes_a_motion_of_three_motors(three, asrsim_command):
     (three / "limits.yaml").write_text("limits: {elbow: {link_position: [-1, 1], motor_torque: 30}}\n")
     options = ["--limits", "limits.yaml", "--free", "elbow.k", "--duration", "0.5", "--plugin", "three.py", "--no-plot"]
     assert asrsim_command("design", "s.yaml", *options, "--out", "d.csv").code == 0
-    assert asrsim_command("run", "d.yaml", "--plugin", "three.py", "--out", "designed").code == 0
+    assert asrsim_command("run", "d.yaml", "--plugin", "three.py", "--out", "designed", "--no-plot").code == 0

@@ -103,11 +103,13 @@ def test_commands_may_overwrite_their_own_files(place, asrsim_command, name):
 @pytest.mark.parametrize(
     "arguments",
     [
-        "report made --out step.yaml", "report made --out made/log.mcap", "init pendulum.urdf --out pendulum.urdf --overwrite",
+        "report made --out step.yaml",
+        "report made --out made/log.mcap",
+        "init pendulum.urdf --out pendulum.urdf --overwrite",
         "init pendulum.urdf --experiment motion.csv --out motion.csv --overwrite",
         "init pendulum.urdf --experiment motion.fit.yaml --out motion.yaml --overwrite",
     ],
-)  # fmt: skip
+)
 def test_commands_never_overwrite_their_inputs(place, asrsim_command, arguments):
     before = {path: path.read_bytes() for path in place.rglob("*") if path.is_file()}
     outcome = asrsim_command(*arguments.split())

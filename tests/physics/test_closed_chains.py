@@ -180,14 +180,16 @@ def test_the_scenario_states_another_point_for_the_loop_of_a_file(tmp_path):
 
 
 THIRD = (
-    pair.joint("third", "base", "D", 2 * pair.B) + pair.link("D", pair.ARM, pair.A)
+    pair.joint("third", "base", "D", 2 * pair.B)
+    + pair.link("D", pair.ARM, pair.A)
     + f'<loop_joint name="more" type="spherical"><link1 link="bar" xyz="{2 * pair.B} 0 0"/>'
     f'<link2 link="D" xyz="{pair.A} 0 0"/></loop_joint>'
-)  # fmt: skip
+)
 HALF = (
-    pair.joint("hand", "C", "half", pair.A) + pair.link("half", 0.3, 0.0)
+    pair.joint("hand", "C", "half", pair.A)
+    + pair.link("half", 0.3, 0.0)
     + f'<loop_joint name="glue" type="fixed"><link1 link="bar" xyz="{pair.B} 0 0"/><link2 link="half"/></loop_joint>'
-)  # fmt: skip
+)
 GEARED = pair.joint("gear", "base", "G", 0.0, '<mimic joint="rocker" multiplier="-2" offset="0.3"/>') + pair.link("G", 0.0, 0.0)
 MORE = {
     "two loops that share two joints": (pair.BALL + THIRD, pair.INERTIA + pair.CRANK, {"third": 1.2}),

@@ -202,11 +202,12 @@ def test_heating_of_an_electric_motor_is_that_of_its_winding():
 @pytest.mark.parametrize(
     ("model", "fixed", "truth"),
     [
-        ({"damping": 0.4}, {}, {"spring_damping": 0.4}), ({"play": 0.04}, {}, {"backlash": 0.04}),
+        ({"damping": 0.4}, {}, {"spring_damping": 0.4}),
+        ({"play": 0.04}, {}, {"backlash": 0.04}),
         ({"heat": 120.0, "largest": 2.5}, WARM | {"motor_1_max_torque": 2.5}, {"thermal_resistance": R, "thermal_capacity": C}),
     ],
     ids=["damper", "backlash", "heating"],
-)  # fmt: skip
+)
 def test_parameters_of_a_stage_are_identified_from_an_independent_solution(tmp_path, model, fixed, truth):
     pendulum = Pendulum(**model)
     times = np.arange(0.0, 2.0, 5e-3)

@@ -29,10 +29,11 @@ def test_toolbox_stepping_runs_stiff_springs_with_motors(mode):
 @pytest.mark.parametrize(
     ("given", "start"),
     [
-        ({}, 0.0), ({"initial_motor_positions": {"joint_1": (0.2,)}}, 0.2),
+        ({}, 0.0),
+        ({"initial_motor_positions": {"joint_1": (0.2,)}}, 0.2),
         ({"initial_motor_velocities": {"joint_1": (1.0,)}}, 0.3),
     ],
-)  # fmt: skip
+)
 def test_motors_of_the_toolbox_start_at_0_unless_stated(given, start):
     """With a start velocity alone, motors start at the position of the link."""
     result = run(

@@ -9,8 +9,8 @@ STATE, NUMBER = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64"
 
 def write_bag(path, kind, topics, times, *, definitions=None, version=9):
     """Write a bag. kind: ros1, sqlite3 or mcap. topics: by topic, the type of the messages, and a function that makes
-    a message from the message classes, the message's number and its time in ns. definitions: texts of further message types, by
-    name."""
+    a message, or None, from the message classes, the message's number and its time in ns. definitions: texts of further message
+    types, by name."""
     from rosbags.rosbag1 import Writer as Writer1
     from rosbags.rosbag2 import StoragePlugin
     from rosbags.rosbag2 import Writer as Writer2
@@ -25,7 +25,8 @@ def write_bag(path, kind, topics, times, *, definitions=None, version=9):
         opened = {topic: bag.add_connection(topic, message, typestore=store) for topic, (message, _) in topics.items()}
         for i, time in enumerate(map(int, times)):
             for topic, (message, make) in topics.items():
-                bag.write(opened[topic], time, serialise(make(store.types, i, time), message))
+                if (made := make(store.types, i, time)) is not None:
+                    bag.write(opened[topic], time, serialise(made, message))
     return path
 
 

@@ -15,8 +15,10 @@ DYNAMICS = (
 )  # fmt: skip
 MORE = (
     '<safety_controller soft_lower_limit="-0.1" soft_upper_limit="0.1" k_velocity="10"/>',
-    '<calibration rising="0.1"/>', "", "",
-)  # fmt: skip
+    '<calibration rising="0.1"/>',
+    "",
+    "",
+)
 SHAPES = (
     '<sphere radius="0"/>', '<box size="0.1 0.05 0.02"/>', '<cylinder radius="0.02" length="0.1"/>', "",
     '<mesh filename="package://away/a.stl"/>', '<mesh filename=""/>', '<sphere radius="0.03"/>',

@@ -34,7 +34,7 @@ class Stages(Registry[type[Stage]]):
         return super().state(), dict(QUANTITIES)
 
     def put(self, state: Any) -> None:
-        """Contain what the registry contained when it had this state."""
+        """Restore this earlier state of the registry."""
         entries, quantities = state
         super().put(entries)
         for name in QUANTITIES.keys() - quantities.keys():

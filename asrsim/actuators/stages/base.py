@@ -2,7 +2,7 @@
 
 The laws are static methods of numbers. They use only the module `math`, so that one source runs interpreted, compiled and on
 Warp. A law receives the memory of the stage at one motor, and the constants there. A stage declares only the laws that it
-needs; the others have no effect. Laws are composed when the robot is built: joints without the stage contain nothing of it.
+needs; the others have no effect. Laws are combined when the robot is built: joints without the stage run none of its code.
 
     class Slip(Stage):
         name = "slip"

@@ -14,7 +14,7 @@ from asrsim.simulation.prepared import Prepared
 
 
 class Program:
-    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. All but the names is optional."""
+    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. Only the names are required."""
 
     name: ClassVar[str]
     """Name on the command line."""
@@ -25,7 +25,7 @@ class Program:
     modules: ClassVar[tuple[str, ...]] = ()
     """Modules that the program needs here."""
     constructs: ClassVar[Constructs] = Constructs()
-    """Constructs of MJCF that the program steps right."""
+    """Constructs of MJCF that the program simulates correctly."""
     longest: ClassVar[int] = 10**9
     """Largest number of time steps of a replay: a program for thousands of robots takes long for one."""
 

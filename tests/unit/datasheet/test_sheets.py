@@ -207,9 +207,10 @@ def test_the_loaded_change_of_stiffness_is_under_the_nominal_torque_where_every_
 
 def test_presets_beyond_the_springs_or_without_effect_are_refused():
     for target, presets, text in (
-        ("qbmove", (0.0, 2.0), "below 0.8 rad"), ("awas_ii", (0.01, 0.06), "below 0.05 m"),
+        ("qbmove", (0.0, 2.0), "below 0.8 rad"),
+        ("awas_ii", (0.01, 0.06), "below 0.05 m"),
         ("sea", (0.0, 0.1), "does not change the stiffness"),
-    ):  # fmt: skip
+    ):
         (source,) = sources_of([target])
         with pytest.raises(InputError, match=text):
             make_sheet(source, presets=presets)

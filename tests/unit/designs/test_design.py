@@ -1,4 +1,4 @@
-"""Designed experiments: promised intervals, limits, and errors for impossible requests."""
+"""Designed experiments: predicted intervals, limits, and errors for impossible requests."""
 
 import numpy as np
 import pytest
@@ -70,7 +70,7 @@ def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
     assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
 
 
-def test_promised_interval_agrees_with_finite_differences_of_runs(limits, tmp_path):
+def test_predicted_interval_agrees_with_finite_differences_of_runs(limits, tmp_path):
     """A sticking SEA, one number free: slopes from two runs of the written scenario, 6e-4 apart."""
     robot = EXAMPLES / "urdf" / "dof1_qbmove_cube.urdf"
     text = f"robot: {robot}\nduration: 1\nactuators: {{joint_1: {{type: sea, mode: 6}}}}\ninitial: equilibrium\n"
@@ -158,7 +158,7 @@ def test_a_start_beyond_a_limit_names_quantity_and_remedy(limits):
     assert design(scenario, path, free=["joint_1.damping"], duration=1.0, overrides=["initial=equilibrium"], **UNSEARCHED).keys
 
 
-def test_the_chosen_gain_is_the_one_whose_own_design_promises_most(limits):
+def test_the_chosen_gain_is_the_one_whose_own_design_predicts_the_best_intervals(limits):
     scenario = limits(
         f"robot: {EXAMPLES / 'urdf' / 'dof1_qbmove_cube.urdf'}\nduration: 1\nactuators: {{joint_1: {{type: sea, mode: 6}}}}\n"
         "initial: equilibrium\nparameters: {joint_1: {spring_stiffness: 8}}\n"

@@ -14,9 +14,11 @@ from asrsim.environment import make_env  # noqa: E402
 from asrsim.environment.draws import Draws  # noqa: E402
 
 RANDOM = {
-    "joint_1.damping": "uniform(0.01, 0.2)", "link_2.mass": "normal(0.5, 0.05)",
-    "parameters.joint_1.spring_k_1": "loguniform(0.002, 0.01)", "references.*.stiffness_preset": [0.1, 0.2, 0.3],
-}  # fmt: skip
+    "joint_1.damping": "uniform(0.01, 0.2)",
+    "link_2.mass": "normal(0.5, 0.05)",
+    "parameters.joint_1.spring_k_1": "loguniform(0.002, 0.01)",
+    "references.*.stiffness_preset": [0.1, 0.2, 0.3],
+}
 QUIET = pytest.mark.filterwarnings("ignore::UserWarning")
 
 

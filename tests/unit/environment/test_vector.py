@@ -13,9 +13,11 @@ import asrsim  # noqa: E402
 
 URDF = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
 KEYS = {
-    "duration": 0.2, "engine": "mujoco", "modes": {"*": 6},
+    "duration": 0.2,
+    "engine": "mujoco",
+    "modes": {"*": 6},
     "reference_ranges": {"*": {"equilibrium_position": [-1.0, 1.0], "stiffness_preset": [0.05, 0.4]}},
-}  # fmt: skip
+}
 DRAWN = {
     "randomise": {"link_2.mass": "uniform(0.3, 0.9)", "joint_1.damping": "uniform(0.0, 0.1)"},
     "initial": {"joint_1": "uniform(-0.5, 0.5)"},
@@ -46,9 +48,15 @@ def test_each_environment_has_the_bits_of_one_alone(threads):
         np.testing.assert_array_equal(observations[i], first)
         assert told["goal"]["x"][i] == info["goal"]["x"]
     for actions in np.random.default_rng(0).uniform(-1.0, 1.0, (25, 3, 2)).astype(np.float32):
-        observations, rewards, ended, truncated, _ = many.step(actions)
+        observations, rewards, ended, truncated, told = many.step(actions)
         for i, env in enumerate(alone):
-            expected = (env.reset()[0], 0.0, False, False) if over[i] else env.step(actions[i])[:4]
+            if over[i]:
+                first, info = env.reset()
+                expected = first, 0.0, False, False
+                assert told["goal"]["x"][i] == info["goal"]["x"]
+                assert told["parameters"]["link_2.mass"][i] == info["parameters"]["link_2.mass"]
+            else:
+                expected = env.step(actions[i])[:4]
             np.testing.assert_array_equal(observations[i], expected[0])
             assert (rewards[i], ended[i], truncated[i]) == expected[1:]
             over[i] = expected[2] or expected[3]

@@ -205,10 +205,12 @@ def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
 @pytest.mark.parametrize(
     ("mode", "unit", "quantity", "reason"),
     [
-        (0, "N m", "elastic_torque_1 [N m]", "has no spring"), (3, "rad", "motor_1_position [rad]", "stand at their"),
-        (6, "rad", "link_velocity [rad/s]", "compute velocities"), (3, "rad", "elastic_torque_1 [N m]", "never changes"),
+        (0, "N m", "elastic_torque_1 [N m]", "has no spring"),
+        (3, "rad", "motor_1_position [rad]", "stand at their"),
+        (6, "rad", "link_velocity [rad/s]", "compute velocities"),
+        (3, "rad", "elastic_torque_1 [N m]", "never changes"),
     ],
-)  # fmt: skip
+)
 def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, unit, quantity, reason):
     time, noise = np.arange(0.0, 4.0, 2e-3), 1e-3 * np.random.default_rng(0).normal(size=(2, 2000))
     columns = {

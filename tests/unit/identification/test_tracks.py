@@ -55,8 +55,9 @@ def test_a_link_starts_with_the_recorded_position_and_velocity(tmp_path, place, 
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.0 * TIME, "joint_1.link_position [rad]": moved}
     velocity = ["joint_1.initial_velocity"] if speed else []
     for free, start, freed in (
-        ("joint_1.damping", place, ["joint_1.initial_position", *velocity]), ("joint_1.link_position.offset", 0.15, velocity),
-    ):  # fmt: skip
+        ("joint_1.damping", place, ["joint_1.initial_position", *velocity]),
+        ("joint_1.link_position.offset", 0.15, velocity),
+    ):
         with ExitStack() as stack:
             problem = prepared(stack, tmp_path, columns, [free], keys="initial: {joint_1: 0.15}\n")
             initial = problem.tracks[0].initial

@@ -1,6 +1,6 @@
 """The outbox of ROS topics tells the user of messages that subscribers do not take in time."""
 
-from asrsim.live.ros import Outbox
+from asrsim.live.ros import Outbox, message_type
 
 
 class Publisher:
@@ -33,6 +33,15 @@ def test_a_blocked_topic_keeps_no_other_topic_from_its_message():
     blocked, free = Publisher(blocked=True), Publisher()
     Outbox([blocked, free], lambda text: None).send([b"a", b"b"], [True, True])
     assert free.sent == [b"b"]
+
+
+def test_messages_of_packages_and_kinds_that_are_not_installed_have_no_class(tmp_path, monkeypatch):
+    (tmp_path / "odd_msgs").mkdir()
+    (tmp_path / "odd_msgs" / "msg.py").write_text("class Odd:\n    pass\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert message_type("odd_msgs/Odd").__name__ == "Odd"
+    assert message_type("odd_msgs/Even") is None
+    assert message_type("no_such_msgs/Odd") is None
 
 
 def test_topics_that_nobody_reads_and_empty_messages_are_left_out():

@@ -202,6 +202,16 @@ def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     assert low.joint == "joint_2"
 
 
+def test_kinds_of_nonsense_beyond_a_hundred_are_counted_together(tmp_path):
+    """Other programs can send endless kinds of nonsense; each kind takes memory."""
+    kinds = [("/reference_1", [0.1] * (3 + n)) for n in range(150)]
+    said = []
+    _, summary = run_live(tmp_path / "run", Script(kinds), duration=0.2, tell=said.append)
+    dropped = summary.live["dropped"]
+    assert (len(dropped), dropped["others"], sum(dropped.values())) == (101, 50, 150)
+    assert len([text for text in said if "only counted" in text]) == 101
+
+
 def test_ros2_control_leaves_uncommanded_joints_alone(tmp_path):
     names = ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
     script = Script([("/ros2_control/joint_commands", [0.3, math.nan, math.nan, 0.1], names)])

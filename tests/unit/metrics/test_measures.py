@@ -210,11 +210,13 @@ def test_displacement_of_a_body():
 @pytest.mark.parametrize(
     ("name", "values", "options", "words"),
     [
-        ("rsme", TIME, {}, "choose from rmse"), ("rmse", TIME, {}, "second series"),
-        ("settling", TIME, {"bandd": 0.1}, "not an option"), ("at", TIME, {}, "must be given"),
+        ("rsme", TIME, {}, "choose from rmse"),
+        ("rmse", TIME, {}, "second series"),
+        ("settling", TIME, {"bandd": 0.1}, "not an option"),
+        ("at", TIME, {}, "must be given"),
         ("mean", np.zeros((len(TIME), 7)), {}, "scalar series"),
     ],
-)  # fmt: skip
+)
 def test_wrong_use_is_explained(name, values, options, words):
     with pytest.raises(InputError, match=words):
         measure(name, TIME, values, **options)

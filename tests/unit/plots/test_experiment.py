@@ -78,7 +78,7 @@ def test_a_late_command_is_not_taken_for_a_late_clock(tiny, asrsim_command, head
     late = "imperfections: {commands: {elbow: {delay: 0.034}}}"
     text = f"robot: pendulum.urdf\nduration: 2\nreferences: {{{sine}}}\n{late}\n"
     tiny.scenario.write_text(text)
-    assert asrsim_command("run", tiny.scenario, "--quiet").code == 0
+    assert asrsim_command("run", tiny.scenario, "--quiet", "--no-plot").code == 0
     log = tiny.folder / "out" / "step" / "default" / "log.mcap"
     samples = read_log(log).samples
     columns = {"elbow_cmd": 0.4 * np.sin(2 * np.pi * 1.3 * samples.time), "elbow_pos": samples.values["link_position"][:, 0]}

@@ -201,10 +201,12 @@ def test_a_truncated_log_is_drawn_as_far_as_it_goes(tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"quantities": ("stifness",)}, "Did you mean 'stiffness'"), ({"joints": ("joint_9",)}, "joint_1"),
-        ({"formats": ("bmp",)}, "png, pdf, svg"), ({"start": 7.0}, "in that time"),
+        ({"quantities": ("stifness",)}, "Did you mean 'stiffness'"),
+        ({"joints": ("joint_9",)}, "joint_1"),
+        ({"formats": ("bmp",)}, "png, pdf, svg"),
+        ({"start": 7.0}, "in that time"),
     ],
-)  # fmt: skip
+)
 def test_bad_requests_say_what_there_is(tmp_path, options, words):
     log = made_up_log(tmp_path / "log.mcap", count=50)
     with pytest.raises(InputError, match=words):

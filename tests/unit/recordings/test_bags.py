@@ -193,8 +193,10 @@ def test_json_messages_were_measured_when_they_say(tmp_path, name):
 
 
 CONTROLLER = {
-    "joint_names": ["b", "a"], "output": {"effort": [1.0, 2.0]}, "points": [{"positions": [3.0, 4.0]}],
-}  # fmt: skip
+    "joint_names": ["b", "a"],
+    "output": {"effort": [1.0, 2.0]},
+    "points": [{"positions": [3.0, 4.0]}],
+}
 
 
 @pytest.mark.parametrize("suffix", ["mcap", "jsonl"])

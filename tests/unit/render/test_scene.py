@@ -13,21 +13,13 @@ import asrsim
 from asrsim.render.scene import RenderScene
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
+from support.turned_chain import TURNED
 
 URDF = """<robot name="r"><link name="base"/><joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint>
 <link name="arm"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>
 <visual><origin xyz="0.1 0.2 0.3" rpy="0 0 1.5707963267948966"/>
 <geometry><mesh filename="stone.stl" scale="1 2 3"/></geometry></visual></link></robot>"""
 ROBOTS = {path.stem: path for path in sorted((Path(__file__).parents[3] / "examples/urdf").glob("*.urdf"))}
-BODY = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-LINK = f'<link name="{{child}}">{BODY}</link><joint name="{{name}}" type="{{kind}}"><parent link="{{parent}}"/>'
-LINK += '<child link="{child}"/><origin xyz="0.1 -0.2 0.3" rpy="0.3 -0.4 0.5"/><axis xyz="0 0.6 0.8"/>'
-LINK += '<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>'
-TURNED = "".join(
-    LINK.format(name=f"j{n}", kind=kind, parent=f"l{n}", child=f"l{n + 1}")
-    for n, kind in enumerate(("revolute", "fixed", "prismatic", "continuous"))
-)
-"""A chain whose joints all have turned frames and oblique axes."""
 SHAPES = {
     "stone": ({"shape": "mesh", "mesh": "stone.stl", "size": [0.1, 0.2, 0.3]}, (0.1, 0.2, 0.3)),
     "crate": ({"shape": "box", "size": [0.1, 0.2, 0.3]}, (0.1, 0.2, 0.3)),
@@ -56,7 +48,7 @@ def test_two_readers_of_one_file_place_the_links_at_the_same_frames(name, tmp_pa
     """yourdfpy reads the text itself; asrsim's model and the scene of its pictures come from asrsim's reader."""
     file = ROBOTS.get(name, tmp_path / "turned.urdf")
     if name == "turned":
-        file.write_text(f'<robot name="turned"><link name="l0"/>{TURNED}</robot>')
+        file.write_text(TURNED)
     robot = load_robot(file)
     joints = {joint.name: value for joint, value in zip(robot.moving_joints, np.linspace(-1.1, 0.9, 50), strict=False)}
     scenario = asrsim.make_scenario(file, duration=1.0, base_dir=file.parent)

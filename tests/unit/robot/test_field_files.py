@@ -301,11 +301,13 @@ def plugin(name):
 
 
 SILENT = (
-    plugin("libgazebo_ros_control.so"), plugin("libhector_gazebo_ros_imu.so"), plugin("libgazebo_yarp_forcetorque.so"),
+    plugin("libgazebo_ros_control.so"),
+    plugin("libhector_gazebo_ros_imu.so"),
+    plugin("libgazebo_yarp_forcetorque.so"),
     plugin("gz-sim-joint-state-publisher-system"),
     controlled('<command_interface name="velocity"/><param name="p">5</param><limits enable="true"/>', 'mimic="false"'),
     controlled('<command_interface name="position"><param name="max">9</param></command_interface>'),
-)  # fmt: skip
+)
 
 
 @pytest.mark.parametrize("words", SILENT)
@@ -336,9 +338,10 @@ def test_a_text_that_is_no_number_gets_a_hint(text, hint, tiny):
 
 
 SPELLINGS = {
-    "ROS 1": ("mechanicalReduction", "motorInertia"), "ros2_control": ("mechanical_reduction", "motor_inertia"),
+    "ROS 1": ("mechanicalReduction", "motorInertia"),
+    "ros2_control": ("mechanical_reduction", "motor_inertia"),
     "Drake": ("drake:gear_ratio", "drake:rotor_inertia"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("block", ["{}", '<ros2_control name="c" type="system">{}</ros2_control>'])
@@ -363,9 +366,11 @@ def test_the_rotor_of_a_transmission_is_read_wherever_its_words_stand(spelling, 
 
 @pytest.mark.parametrize(
     "words",
-    ['<param name="initial_position">0.7</param>',
-     '<state_interface name="position"><param name="initial_value">0.7</param></state_interface>'],
-)  # fmt: skip
+    [
+        '<param name="initial_position">0.7</param>',
+        '<state_interface name="position"><param name="initial_value">0.7</param></state_interface>',
+    ],
+)
 def test_both_spellings_of_a_start_in_ros2_control_are_read(words, tiny):
     control = f'<ros2_control name="c" type="system"><joint name="elbow">{words}</joint></ros2_control></robot>'
     tiny.robot.write_text(PENDULUM.replace("</robot>", control))

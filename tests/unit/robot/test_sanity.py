@@ -146,12 +146,14 @@ DOUBTED = {
     "zero-velocity-limit": ('velocity="100"', 'velocity="0"', 'velocity="0.01"'),
     "wide-robot": ("<axis ", '<origin xyz="0 0 101"/><axis ', '<origin xyz="0 0 99"/><axis '),
     "large-inertia": (
-        'iyy="1e-3" iyz="0" izz="1e-3"', 'iyy="2.1" iyz="0" izz="2.1"', 'iyy="1.9" iyz="0" izz="1.9"',
+        'iyy="1e-3" iyz="0" izz="1e-3"',
+        'iyy="2.1" iyz="0" izz="2.1"',
+        'iyy="1.9" iyz="0" izz="1.9"',
     ),
     "unusual-value": (SPRING_K, "<spring_k>1.1e5<", "<spring_k>0.9e5<"),
     "unusual-value of a soft spring": (SPRING_K, "<spring_k>0.9e-3<", "<spring_k>1.1e-3<"),
     "triangle-inequality": ('iyz="0" izz="1e-3"', 'iyz="0" izz="2.1e-3"', 'iyz="0" izz="1.9e-3"'),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", DOUBTED)
@@ -370,10 +372,11 @@ REFUSED = {
     "no real value": [("<spring_k>10<", "<spring_k>pow(-1, 0.5)<")],
     "wrong joint": [("<joint>elbow<", "<joint>ellbow<")],
     "no inertia about the axis": [
-        ('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"', 'ixx="0" iyy="0" izz="0"'), ("0 0 -0.1", "0 0.1 0"),
+        ('ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"', 'ixx="0" iyy="0" izz="0"'),
+        ("0 0 -0.1", "0 0.1 0"),
     ],
     "too stiff": [("<spring_k>10<", "<spring_k>1e11<")],
-}  # fmt: skip
+}
 TAKEN = {
     "no limit": [(LIMIT, "")],
     "no limit of a slide": [('type="revolute"', 'type="prismatic"'), (LIMIT, "")],

@@ -101,11 +101,12 @@ def test_usual_values_get_no_warning(more, tiny):
 @pytest.mark.parametrize(
     "signal",
     [
-        "{sinusoid: {amplitude: 0.1, frequency: %g}}", "{chirp: {amplitude: 0.1, from: 1, to: %g, duration: 1.5}}",
+        "{sinusoid: {amplitude: 0.1, frequency: %g}}",
+        "{chirp: {amplitude: 0.1, from: 1, to: %g, duration: 1.5}}",
         "{sum: [{ramp: {duration: 1, to: 1}}, {scale: {by: 2, of: {sinusoid: {amplitude: 0.1, frequency: %g}}}}]}",
         "{delay: {by: 0.1, of: {multisine: {amplitude: 0.1, frequencies: [1, %g]}}}}",
     ],
-)  # fmt: skip
+)
 def test_signals_above_half_the_rate_of_the_substeps_get_a_warning(signal, tiny):
     for substeps in (1, 3):
         for share, warnings in ((0.9, 0), (1.05, 1), (1.9, 1), (2.0, 1)):

@@ -350,12 +350,13 @@ def test_the_start_may_be_states_or_the_equilibrium(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "world: {objects: {'*': {shape: sphere, size: 1}}}", "parameters: {a: {'*': 1}}",
+        "world: {objects: {'*': {shape: sphere, size: 1}}}",
+        "parameters: {a: {'*': 1}}",
         "reference_ranges: {a: {'*': [0, 1]}}",
         "ilc: {trajectory: {a: 1}, tolerance: 1, joint_gains: {'*': 0.1}}",
         "expect: [{joint: a, quantity: link_position, measure: final, value: 0, options: {'*': 1}}]",
     ],
-)  # fmt: skip
+)
 def test_a_star_stands_for_joints_only(load, text):
     """Tables by joint take `*` for all; tables of other names would keep it as a name that nobody looks up."""
     assert any("'*'" in str(problem) or problem.key.endswith("*") for problem in faults(load, BASE + text + "\n"))

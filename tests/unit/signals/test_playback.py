@@ -8,7 +8,7 @@ import pytest
 from asrsim.errors import ScenarioError
 from asrsim.signals import parse_signal
 from asrsim.signals.curve import curve_through, is_jump
-from support.bags import ramp_bag
+from support.bags import NUMBER, START, ramp_bag, write_bag
 
 CSV = "# a comment\ntime,q1 [rad],q2 [deg]\n0,0,0\n0.5,1,90\n1.0,0,180\n"
 
@@ -22,6 +22,15 @@ def test_csv_is_interpolated_and_holds_its_ends(tmp_path):
     signal = play(tmp_path, CSV, column="q1")
     assert signal.values(np.array([-1, 0, 0.25, 0.5, 0.75, 1, 9])).tolist() == [0, 0, 0.5, 1, 0.5, 0, 0]
     assert signal.jumps(0.0, 2.0).size == 0
+
+
+def test_a_topic_that_begins_late_is_played_late(tmp_path):
+    """Times count from the first message of the bag."""
+    late = {"/early": (NUMBER, lambda types, i, time: types[NUMBER](0.0))}
+    late["/late"] = NUMBER, lambda types, i, time: types[NUMBER](0.1 * i) if i >= 4 else None
+    write_bag(tmp_path / "run", "mcap", late, START + 10**8 * np.arange(11))
+    signal = parse_signal({"playback": {"file": "run", "column": "/late"}}, base=tmp_path)
+    assert signal.values(np.array([0.0, 0.4, 0.75, 2.0])) == pytest.approx([0.4, 0.4, 0.75, 1.0])
 
 
 def test_unit_of_the_header_is_converted(tmp_path):

@@ -238,7 +238,9 @@ def test_rounding_of_a_clock_does_not_delay_held_samples():
 
 
 KINDS = {
-    "constant": 0.3, "step": {"step": {"at": 0.7, "to": 1}}, "ramp": {"ramp": {"start": 0.2, "duration": 1, "to": 2}},
+    "constant": 0.3,
+    "step": {"step": {"at": 0.7, "to": 1}},
+    "ramp": {"ramp": {"start": 0.2, "duration": 1, "to": 2}},
     "sinusoid": {"sinusoid": {"amplitude": 1, "frequency": 2, "phase": 0.4, "start": 0.3}},
     "chirp": {"chirp": {"amplitude": 1, "from": 1, "to": 4, "duration": 1.5, "start": 0.1}},
     "minimum_jerk": {"minimum_jerk": {"start": 0.4, "duration": 1, "to": 1}},
@@ -250,7 +252,7 @@ KINDS = {
     "sum": {"sum": [{"step": {"at": 0.5, "to": 1}}, {"pulse_train": {"high": 1, "width": 0.1, "period": 0.3}}]},
     "delay": {"delay": {"by": 0.123, "of": {"step": {"at": 0.5, "to": 1}}}},
     "scale": {"scale": {"by": -3, "of": {"step": {"at": 0.5, "to": 1}}}},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -14,9 +14,11 @@ from validation.models import Body, chain, column, run
 LIMITS = '<limit lower="{0}" upper="{1}" effort="{2}" velocity="100"/>'
 BODY = Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)
 PROPORTIONAL = joint(
-    actuator="sea", mode=1, references=(NEVER,),
+    actuator="sea",
+    mode=1,
+    references=(NEVER,),
     parameters={"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0},
-)  # fmt: skip
+)
 """Joint whose torque in N m is -5 times its measured position in rad."""
 
 

@@ -1,6 +1,7 @@
 """Live runs on a page, without a browser: the desk's wishes, what the log says, and who may connect."""
 
 import contextlib
+import re
 import socket
 import time
 from types import SimpleNamespace
@@ -90,6 +91,8 @@ def test_a_run_that_diverges_says_so_and_a_reset_goes_on(tmp_path):
     with asrsim.view(scenario, out=tmp_path / "run") as view:
         first = until(lambda: view.show.session)
         until(lambda: "diverged at t = 0.05" in (text := first.operator._page._status.content) and "Reset" in text)
+        said = re.search(r"<b>(\S+) s</b>", first.operator._page._status.content)[1]
+        assert float(said) == pytest.approx(0.05, abs=0.01)
         first.operator._ask_for()
         until(lambda: view.show.session is not first)
 

@@ -29,6 +29,7 @@ from asrsim.viewer.subject import logged
 from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
 from support.plot_example import made_up_log
+from support.turned_chain import TURNED
 
 SOFT_ARM = EXAMPLES / "scenarios" / "step_2dof.yaml"
 
@@ -58,10 +59,8 @@ def test_a_history_keeps_the_newest_samples_and_the_rate_of_the_page(result):
     np.testing.assert_array_equal(deflection, np.interp(time, samples.time, result["joint_1"].deflection))
 
 
-def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflection(result, server):
-    stage = ViewerStage(server.viser, logged(result.log))
-    sample = stage.subject.history.at(0.2)
-    stage.look.colour = "deflection"
+def stands_where_the_model_puts_it(stage, sample):
+    """Assert that each body and mesh on the page has the frame that the robot's model gives it."""
     stage.draw(sample)
     frames = stage.subject.scene.model.poses(sample.values["link_position"][0])
     places = {"": np.eye(4)}
@@ -71,6 +70,26 @@ def test_bodies_stand_where_the_model_puts_them_and_links_are_coloured_by_deflec
         own[:3, :3], own[:3, 3] = Rotation.from_quat(node.wxyz, scalar_first=True).as_matrix(), node.position
         places[node.name] = places.get(node.name.rpartition("/")[0], np.eye(4)) @ own
         np.testing.assert_allclose(places[node.name], frames[name], atol=1e-12)
+    for link, meshes in stage.figure.meshes.items():
+        for mesh, _ in meshes:
+            place = places[mesh.name.rpartition("/")[0]] @ [*mesh.position, 1.0]
+            np.testing.assert_allclose(place, frames[link][:, 3], atol=1e-12)
+
+
+def test_links_behind_fixed_joints_stand_on_the_links_that_carry_them(tmp_path, server):
+    (tmp_path / "turned.urdf").write_text(TURNED)
+    start = {"j0": 0.4, "j2": 0.1, "j3": -1.0}
+    scenario = asrsim.make_scenario(tmp_path / "turned.urdf", duration=0.01, compiled=False, initial=start, gravity=[0, 0, 0])
+    stage = ViewerStage(server.viser, logged(asrsim.run(scenario, out=tmp_path / "run").log))
+    assert len(stage.figure.nodes) == 4
+    stands_where_the_model_puts_it(stage, stage.subject.history.at(0.005))
+
+
+def test_links_stand_where_the_model_puts_them_and_are_coloured_by_deflection(result, server):
+    stage = ViewerStage(server.viser, logged(result.log))
+    sample = stage.subject.history.at(0.2)
+    stage.look.colour = "deflection"
+    stands_where_the_model_puts_it(stage, sample)
     ((mesh, own), *_) = stage.figure.meshes["link_1"]
     assert tuple(mesh.color) != own
     assert "deflection, rad" in stage.legend()

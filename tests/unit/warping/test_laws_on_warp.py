@@ -1,6 +1,7 @@
 """Laws translated to Warp give the numbers of their source; code without a translation is refused by file and line."""
 
 import math
+import types
 
 import numpy as np
 import pytest
@@ -67,6 +68,42 @@ def test_numbers_change_their_kind_as_in_python():
 
     points = np.float32(np.random.default_rng(2).uniform(-1.0, 1.0, (100, 2)))
     np.testing.assert_allclose(on_warp(law, points, (0.0,), 2), [branching(*map(float, row)) for row in points], atol=1e-6)
+
+
+def pull(x):
+    return 2.0 * x
+
+
+def _pull(x):
+    return pull(x) + 1.0
+
+
+def bracketed(x, y):
+    inside = (x > 0.0 or y > 0.0) and not (y > 0.5 or x < y - 1.0)
+    outside = x < 0.0 or (y < 0.0 and x < 1.0)
+    a = -(x**2) if inside else (-x) ** 2
+    b = x - (y - (x - 1.0))
+    c = x / (y * 2.0 + 3.0) / (1.0 + x * x)
+    d = (x + y) * (x - y) if outside and not inside else 1.0 if x > y else 2.0
+    e = min(max(x, -0.5), 0.5) if -0.7 < x <= 0.7 else abs(y)
+    return a + b, c - d, _pull(e) - pull(x)
+
+
+def in_python(text):
+    """Functions of a translated program, run by Python: its text is Python that calls functions of Warp."""
+    warp = types.SimpleNamespace(func=lambda made: made, where=lambda said, one, other: one if said else other)
+    warp.min, warp.max, warp.abs, warp.pow = min, max, abs, pow
+    names = {"wp": warp}
+    exec(text.replace("import warp as wp", ""), names)
+    return names
+
+
+def test_operators_bind_as_in_python_and_functions_of_one_name_stay_apart():
+    program = WarpProgram()
+    name, _ = program.function(bracketed, [FLOAT, FLOAT])
+    translated = in_python(program.text)[name]
+    for x, y in np.random.default_rng(3).uniform(-1.5, 1.5, (300, 2)).tolist():
+        assert translated(x, y) == pytest.approx(bracketed(x, y), abs=1e-12)
 
 
 def test_functions_with_several_results_are_translated_with_their_callees():
