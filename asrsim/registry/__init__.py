@@ -48,7 +48,8 @@ def is_declared(group: str) -> bool:
 def result_fault(function: Callable[..., Any], message: str) -> InputError:
     """Error for a result that a function of a user must not return. message: what the function must return, and what it
     returns; file and line of the function are added."""
-    code = getattr(inspect.unwrap(function), "__code__", None)
+    runs = function.__init__ if isinstance(function, type) else function  # type: ignore[misc]
+    code = getattr(inspect.unwrap(runs), "__code__", None)
     place = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
     return InputError(message + place, code="wrong-result")
 
