@@ -18,6 +18,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from asrsim.compiled.kernel_cache import cache_file
 from asrsim.compiled.rebind import called_names, rebind
 
@@ -33,6 +35,8 @@ VECTORISED = 0
 been written one by one: a vector of such numbers would have to wait until they are in the cache."""
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """What this process has compiled or loaded, by digest and folder of the cache."""
+_types: dict[Any, Any] = {}
+"""Numba types of examples, by form."""
 
 
 def numba_available() -> bool:
@@ -217,8 +221,21 @@ def type_of(value: Any) -> Any:
     """Numba type of an example value; a Numba type is returned unchanged."""
     import numba
 
-    kinds: Any = numba
-    return value if isinstance(value, numba.types.Type) else kinds.typeof(value)
+    if isinstance(value, numba.types.Type):
+        return value
+    # Numba takes a millisecond for the type of an engine's record.
+    form = _form(value)
+    if form not in _types:
+        kinds: Any = numba
+        _types[form] = kinds.typeof(value)
+    return _types[form]
+
+
+def _form(value: Any) -> Any:
+    """What the Numba type of numbers, arrays and tuples of them depends on."""
+    if isinstance(value, tuple):
+        return type(value), *map(_form, value)
+    return (value.dtype, value.ndim, value.flags.num) if isinstance(value, np.ndarray) else type(value)
 
 
 def _through_cache(

@@ -188,6 +188,20 @@ class RobotModel:
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
 
+    def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
+        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n): the second derivative of the
+        potential energy, N m/rad. For robots without coupled joints."""
+        bodies = np.stack(self._bodies(positions)[1:], axis=-3)
+        twists = bodies @ self._twists @ np.linalg.inv(bodies)
+        # A joint turns the first moment of all that it carries; its own axis is turned by the joints that carry it.
+        moments = bodies @ (self._inertias - self._floats)[1:, :, 3, None]
+        pushes = twists @ (self._carries @ moments[..., 0])[..., None]
+        down = np.append(self._gravity, 0.0)
+        torques, above = -(pushes[..., 0] @ down), down @ twists
+        found = -(above @ np.swapaxes(pushes[..., 0], -1, -2)) * self._carries
+        whole = found + np.swapaxes(np.triu(found, 1), -1, -2)
+        return torques[..., self._at], whole[..., self._at[:, None], self._at]
+
     def energy(self, positions: ArrayLike, velocities: ArrayLike) -> Array:
         """Kinetic and gravitational energy (...,) of the links in J, on a fixed base."""
         kinetic, potential = self.energies(positions, velocities)

@@ -22,8 +22,27 @@ ROUNDS = 200
 """Largest number of steps of Newton's method."""
 
 
+Loads = Callable[[Array], tuple[Array, Array]]
+"""Function from positions (m, n) to the torques of gravity and the like on the joints (m, n) in N m, and to their slopes
+(m, n, n): entry [i, j] is the change of torque j per displacement of joint i."""
+
+
+def by_differences(loads: Callable[[Array], Array], movable: NDArray[np.bool_]) -> Loads:
+    """Loads whose slopes are finite differences. loads: function from positions (m, k, n) to torques (m, k, n); movable: mask
+    (n,) of the joints whose displacements matter."""
+    # The first row has the positions themselves; each further row has one of the movable joints displaced.
+    nudges = NUDGE * np.vstack([np.zeros(len(movable)), np.eye(len(movable))[movable]])
+
+    def sloped(positions: Array) -> tuple[Array, Array]:
+        values, slopes = loads(positions[:, None] + nudges), np.zeros((*positions.shape, len(movable)))
+        slopes[:, movable] = (values[:, 1:] - values[:, :1]) / NUDGE
+        return values[:, 0], slopes
+
+    return sloped
+
+
 def balanced(
-    loads: Callable[[Array], Array],
+    loads: Loads,
     springs: Callable[[Array], Array],
     start: Array,
     low: Array,
@@ -38,20 +57,18 @@ def balanced(
     The remaining torques are nearly 0. They are NaN for a robot with infinite torques.
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
-    there. loads: function from positions (m, k, n) to the torques of gravity and the like on the joints (m, k, n), N m.
-    springs: function from positions (m, k, n) to the torques (m, k, n) that depend on the position of their own joint only.
-    low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at which
-    the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search leaves an unstable
-    equilibrium, rad (m).
+    there. springs: function from positions (m, k, n) to the torques (m, k, n), N m, each of which depends on the position of
+    its own joint only. low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the
+    balance at which the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search
+    leaves an unstable equilibrium, rad (m).
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
-    # The first row has the positions themselves; each further row has one of the movable joints displaced.
-    nudges, slopes = NUDGE * np.vstack([np.zeros(count), np.eye(count)[movable]]), np.zeros((len(q), count, count))
+    slopes = np.zeros((len(q), count, count))
     for _ in range(ROUNDS):
-        values, pulls = loads(q[:, None] + nudges), springs(np.stack([q, q + NUDGE], axis=1))
-        left, own = values[:, 0] + pulls[:, 0], (pulls[:, 1:] - pulls[:, :1]) / NUDGE
-        slopes[:, movable] = (values[:, 1:] - values[:, :1]) / NUDGE + (own * np.eye(count))[:, movable]
+        (values, changes), pulls = loads(q), springs(np.stack([q, q + NUDGE], axis=1))
+        left, own = values + pulls[:, 0], (pulls[:, 1:] - pulls[:, :1]) / NUDGE
+        slopes[:, movable] = (changes + own * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
         # A robot with infinite torques does not move.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]

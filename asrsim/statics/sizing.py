@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS, MODES, Actuator
 from asrsim.actuators.rest import MotorsAtRest, alike, resting_motors
@@ -27,7 +28,7 @@ from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
 from asrsim.scenario.starts import start_positions
-from asrsim.statics.balance import balanced
+from asrsim.statics.balance import Loads, balanced, by_differences
 
 if TYPE_CHECKING:
     from asrsim.actuators.drive import Drive
@@ -141,6 +142,17 @@ class _Statics:
         ]
         """Motors, and the numbers of their springs, for each kind of drive."""
 
+    def weights(self, movable: NDArray[np.bool_]) -> Loads:
+        """Torques of gravity on the links in N m. movable: joints that may move."""
+        if self.couplings:
+            return by_differences(lambda q: -self.model.gravity_torques(q), movable)
+
+        def weighing(q: Array) -> tuple[Array, Array]:
+            torques, stiffness = self.model.gravity_stiffness(q)
+            return -torques, -stiffness
+
+        return weighing
+
     def pulls(self, positions: Array) -> Array:
         """Torques (instants, 2, joints) in N m of the springs on the links at two positions for each instant."""
         q, columns = self.couplings.expand(positions), [*self.springs]
@@ -188,7 +200,7 @@ def holdings(statics: _Statics) -> tuple[Holding, ...]:
     model, wanted, couplings, columns = statics.model, statics.wanted, statics.couplings, [*statics.springs]
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(
-        lambda q: -model.gravity_torques(q), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE, shove=SHOVE
+        statics.weights(movable), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE, shove=SHOVE
     )
     positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted)[:, columns], -model.gravity_torques(wanted)[:, columns]

@@ -340,3 +340,14 @@ def test_recorded_motors_start_where_they_were(tmp_path):
     _, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
     assert scenario.initial_motor_positions["joint_1"] == (pytest.approx(0.12, abs=1e-8),)
     assert scenario.initial_positions["joint_1"] == pytest.approx(0.05, abs=1e-8)
+
+
+def test_motors_before_their_gear_start_with_their_links(tmp_path):
+    header = "time,q1,q1_ref,q1_motor_1_position"
+    table = np.loadtxt(lab(tmp_path), delimiter=",", skiprows=1)
+    table[:, 3] = 3.0 + 100.0 * table[:, 1]
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+    mapping = ["q1=joint_1.link_position", "q1_ref=joint_1.reference_1", "q1_motor_1_position=joint_1.motor_1_position"]
+    made, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
+    assert not scenario.initial_motor_positions
+    assert any("moves 100 times as far as its link" in text for text in made.remarks), made.remarks

@@ -38,6 +38,16 @@ def test_many_postures_have_the_dynamics_of_pinocchio(pair):
         assert energies[row] - energies[0] == pytest.approx(truth.energy(q[row], v[row]) - truth.energy(q[0], v[0]), abs=1e-11)
 
 
+def test_the_stiffness_of_gravity_is_the_slope_of_its_torques(pair):
+    model, _, _ = pair
+    q = np.random.default_rng(2).normal(size=(4, len(model.joints)))
+    steps = 1e-5 * np.eye(len(model.joints))
+    torques, stiffness = model.gravity_stiffness(q)
+    slopes = (model.gravity_torques(q[:, None] + steps) - model.gravity_torques(q[:, None] - steps)) / 2e-5
+    assert torques == pytest.approx(model.gravity_torques(q), abs=1e-12)
+    assert stiffness == pytest.approx(slopes, abs=1e-8)
+
+
 def test_one_posture_has_the_mass_matrix_of_pinocchio(pair):
     model, truth, _ = pair
     q = np.random.default_rng(3).normal(size=len(model.joints))

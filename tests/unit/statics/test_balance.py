@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from asrsim.statics.balance import balanced
+from asrsim.statics.balance import balanced, by_differences
 
 
 def test_steps_that_would_go_to_and_fro_come_to_rest():
@@ -13,7 +13,8 @@ def test_steps_that_would_go_to_and_fro_come_to_rest():
         return -np.sign(q) * np.sqrt(np.abs(q))
 
     start, stops = np.array([[0.1], [-0.07]]), np.array([9.0])
-    positions, left = balanced(np.zeros_like, torques, start, -stops, stops, np.array([True]))
+    movable = np.array([True])
+    positions, left = balanced(by_differences(np.zeros_like, movable), torques, start, -stops, stops, movable)
     assert positions == pytest.approx(np.zeros((2, 1)), abs=1e-12)
     assert left == pytest.approx(np.zeros((2, 1)), abs=1e-10)
 
@@ -31,5 +32,6 @@ def test_robots_rest_where_springs_and_weights_balance_or_on_stops():
     for highest, rest in ((9.0, [0.6, 0.8]), (0.0, [1.0 / 3.0, 0.0])):
         high = np.array([9.0, highest])
         start, low, both = np.zeros((1, 2)), np.full(2, -9.0), np.full(2, True)
-        positions, _ = balanced(lambda q: load - q @ springs, np.zeros_like, start, low, high, both)
+        weights = by_differences(lambda q: load - q @ springs, both)
+        positions, _ = balanced(weights, np.zeros_like, start, low, high, both)
         assert positions[0] == pytest.approx(rest, abs=1e-9)
