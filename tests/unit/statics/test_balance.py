@@ -21,8 +21,9 @@ def test_steps_that_would_go_to_and_fro_come_to_rest():
 
 def test_a_coarse_search_leaves_an_unstable_equilibrium_too():
     """An upright link without a spring: the first step away from there is shorter than the distance that is close enough."""
-    upright, stops = np.array([[np.pi]]), (np.array([-9.0]), np.array([9.0]))
-    found, _ = balanced(lambda q: -np.sin(q), np.zeros_like, upright, *stops, np.array([True]), close=0.1)
+    upright, stops, movable = np.array([[np.pi]]), np.array([9.0]), np.array([True])
+    weights = by_differences(lambda q: -np.sin(q), movable)
+    found, _ = balanced(weights, np.zeros_like, upright, -stops, stops, movable, close=0.1)
     assert np.cos(found[0, 0]) == pytest.approx(1.0, abs=0.01)
 
 
