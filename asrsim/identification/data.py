@@ -18,6 +18,7 @@ from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
+from asrsim.recordings.suspicions import gear_between
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -26,10 +27,6 @@ from asrsim.signals.curve import CubicCurve, curve_through
 
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
-GEARED, FOLLOWS = 10.0, 0.9
-"""Smallest ratio of the motions of a motor and its link, and smallest correlation of the two, at which the motor counts as
-measured before its gear. A spring so soft that it caused this ratio would hardly move the link.
-"""
 APART = 3.0
 """Largest zero of a motor's sensor that counts as noise, in standard deviations. The zero is the median of motor position minus
 link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
@@ -212,7 +209,9 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
             reason = f"mode {mode.number} ({mode.name}) has no spring"
-        elif quantity.endswith("position") and (gear := _gear(column, possible.get(f"{joint}.link_position"))):
+        elif quantity.endswith("position") and (
+            gear := gear_between(column, possible.get(f"{joint}.link_position", (joint, None))[1])
+        ):
             reason = (
                 f"it moves {abs(gear):.4g} times as far as the link; if it was measured before the gear, convert it: --map "
                 f"'{column.source}={1.0 / gear:.4g}*{key}'"
@@ -248,22 +247,6 @@ def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str,
 
 MEASURED = ("position", "deflection")
 """Endings of quantities that are measured rather than computed: torques of springs are computed from deflections."""
-
-
-def _gear(motor: Column, link: tuple[str, Column] | None) -> float:
-    """Ratio of the motions of a motor and its link, if the motor was measured before its gear; else 0."""
-    if link is None or motor is link[1]:
-        return 0.0
-    known = np.isfinite(motor.values) & (motor.time >= link[1].time[0]) & (motor.time <= link[1].time[-1])
-    good = np.isfinite(link[1].values)
-    if known.sum() < 3 or good.sum() < 3:
-        return 0.0
-    place = np.interp(motor.time[known], link[1].time[good], link[1].values[good])
-    if not min(np.ptp(place), np.ptp(motor.values[known])) > 0.0:
-        return 0.0
-    correlation = float(np.corrcoef(place, motor.values[known])[0, 1])
-    slope = float(np.polyfit(place, motor.values[known], 1)[0])
-    return slope if abs(correlation) > FOLLOWS and abs(slope) > GEARED else 0.0
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:

@@ -51,9 +51,14 @@ class Measured:
         a = math.exp(-bandwidth * every * self._step)
         return every, (1.0 - a * a, (1.0 - a) ** 2 / (every * self._step))
 
+    @property
+    def fastest(self) -> float:
+        """Largest useful bandwidth of the observer, rad/s."""
+        return FASTEST / self.interval
+
     def shows(self, bandwidth: float) -> bool:
         """Whether the samples show a motion of this bandwidth in rad/s, and not the steps of encoders."""
-        return not self._coarse and bandwidth * self.interval <= FASTEST
+        return not self._coarse and bandwidth <= self.fastest
 
     def at(self, values: Mapping[str, float], clock: float, every: int, steps: int) -> Array:
         """Measured positions (steps + 1, joints, columns) at whole steps; NaN where nothing is measured, or corrected.

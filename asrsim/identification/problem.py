@@ -135,7 +135,8 @@ class FitProblem:
 
     def can_rise(self, level: float) -> bool:
         """Whether an observer can have this bandwidth: encoders without visible steps sample it fast enough."""
-        return all(self.tracks[i].measured.shows(self.observed(level).playing.bandwidth) for i in self.fitted)
+        motion = max(self.tracks[i].motion for i in self.fitted)
+        return all(self.tracks[i].measured.shows(level * motion) for i in self.fitted)
 
     def played(self, staircases: frozenset[str]) -> FitProblem:
         """Problem in which the commands with given keys are played as staircases."""
@@ -147,9 +148,17 @@ class FitProblem:
         return all(self.tracks[i].observes for i in self.fitted)
 
     def observed(self, level: float) -> FitProblem:
-        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer."""
-        motion = max(self.tracks[i].motion for i in self.fitted)
-        return replace(self, playing=replace(self.playing, bandwidth=level * motion))
+        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer. The bandwidth
+        is at most what the samples carry.
+        """
+        tracks = [self.tracks[i] for i in self.fitted]
+        motion, fastest = max(one.motion for one in tracks), min(one.measured.fastest for one in tracks)
+        return replace(self, playing=replace(self.playing, bandwidth=min(level * motion, fastest)))
+
+    def distinct(self, levels: Sequence[float]) -> list[float]:
+        """Levels with different bandwidths of the observer, from falling levels."""
+        found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
+        return [*found.values()][::-1]
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

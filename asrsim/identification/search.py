@@ -3,16 +3,18 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
-agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then the level with the best predictions is
-kept, unless a simulation with its estimates follows fewer channels than the free simulation does. Above the first level the
-bandwidth rises as long as predictions become better and exceed the noise: an optimal observer minimises the error of its
-predictions. At a lower bandwidth errors of the model accumulate, at a higher one the observer follows the noise.
+simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others
+or agrees with the levels down to 0. Otherwise errors of the model accumulate in it: then the level is kept whose estimates
+differ least between tenths of the recordings. Of levels that differ equally, within chance, the one is kept with whose
+estimates a free simulation follows most channels, and then the one with the best predictions. If this is the first level, the
+bandwidth rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions
+are so short that they show little but noise. If the levels' estimates follow fewer channels than the free simulation does, the
+latter is kept.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,7 +22,6 @@ import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
 from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained
-from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     ROUNDS,
@@ -33,6 +34,7 @@ from asrsim.identification.problem import (
     weighed,
     with_own_substeps,
 )
+from asrsim.identification.uncertainty import BLOCKS, uncertainty
 from asrsim.metrics.values import root_mean_square
 from asrsim.samples import Array
 
@@ -46,8 +48,10 @@ AGREES = 1.1
 """Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error."""
 TIMED = 3
 """Number of linear solutions for instants of jumps."""
-RISE, LIMITED = 2.0, 1.5
-"""Factor between rising bandwidths; ratio of errors to noise below which noise limits the predictions."""
+RISE = 2.0
+"""Factor between rising bandwidths."""
+CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
+"""Standard error of the logarithm of a standard deviation from tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
 """Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel."""
 SPRINGS = ("stiffness", "spring_k")
@@ -84,7 +88,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     # Far from the solution, staircase commands might fit better by chance.
     problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
     begun = x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
-    for level in (*(LEVELS if problem.observes else ()), 0.0):
+    for level in (*(problem.distinct(LEVELS) if problem.observes else ()), 0.0):
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
@@ -114,15 +118,54 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     # Short predictions may contain too little information: then they lead to parameters that give another motion.
     if most > max(_followed(*fit) for fit in found[:-1]):
         return
-    best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
-    kept, level = min(found[:-1], key=_likelihood), LEVELS[0]
-    while kept is found[0] and problem.can_rise(level := level * RISE) and not _is_limited(*kept):
+    levels = [_judged(*fit) for fit in (found if followed else found[:-1])]
+    kept, level = _best(levels), LEVELS[0]
+    fastest = levels[0]
+    while kept is fastest and problem.can_rise(level := level * RISE):
         begin(_name(level))
-        risen = _solved(kept[0].observed(level), kept[1])
-        if _likelihood(risen) >= _likelihood(kept):
-            break
-        found[0] = kept = risen
-    best.take(*kept)
+        levels.append(fastest := _judged(*_solved(kept.problem.observed(level), kept.x)))
+        kept = _best(levels)
+    if kept.problem.playing.bandwidth > 0.0:
+        best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
+        best.take(kept.problem, kept.x)
+
+
+@dataclass(frozen=True, eq=False)
+class _Level:
+    """A level of the search, with what decides whether it is kept."""
+
+    problem: FitProblem
+    x: Array
+    spread: Array
+    """Standard deviations (n,) of the estimates from their spread between tenths of the recordings, in the vector's units; nan
+    for parameters without effect.
+    """
+    followed: int
+    """Number of channels that a free simulation with the estimate follows."""
+    error: float
+    """Negative logarithm of the likelihood of the predictions, for each sample."""
+
+
+def _judged(problem: FitProblem, x: Array) -> _Level:
+    return _Level(problem, x, uncertainty(problem, x, quick=True).spread, _followed(problem, x), _likelihood((problem, x)))
+
+
+def _best(levels: Sequence[_Level]) -> _Level:
+    """Of the levels whose estimates differ least between tenths, within chance, the one whose free simulation follows most
+    channels; of several, the one with the best predictions.
+    """
+    entries = levels[0].problem.layout.entries
+    # Parameters of single recordings, such as initial positions, matter less to short predictions.
+    shared = [entry.track is None for entry in entries]
+    # A spread larger than the parameter itself means that nothing is known of it.
+    most = [
+        1.0 if entry.logarithmic else max(abs(entry.value(float(one.x[i]))) for one in levels) / entry.size or 1.0
+        for i, entry in enumerate(entries)
+    ]
+    known = [np.log(np.clip(np.nan_to_num(one.spread, nan=np.inf), 1e-300, most))[shared] for one in levels]
+    sums = [float(np.mean(one)) if len(one) else 0.0 for one in known]
+    good = [one for one, sum_ in zip(levels, sums, strict=True) if sum_ <= min(sums) + CHANCE]
+    return min(good, key=lambda one: (-one.followed, one.error))
 
 
 def _name(level: float) -> str:
@@ -167,11 +210,6 @@ def _transfers(problem: FitProblem, x: Array) -> bool:
         if problem.ends[part.track] and np.isfinite(left).all()
     ]
     return all(len(held) and root_mean_square(held) <= HELD_OUT * root_mean_square(trained) for trained, held in parts)
-
-
-def _is_limited(problem: FitProblem, x: Array) -> bool:
-    """Whether noise limits the predictions of a channel."""
-    return any(size_of(left) < LIMITED * part.channel.floor for part, left in differences(problem, x))
 
 
 def _agree(fit: tuple[FitProblem, Array], slower: tuple[FitProblem, Array]) -> bool:

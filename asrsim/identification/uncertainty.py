@@ -106,8 +106,12 @@ class Uncertainty:
     @property
     def of_a_block(self) -> Uncertainty:
         """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
-        spread = np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0) * len(self.scores))
-        return replace(self, deviation=np.maximum(self.deviation, spread))
+        return replace(self, deviation=np.maximum(self.deviation, self.spread * len(self.scores) ** 0.5))
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviations (n,) from the spread between blocks alone; nan for unidentifiable entries."""
+        return np.where(np.isnan(self.deviation), np.nan, np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,10 @@ _OTHERS = 0.3
 """Error with two columns interchanged, relative to the error as they are, below which they are suspected to be so."""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
+_GEARED = 10.0
+"""Ratio of the motions of a motor and its link above which the motor counts as measured before its gear. A spring so soft that
+it caused this ratio would hardly move the link.
+"""
 
 
 def suspicions(columns: Sequence[Column], raw: Sequence[Array]) -> list[Problem]:
@@ -65,6 +69,21 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
         found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
     return found
+
+
+def gear_between(motor: Column, link: Column | None) -> float:
+    """Ratio of the motions of a motor and its link, if the motor was measured before its gear; else 0."""
+    if link is None or motor is link:
+        return 0.0
+    known = np.isfinite(motor.values) & (motor.time >= link.time[0]) & (motor.time <= link.time[-1])
+    good = np.isfinite(link.values)
+    if not good.any():
+        return 0.0
+    place = np.interp(motor.time[known], link.time[good], link.values[good])
+    if abs(_correlation(place, motor.values[known])) < _FOLLOWS:
+        return 0.0
+    slope = float(np.polyfit(place, motor.values[known], 1)[0])
+    return slope if abs(slope) > _GEARED else 0.0
 
 
 def interchanged(

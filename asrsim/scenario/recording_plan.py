@@ -12,7 +12,7 @@ from asrsim.errors import RecordingError
 from asrsim.quantities import PRISMATIC_UNITS, each_motor
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
-from asrsim.recordings.suspicions import condense
+from asrsim.recordings.suspicions import condense, gear_between
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import overridden, reference_names
 
@@ -136,7 +136,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         lag=lag,
         duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(robot, columns, played, remarks),
-        initial_motors=_initial_motors(changed, columns),
+        initial_motors=_initial_motors(changed, columns, remarks),
         remarks=tuple(remarks),
     )
 
@@ -270,13 +270,25 @@ def _initial(
     return initial
 
 
-def _initial_motors(robot: Robot, columns: Mapping[tuple[str, str], Column]) -> dict[str, tuple[float, ...]]:
-    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded."""
+def _initial_motors(
+    robot: Robot, columns: Mapping[tuple[str, str], Column], remarks: list[str]
+) -> dict[str, tuple[float, ...]]:
+    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded, behind their
+    gears.
+    """
     found = {}
     for block in robot.actuators:
         names = [(block.joint, f"motor_{i}_position") for i in range(1, ACTUATORS.get(block.actuator).motors + 1)]
         first = [value for name in names if name in columns and (value := _first(columns[name])) is not None]
-        if MODES[block.mode].motor and len(first) == len(names):
+        if not MODES[block.mode].motor or len(first) < len(names):
+            continue
+        link = columns.get((block.joint, "link_position"))
+        if gear := next(filter(None, (gear_between(columns[name], link) for name in names)), 0.0):
+            remarks.append(
+                f"{block.joint}: its motor moves {abs(gear):.4g} times as far as its link, so it was probably measured before "
+                "its gear; its first position is not used"
+            )
+        else:
             found[block.joint] = tuple(float(f"{value:.9g}") for value in first)
     return found
 

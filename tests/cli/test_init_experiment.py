@@ -3,6 +3,7 @@
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,6 +59,19 @@ def test_commands_are_played_smoothly_between_their_samples(tmp_path):
     (claim,) = scenario.expect
     assert (claim.quantity, claim.measure, claim.comparison) == ("link_position", "rmse", "<")
     assert claim.value == pytest.approx(0.1 * np.ptp(SMOOTH), rel=0.05)
+
+
+def test_files_in_another_folder_name_the_recording_from_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path)
+    (tmp_path / "fits").mkdir()
+    write_from_recording(EXAMPLES / "dof1_sea.urdf", Path("lab.csv"), Path("fits") / "s.yaml")
+    for name in ("lab.csv.yaml", "s.fit.yaml"):
+        text = (tmp_path / "fits" / name).read_text()
+        assert "../lab.csv" in text or name != "lab.csv.yaml"
+        assert str(tmp_path) not in text
+    assert task_of(tmp_path / "fits" / "s.fit.yaml").free
+    assert read_recording(tmp_path / "fits" / "lab.csv.yaml").time[-1] == pytest.approx(0.79)
 
 
 def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path):
@@ -326,3 +340,14 @@ def test_recorded_motors_start_where_they_were(tmp_path):
     _, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
     assert scenario.initial_motor_positions["joint_1"] == (pytest.approx(0.12, abs=1e-8),)
     assert scenario.initial_positions["joint_1"] == pytest.approx(0.05, abs=1e-8)
+
+
+def test_motors_before_their_gear_start_with_their_links(tmp_path):
+    header = "time,q1,q1_ref,q1_motor_1_position"
+    table = np.loadtxt(lab(tmp_path), delimiter=",", skiprows=1)
+    table[:, 3] = 3.0 + 100.0 * table[:, 1]
+    np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+    mapping = ["q1=joint_1.link_position", "q1_ref=joint_1.reference_1", "q1_motor_1_position=joint_1.motor_1_position"]
+    made, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
+    assert not scenario.initial_motor_positions
+    assert any("moves 100 times as far as its link" in text for text in made.remarks), made.remarks
