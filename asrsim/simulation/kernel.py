@@ -107,8 +107,8 @@ def run(
 
 
 def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
-    """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a shorter
-    stride at once. It takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
+    """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a
+    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
 
     whole: whether the whole step belongs to the call.
     """
