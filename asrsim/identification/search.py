@@ -3,12 +3,13 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
-agrees with the levels down to 0. Otherwise errors of the model accumulate in it: then the level is kept whose estimates differ
-least between tenths of the recordings. Of levels that differ equally, within chance, the one is kept with whose estimates a free
-simulation follows most channels, and then the one with the best predictions. If this is the first level, the bandwidth rises as
-long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so short that
-they show little but noise. If the levels' estimates follow fewer channels than the free simulation does, the latter is kept.
+simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others
+or agrees with the levels down to 0. Otherwise errors of the model accumulate in it: then the level is kept whose estimates
+differ least between tenths of the recordings. Of levels that differ equally, within chance, the one is kept with whose
+estimates a free simulation follows most channels, and then the one with the best predictions. If this is the first level, the
+bandwidth rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions
+are so short that they show little but noise. If the levels' estimates follow fewer channels than the free simulation does, the
+latter is kept.
 """
 
 from __future__ import annotations
