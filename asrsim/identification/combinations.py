@@ -158,7 +158,7 @@ def _forms(known: _Known, chosen: Sequence[int], exponents: Array) -> Iterator[C
     if len(chosen) == 2:
         yield from _sum(known, chosen[0], chosen[1], float(exponents[1] / exponents[0]))
     values = known.values[chosen]
-    # Powers are relative changes only of values that are positive and not near 0.
+    # A product of powers needs values that are positive and not near 0.
     if np.all(values == known.scales[chosen]):
         # The first entry with nearly the smallest exponent stands in the numerator.
         least = exponents[np.argmin(np.round(np.abs(exponents), 1))]

@@ -106,7 +106,7 @@ class Content:
 
     tables: tuple[RawTable, ...]
     format: str = ""
-    """Name of the reader in `asrsim.recordings.READERS`, which `asrsim.recordings.formats.content_of` enters."""
+    """Name of the reader in `asrsim.recordings.READERS`; `asrsim.recordings.formats.content_of` sets it."""
     findings: tuple[Problem, ...] = ()
     layout: Mapping[str, str | int] = field(default_factory=dict)
     """Detected layout of a text or sheet, under the keys of a reading document."""

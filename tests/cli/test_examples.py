@@ -38,7 +38,7 @@ SAID = {
     "check --stage": r"^clutch: all checks passed$",
     "init examples/urdf/plain_arm": r"; run it: asrsim run arm\.yaml$",
     "init examples/urdf/dof2_vertical": r"^find the robot's parameters: asrsim identify lab\.fit\.yaml$",
-    "init --experiment": r": check it; every command that reads bench_motion\.csv obeys it$",
+    "init --experiment": r": check it; every command reads bench_motion\.csv as it states$",
     "run arm": r"^arm / stiff  3 s simulated in .* step 1 ms, 2 substeps, leapfrog",
     "run lab": r"^pass joint_1: rmse of link_position against two_joints\.csv is .*, expected < .* rad: holds; compared with",
     "ilc": r"^play what was learned: asrsim run out/ilc_2dof/ilc/learned\.yaml$",

@@ -221,7 +221,7 @@ def test_many_worlds_are_in_mujoco_unless_told_otherwise():
         ({"delay": "normal(0.02, 0.01)"}, r"delay.*0 to 0\.2 s"),
         ({"control_rate": float("nan")}, "control_rate.*above 0 Hz"),
         ({"randomise": {"joint_1.damping": [-1.0]}}, "joint_1.damping.*at least 0"),
-        ({"randomise": {"imperfections.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*changes nothing.*joint_1, joint_2"),
+        ({"randomise": {"imperfections.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*has no effect.*joint_1, joint_2"),
         ({"count": 1.5}, "num_envs.*whole number"),
         ({"threads": 0}, "threads.*whole number"),
         ({"device": "cuda"}, "device.*only worlds on Warp"),

@@ -23,7 +23,9 @@ def spring(folder, name, reach, power, *, noise=1e-3):
     return save(folder / name, BENCH, TIME, bent, torque + noise * np.random.default_rng(len(name)).normal(size=len(TIME)))
 
 
-@pytest.mark.parametrize(("power", "said"), [(3, "show too little for its motion"), (2, "something that the model lacks")])
+@pytest.mark.parametrize(
+    ("power", "said"), [(3, "too little information for its motion"), (2, "something that the model lacks")]
+)
 def test_a_failed_prediction_says_whether_a_fit_to_the_motion_would_help(tmp_path, power, said):
     """A small deflection does not show a cubic term; no cubic term explains a quadratic spring."""
     small, large = spring(tmp_path, "a.csv", 0.02, power), spring(tmp_path, "bb.csv", 0.4, power)

@@ -66,7 +66,7 @@ def test_rows_of_a_study_are_those_of_each_variant_in_turn(table):
 
 def test_named_results_are_drawn_and_unknown_ones_refused(table):
     assert [path.name for path in draw_sweep(table, results=["joint_2.peak_deflection"])] == ["results.png"]
-    with pytest.raises(InputError, match="no result of this study"):
+    with pytest.raises(InputError, match="not a result of this study"):
         draw_sweep(table, results=["joint_2.overshot"])
     with pytest.raises(InputError, match="no run has a value"):
         draw_sweep(table, results=["joint_2.settling"])
