@@ -77,8 +77,8 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
             "adds nothing to asrsim",
             file=path,
             code="empty-plugin",
-            hint="Derive a class from asrsim.actuators.Actuator or asrsim.actuators.stages.Stage, or add to SIGNALS, MEASURES, "
-            "READERS or ENGINES",
+            hint="Derive a class from asrsim.actuators.Actuator or asrsim.actuators.stages.Stage, or add to one of asrsim's "
+            "tables, such as SIGNALS, MEASURES or READERS: docs/architecture.md, 'Where to add what', lists all of them",
         )
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:

@@ -14,7 +14,7 @@ from asrsim.actuators.quadratic_cam import QuadraticCam
 from asrsim.actuators.sea import Sea
 from asrsim.registry import Registry
 
-ACTUATORS: Registry[type[Actuator]] = Registry("actuator", entry_point_group="asrsim.actuators", base=Actuator)
+ACTUATORS: Registry[type[Actuator]] = Registry("actuator", "asrsim.actuators", base=Actuator, label="name")
 for _actuator in (Sea, QbMove, Bavs, AwasII, Maccepa, Awas, QuadraticCam):
     ACTUATORS.add(_actuator.name, _actuator)
 

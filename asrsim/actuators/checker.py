@@ -7,6 +7,7 @@ check reports the worst value, and the point at which this value occurs.
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -79,6 +80,12 @@ def report_of(kind: type[Any], problems: Sequence[Problem], doc: str, checks: It
     )
 
 
+def raised_text(error: BaseException) -> str:
+    """An exception of a law in words, with the file and line at which it was raised."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"raised {type(error).__name__}: {error} ({last.filename}:{last.lineno})"
+
+
 def _run(
     actuator: type[Actuator], name: str, doc: str, limit: float, measure: Callable[[Points], Array], reach: float
 ) -> Check:
@@ -90,7 +97,7 @@ def _run(
             worst = int(np.argmax(np.where(np.isfinite(figures), figures, np.inf)))
             figure, text = float(figures[worst]), points.text(worst)
     except (Exception, SystemExit) as error:
-        return replace(check, detail=f"raised {type(error).__name__}: {error}")
+        return replace(check, detail=raised_text(error))
     if not math.isfinite(figure):
         return replace(check, detail=f"no finite number at {text}")
     return replace(check, passed=figure <= limit, figure=figure, detail=text)

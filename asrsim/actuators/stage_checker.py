@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.checker import Check, CheckReport, report_of
+from asrsim.actuators.checker import Check, CheckReport, raised_text, report_of
 from asrsim.actuators.declaration import declaration_problem
 from asrsim.actuators.modes import MODES
 from asrsim.actuators.parameters import Parameter
@@ -25,10 +25,15 @@ from asrsim.quantities import each_motor
 from asrsim.records import declared
 
 LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
-TRIALS, STEPS, STEP = 6, 4000, 1e-4
-"""Number of random motions; number of kicks of a motion, and the time between them in s."""
+SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
+"""Relative size of each random motion: a law may differ between small and large deflections."""
+STEPS, STEP = 4000, 1e-4
+"""Number of kicks of a motion, and the largest time between them in s."""
 REACH, HERTZ = 0.3, 4.0
-"""Largest deflection of a motion in rad, and its largest frequency in Hz."""
+"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. Motions go further and faster if
+parameters of the stage say that it acts only there."""
+BEYOND = 2.0
+"""Deflection and speed that a motion exceeds, relative to the largest parameter in rad and in rad/s."""
 LARGEST = 5.0
 """Torque limit and largest torque of the motor in a motion, N m."""
 SLACK = 1e-6
@@ -93,13 +98,13 @@ def _run(
 ) -> Check:
     worst, where = 0.0, ""
     try:
-        for seed in range(TRIALS):
+        for seed in range(len(SIZES)):
             trial = trial_of(seed)
             found = float(np.max(np.fromiter(measure(trial), float), initial=0.0))
             if not found <= worst:
                 worst, where = found, ", ".join(f"{key} = {value:.4g}" for key, value in trial.values.items())
     except (Exception, SystemExit) as error:
-        return Check(name=name, passed=False, doc=doc, limit=limit, detail=f"raised {type(error).__name__}: {error}")
+        return Check(name=name, passed=False, doc=doc, limit=limit, detail=raised_text(error))
     passed = worst <= limit
     detail = "" if passed else f"{worst:.3g} with {where}"
     return Check(name=name, passed=passed, doc=doc, figure=worst, limit=limit, detail=detail)
@@ -119,9 +124,19 @@ class StageTrial:
         rates = 2.0 * np.pi * np.array([hertz for _, hertz, _ in waves])
         angles = rates[:, None] * time + np.array([[phase] for *_, phase in waves])
         sizes = np.array([[size] for size, *_ in waves])
-        self.deflection = (sizes * np.sin(angles)).sum(axis=0).tolist()
-        self.velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0).tolist()
+        deflection = (sizes * np.sin(angles)).sum(axis=0)
+        velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
+        larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
+        faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
+        self.deflection, self.velocity = (larger * deflection).tolist(), (larger * faster * velocity).tolist()
         self.torque = (LARGEST * np.sin(3.0 * angles[0])).tolist()
+        self.step = STEP / faster
+        """Time between kicks, s."""
+
+    def _largest(self, unit: str) -> float:
+        """Largest magnitude of the stage's parameters in this unit."""
+        found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
+        return max((value for value in found if np.isfinite(value)), default=0.0)
 
     @cached_property
     def kicks(self) -> Sequence[tuple[Any, Any, float, float]]:
@@ -129,7 +144,7 @@ class StageTrial:
         memory, kicks = self.stage.Memory(), []
         for x, v, torque in zip(self.deflection, self.velocity, self.torque, strict=True):
             after = replace(memory)
-            self.stage.remember(after, self.own, x, v, torque, STEP)
+            self.stage.remember(after, self.own, x, v, torque, self.step)
             kicks.append((memory, after, x, v))
             memory = after
         return kicks

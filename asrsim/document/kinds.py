@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -153,6 +154,13 @@ _LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
 """Sign and comparison of each kind of limit, by its name in JSON Schema."""
 
 
+def unit_hint(value: object) -> str | None:
+    """Advice for a text that is a number with a unit; None for other values."""
+    number = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+    stated = isinstance(value, str) and re.fullmatch(rf"{number}\s*[^\W\d]\S*|{number}\s*[°%]\S*", value.strip())
+    return "Write the number alone, in SI units (s, m, rad, N, N m)" if stated else None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Number(Kind[float]):
     """Kind of value: a finite real number."""
@@ -170,7 +178,7 @@ class Number(Kind[float]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.wrong(node, path, reading)
+            raise reading.fault(node, path, f"must be a {self.text}", hint=unit_hint(value), code="type")
         if not abs(value) <= sys.float_info.max:  # infinities, NaN, and integers that overflow
             raise reading.fault(node, path, "must be a finite number", code="range")
         if not all(_LIMITS[name][1](value, limit) for name, limit in self._limits.items()):

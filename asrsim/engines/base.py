@@ -94,6 +94,10 @@ class Native(NamedTuple):
     """Function of the length of the record's steps, in steps of the run."""
 
 
+MEMBERS = "joints", "version", "state", "takes_wrenches", "start", "step", "scene", "vary", "native", "close"
+"""What every engine has, whether it is derived from `Engine` or not."""
+
+
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asrsim.engines.rigid import RigidEngine, make_room
-from asrsim.errors import RobotError
+from asrsim.errors import RobotError, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -32,13 +34,13 @@ class EquationEngine(RigidEngine):
         )
         super().__init__(room, np.zeros(count), scenario=scenario)
 
+    @abstractmethod
     def mass_matrix(self, positions: Array) -> ArrayLike:
         """Symmetric mass matrix (n, n), kg m^2, at the joint positions (n,)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def bias(self, positions: Array, velocities: Array) -> ArrayLike:
         """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,)."""
-        raise NotImplementedError
 
     def begin(self) -> None:
         """Check what the equations give at the start. Raises RobotError."""
@@ -48,6 +50,9 @@ class EquationEngine(RigidEngine):
         if matrix.shape != (count, count) or bias.shape != (count,):
             message = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
             raise RobotError(message, key=type(self).__name__, value=(matrix.shape, bias.shape), code="engine")
+        if not np.isfinite(bias).all():
+            message = "the engine's bias is not finite at the start"
+            raise RobotError(message, key=type(self).__name__, value=bias.tolist(), code="engine")
         if not np.allclose(matrix, matrix.T) or not (np.linalg.eigvalsh(matrix) > 0.0).all():
             message = "the engine's mass matrix is not symmetric and positive definite at the start"
             raise RobotError(message, key=type(self).__name__, value=matrix.tolist(), code="engine")
@@ -57,3 +62,6 @@ class EquationEngine(RigidEngine):
         room = self._room
         room.full_matrix[:] = self.mass_matrix(room.qpos.copy())
         room.full_bias[:] = self.bias(room.qpos.copy(), room.qvel.copy())
+        if not np.isfinite(room.full_matrix).all() or not np.isfinite(room.full_bias).all():
+            at = f"at the positions {room.qpos.tolist()} and the velocities {room.qvel.tolist()}"
+            raise SimulationError(f"{type(self).__name__}: mass matrix or bias of the engine is not finite {at}")

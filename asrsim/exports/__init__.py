@@ -16,6 +16,7 @@ from asrsim.exports.programs import PROGRAMS, Program
 from asrsim.exports.ranges import own_numbers, write_ranges
 from asrsim.exports.replay import Replay, draw_replay, replay, run_of
 from asrsim.outfile import make_folder, write_text, written
+from asrsim.registry import result_fault
 from asrsim.renamed import renamed
 from asrsim.render.meshes import simplified
 from asrsim.robot.meshes import mesh_parts
@@ -136,7 +137,11 @@ def export(
         files.append(ranges)
         if not distribution.fits:
             remarks.append("the fit did not show that its model explains the recordings: its intervals may be too narrow")
-    files += target.write(path, ready, model.spec.option.timestep, ranges)
+    beside = target.write(path, ready, model.spec.option.timestep, ranges)
+    if not isinstance(beside, list) or not all(isinstance(file, Path) for file in beside):
+        message = f"`write` must return the list of the paths that it wrote; it returns {beside!r}"
+        raise result_fault(target.write, message)
+    files += beside
     result = replay(ready, run, path, target)
     files += draw_replay(result, path) if plot else []
     if result.diverged_at is not None:

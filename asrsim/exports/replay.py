@@ -19,6 +19,7 @@ from asrsim.metrics.values import root_mean_squares
 from asrsim.plots import style
 from asrsim.plots.chart import Chart, Line
 from asrsim.plots.charts import save_charts
+from asrsim.registry import result_fault
 from asrsim.samples import Array
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.worlds import Worlds
@@ -84,7 +85,11 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Pr
     rows = [int(model.joint(stepped.name).qposadr[0]) for stepped in prepared.drives]
 
     def positions(one: Program, count: int) -> Array:
-        found = one.positions(path, model, _start_of(model, controls), controls[:count], torques[:count])[:, rows]
+        found = one.positions(path, model, _start_of(model, controls), controls[:count], torques[:count])
+        if np.shape(found) != (count, model.nq):
+            message = f"`positions` must return an array of shape {(count, model.nq)}; its shape is {np.shape(found)}"
+            raise result_fault(one.positions, message)
+        found = np.asarray(found, dtype=float)[:, rows]
         at = times[times <= stamps[count - 1] + 0.5 * step]
         return np.column_stack([np.interp(at, stamps[:count], own) for own in found.T])
 
@@ -95,12 +100,18 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Pr
         theirs = positions(program, min(len(stamps), program.longest))
     count = len(theirs)
     return Replay(
-        program=f"{plain.title} ({plain.version()})" if untried else f"{program.title} ({program.version()})", untried=untried,
+        program=_versioned(plain if untried else program), untried=untried,
         joints=tuple(stepped.name for stepped in prepared.drives),
         units=tuple("mm" if stepped.joint.kind == "prismatic" else "mrad" for stepped in prepared.drives),
         time=times[:count], ours=run["link_position"][:count], theirs=theirs,
         apart=float(1e3 * np.nanmax(np.abs(theirs - exact[:count]), initial=0.0)),
     )  # fmt: skip
+
+
+def _versioned(program: Program) -> str:
+    """Title of a program, with its version if it states one."""
+    version = program.version()
+    return f"{program.title} ({version})" if version else program.title
 
 
 def _start_of(model: Any, controls: Array) -> Any:

@@ -6,7 +6,7 @@ file, or an entry point in the group "asrsim.causes".
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -31,7 +31,7 @@ from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, jacobian, mean_square, residuals
-from asrsim.registry import Registry
+from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
 EXPLAINED = 0.9
@@ -135,7 +135,14 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
 
 def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that the cause with this name proposes. Raises InputError for a parameter that does not exist."""
-    for one in CAUSES.get(name).extensions(problem, x):
+    function = CAUSES.get(name).extensions
+    found = function(problem, x)
+    if not isinstance(found, Iterable):
+        raise result_fault(function, f"the cause '{name}' must return or yield extensions; it returns {found!r}")
+    for one in found:
+        if not isinstance(one, Extension):
+            message = f"the cause '{name}' must return or yield asrsim.identification.Extension; it gives {one!r}"
+            raise result_fault(function, message)
         for parameter in one.parameters if one.elastic is None else ():
             if parameter.key not in problem.known:
                 message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"

@@ -15,7 +15,7 @@ from asrsim.errors import InputError, Problem
 from asrsim.metrics import difference, motion, oscillation, response, step, values
 from asrsim.metrics.rest import SHARE, motion_left
 from asrsim.metrics.values import last_part, mean
-from asrsim.registry import Registry
+from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
 
@@ -66,7 +66,7 @@ def _options_of(function: Callable[..., float]) -> dict[str, object]:
     return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
 
 
-MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures")
+MEASURES: Registry[Measure] = Registry("measure", "asrsim.measures", instance=Measure, label="name")
 """All measures by name. Installed packages add measures with the entry point group `asrsim.measures`."""
 
 for _function, _unit, _needs in (
@@ -129,7 +129,22 @@ def measure(
         InputError: For an unknown measure or option, or if a reference is missing.
     """
     found, time, arguments = _chosen(name, time, series, reference, start, end, options)
-    return float(found.function(time, *arguments, **options)) if len(time) else math.nan
+    if not len(time):
+        return math.nan
+    # Other measures get the same arrays: a function that writes into them is an error.
+    result = found.function(*map(_read_only, (time, *arguments)), **options)
+    try:
+        return float(result)
+    except (TypeError, ValueError):
+        kind = type(result).__name__
+        raise result_fault(found.function, f"a measure must return a number; this one returns a value of type {kind}") from None
+
+
+def _read_only(values: Array) -> Array:
+    """A view of an array that cannot be written."""
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def unrest(

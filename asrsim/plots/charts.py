@@ -7,6 +7,8 @@ from itertools import pairwise, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from asrsim.plots import style
 from asrsim.plots.chart import Chart
 from asrsim.plots.layout import LEFT, PanelGrid, set_title
@@ -95,7 +97,7 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         style.empty(axes)
         return
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
-        _scale(axes, axis, name, logarithmic=name in chart.logarithmic)
+        _scale(axes, axis, name, logarithmic=name in chart.logarithmic, counts=_counts(chart))
     for band in chart.bands:
         where = None if band.where is None else band.where.tolist()
         axes.fill_between(band.x, band.low, band.high, where=where, color=band.colour, alpha=band.opacity, linewidth=0.0)
@@ -119,8 +121,14 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 
-def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool) -> None:
-    """Scale an axis, with few tick labels that are plain numbers."""
+def _counts(chart: Chart) -> bool:
+    """Whether the horizontal axis counts something, such as iterations: whole numbers without a unit."""
+    places = [np.asarray(line.x, dtype=float) for line in chart.lines]
+    return not chart.across_unit and all(np.array_equal(x, np.round(x)) for x in places)
+
+
+def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool, counts: bool) -> None:
+    """Scale an axis, with few tick labels that are plain numbers. counts: the horizontal axis has whole numbers."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     from asrsim.plots.ticks import TICKS
@@ -130,7 +138,7 @@ def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool) -> None:
         axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0), numticks=8))
         axis.set_minor_formatter(NullFormatter())
     elif name == "x":
-        axis.set_major_locator(MaxNLocator(5))
+        axis.set_major_locator(MaxNLocator(5, integer=counts, min_n_ticks=1 if counts else 2))
     axis.set_major_formatter(TICKS)
 
 

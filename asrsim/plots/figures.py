@@ -7,6 +7,7 @@ a plugin file, or an entry point in the group "asrsim.figures".
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -28,7 +29,7 @@ from asrsim.plots.panels import (
     joint_panels,
     quantity_panel,
 )
-from asrsim.registry import Registry
+from asrsim.registry import Registry, result_fault
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -81,11 +82,31 @@ def run_pages(
         return
     for name in STANDARD if figures is None else figures:
         if not brief:
-            yield from FIGURES.get(name).pages(runs)
+            yield from _pages_of(name, runs)
         elif name == "joints" and len(joint_names(runs)) >= OVERVIEW_FROM:
             yield from islice(_joint_pages(runs, "all pages: asrsim plot"), 1)
         elif name != "energy":
-            yield from FIGURES.get(name).pages(runs)
+            yield from _pages_of(name, runs)
+
+
+def _pages_of(name: str, runs: Sequence[RunCurves]) -> Iterator[FigurePage]:
+    """Pages of the figure with this name. Raises InputError if a user's function returns something else."""
+    from matplotlib.figure import Figure
+
+    function, taken = FIGURES.get(name).pages, set[str]()
+    found = function(runs)
+    if not isinstance(found, Iterable):
+        message = f"the figure '{name}' must return or yield pages (asrsim.plots.FigurePage); it returns {found!r}"
+        raise result_fault(function, message)
+    for page in found:
+        if not isinstance(page, FigurePage) or not isinstance(page.figure, Figure):
+            message = f"a page of the figure '{name}' must be a FigurePage with a figure of Matplotlib; it is {page!r}"
+            raise result_fault(function, message)
+        if not re.fullmatch(r"[^./\\][^/\\]*", page.name) or page.name in taken:
+            message = f"the figure '{name}' must give each page a file name of its own, without folder; it gives '{page.name}'"
+            raise result_fault(function, message)
+        taken.add(page.name)
+        yield page
 
 
 def _overview_pages(runs: Sequence[RunCurves]) -> Iterator[FigurePage]:

@@ -24,7 +24,7 @@ from asrsim.recordings.folders import FOLDER, joined
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.sheets import read_excel, read_json
 from asrsim.recordings.text import read_text
-from asrsim.registry import Registry
+from asrsim.registry import Registry, result_fault
 
 SECONDS, RATE = 60.0, 1e6
 """Time limit for reading a binary format: s of wall clock, and bytes of the file for each further second."""
@@ -70,7 +70,7 @@ def content_of(path: Path, reading: Reading) -> Content:
             endings = {suffix for kind in READERS for suffix in READERS.get(kind).suffixes}
             return joined(path, lambda file: content_of(file, reading), endings)
         reader = READERS.get(name)
-        found = _confined(name, path, reading) if reader.confined else reader.read(path, reading)
+        found = _confined(name, path, reading) if reader.confined else checked(name, reader.read(path, reading))
         return replace(found, format=name)
     except (OSError, UnicodeError) as error:
         raise RecordingError(f"cannot be read: {error}", code="no-file") from None
@@ -136,7 +136,7 @@ def answer_of(request: dict[str, str]) -> bytes:
             )
             hint = "Add it in a file given to --plugin or to asrsim.plugins.load_plugin_file, or give it confined=False"
             raise RecordingError(message, hint=hint, code="own-reader")
-        answer = READERS.get(request["reader"]).read(Path(request["path"]), reading)
+        answer = checked(request["reader"], READERS.get(request["reader"]).read(Path(request["path"]), reading))
     except InputError as error:
         answer = error.problems
     except MemoryError:
@@ -147,6 +147,37 @@ def answer_of(request: dict[str, str]) -> bytes:
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
         answer = [Problem(message + _place_in_plugin(request["plugin"], error), code="damaged")]
     return pack(answer)
+
+
+def checked(name: str, found: Any) -> Content:
+    """What the reader with this name returned, with its numbers as arrays. Raises RecordingError, with file and line of the
+    reader, unless it is a `Content` of tables whose columns have a name each and equally many numbers."""
+    function = READERS.get(name).read
+
+    def refuse(message: str) -> RecordingError:
+        return RecordingError(result_fault(function, f"the reader '{name}' {message}").problems)
+
+    if not isinstance(found, Content):
+        raise refuse(f"must return asrsim.recordings.data.Content; it returns a value of type {type(found).__name__}")
+    tables = []
+    for table in found.tables:
+        if not isinstance(table, RawTable):
+            raise refuse(f"must return tables (asrsim.recordings.data.RawTable); one is of type {type(table).__name__}")
+        columns = []
+        for column in table.columns:
+            if not isinstance(column, RawColumn) or not isinstance(column.name, str):
+                raise refuse(f"must return columns (asrsim.recordings.data.RawColumn) with texts as names; one is {column!r}")
+            values = np.asarray(column.values)
+            if values.ndim != 1 or values.dtype.kind not in "biuf":
+                told = f"has the shape {values.shape} and the type {values.dtype}"
+                raise refuse(f"must return a list of numbers for each column; '{column.name}' {told}")
+            columns.append(replace(column, values=values))
+        lengths = {column.name: len(column.values) for column in columns}
+        if len(set(lengths.values())) > 1:
+            told = ", ".join(f"'{column}' has {length}" for column, length in lengths.items())
+            raise refuse(f"must return columns of equal length in a table: {told}")
+        tables.append(replace(table, columns=tuple(columns)))
+    return replace(found, tables=tuple(tables))
 
 
 def _place_in_plugin(plugin: str, error: Exception) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -44,12 +45,23 @@ def is_declared(group: str) -> bool:
     return any(f"[{group}]" in file.read_text(encoding="utf-8", errors="replace") for file in files)
 
 
+def result_fault(function: Callable[..., Any], message: str) -> InputError:
+    """Error for a result that a function of a user must not return. message: what the function must return, and what it
+    returns; file and line of the function are added."""
+    runs = function.__init__ if isinstance(function, type) else function  # type: ignore[misc]
+    code = getattr(inspect.unwrap(runs), "__code__", None)
+    place = "" if code is None else f" ({code.co_filename}:{code.co_firstlineno})"
+    return InputError(message + place, code="wrong-result")
+
+
 class Registry(Generic[T]):
     """Table of named entries; the error for an unknown name lists the known ones.
 
     Installed packages add entries through an entry point group. These entries are loaded when a name is not
-    found, so that they do not slow down the start. An entry that cannot be loaded, is not derived from `base`, or is not an
-    instance of `instance`, raises an error only when its name is used.
+    found, so that they do not slow down the start. An entry is refused if it is not derived from `base`, is not an instance of
+    `instance`, lacks an attribute that this class declares without a value, or states another name in its attribute `label`.
+    `add` raises an error for such an entry. An entry of an installed package that is refused, or that cannot be loaded, raises
+    an error only when its name is used.
     """
 
     everyone: ClassVar[WeakSet[Registry[Any]]] = WeakSet()
@@ -60,11 +72,13 @@ class Registry(Generic[T]):
     """Plugin file that is running; it may register its entries again when it runs again."""
 
     def __init__(
-        self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None
-    ) -> None:
+        self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None,
+        label: str = "",
+    ) -> None:  # fmt: skip
         self.noun = noun
         self.base = base
         self.instance = instance
+        self.label = label
         self._broken: dict[str, str] = {}
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
@@ -74,13 +88,29 @@ class Registry(Generic[T]):
         Registry.everyone.add(self)
 
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
-        """Register `entry`; raises InputError if the name is taken and `replace` is not set."""
+        """Register `entry`; raises InputError if the registry refuses it, or if the name is taken and `replace` is not set."""
+        if fault := self._fault(name, entry):
+            raise InputError(f"the {self.noun} '{name}' {fault}", code=f"broken-{self.noun}")
         again = bool(Registry.file) and self._files.get(name) == Registry.file
         if name in self._entries and not replace and not again:
             raise InputError(f"{self.noun} '{name}' is registered already", code="name-taken")
         self._files[name] = Registry.file
         Registry.added += 1
         return self._take(name, entry)
+
+    def _fault(self, name: str, entry: object) -> str:
+        """Why the registry refuses an entry, as the end of a sentence; empty if it takes the entry."""
+        kind = self.base or self.instance
+        if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
+            return f"is not a class derived from {self.base.__module__}.{self.base.__name__}: {entry!r}"
+        if self.instance is not None and not isinstance(entry, self.instance):
+            return f"is no {self.instance.__module__}.{self.instance.__name__}: {entry!r}"
+        missing = [one for one in inspect.get_annotations(kind) if not hasattr(entry, one)] if kind is not None else []
+        if missing:
+            return f"lacks the attribute `{missing[0]}`"
+        if self.label and getattr(entry, self.label) != name:
+            return f"calls itself '{getattr(entry, self.label)}' in `{self.label}`: both names must be the same"
+        return ""
 
     def _take(self, name: str, entry: T) -> T:
         """Keep an entry, whether a program or an installed package adds it."""
@@ -150,10 +180,7 @@ class Registry(Generic[T]):
             except (Exception, SystemExit) as error:  # other packages may raise any error
                 self._broken[point.name] = f"{point.value} raised {type(error).__name__}: {error}"
                 continue
-            if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
-                self._broken[point.name] = f"{point.value} is not a class derived from {self.base.__name__}"
-                continue
-            if self.instance is not None and not isinstance(entry, self.instance):
-                self._broken[point.name] = f"{point.value} is no {self.instance.__module__}.{self.instance.__name__}"
+            if fault := self._fault(point.name, entry):
+                self._broken[point.name] = f"{point.value} {fault}"
                 continue
             self._take(point.name, entry)

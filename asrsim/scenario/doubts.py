@@ -163,7 +163,8 @@ def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> It
     low, high = robot.joint(name).stops
     if math.isfinite(low) and math.isfinite(high) and (ends[0] < low or ends[1] > high):
         message = f"leaves the limits of '{name}', {low:g} to {high:g}"
-        yield Problem(message, key=key, value=f"{ends[0]:g} to {ends[1]:g}", code="reference-limits")
+        reached = f"{ends[0]:g}" if ends[0] == ends[1] else f"{ends[0]:g} to {ends[1]:g}"
+        yield Problem(message, key=key, value=reached, code="reference-limits")
 
 
 def _sudden_turns(scenario: Scenario, robot: Robot) -> Iterator[Problem]:

@@ -26,5 +26,5 @@ class Signal(ABC):
         return np.empty(0)
 
 
-SIGNALS: Registry[type[Signal]] = Registry("signal", entry_point_group="asrsim.signals")
+SIGNALS: Registry[type[Signal]] = Registry("signal", "asrsim.signals", base=Signal, label="kind")
 """Kinds of signals by name; `asrsim.signals` adds its own."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from asrsim.document.block import Block, declared_keys
-from asrsim.document.kinds import Key, Kind, Schema, attempt
+from asrsim.document.kinds import Key, Kind, Schema, attempt, unit_hint
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import ScenarioError
@@ -26,7 +26,7 @@ class SignalKind(Kind[Signal]):
             return Constant(value=block_of(Constant).keys[0].kind.read(node, path, reading))
         if not isinstance(value, dict):
             moved = path[-1:] == ("inverse_dynamics",)
-            hint = "State it as a key of the scenario: `inverse_dynamics: {JOINT: true}`" if moved else None
+            hint = "State it as a key of the scenario: `inverse_dynamics: {JOINT: true}`" if moved else unit_hint(value)
             choices = () if hint else SIGNALS.names()
             raise reading.fault(node, path, f"must be a signal: {FORM}", choices=choices, hint=hint, code="signal")
         if len(value) != 1:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import inspect
+
 from asrsim.engines import ENGINES
-from asrsim.engines.base import Engine
+from asrsim.engines.base import MEMBERS, Engine
 from asrsim.errors import Problem, SimulationError
+from asrsim.registry import result_fault
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
@@ -13,13 +16,22 @@ WARP = "mujoco_warp"
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed or ignores wrenches."""
+    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed or ignores wrenches,
+    and InputError if a user's engine is incomplete."""
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
         message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
         raise SimulationError(message)
-    engine, warnings = entry.make(scenario, robot)
+    made = entry.make(scenario, robot)
+    if not isinstance(made, tuple) or len(made) != 2:
+        message = f"`make` of the engine '{scenario.engine}' must return an engine and a tuple of warnings; it returns {made!r}"
+        raise result_fault(entry.make, message)
+    engine, warnings = made
+    for name in MEMBERS:
+        if inspect.getattr_static(engine, name, MEMBERS) is MEMBERS:
+            message = f"the engine '{scenario.engine}' must have the member `{name}`; {type(engine).__name__} lacks it"
+            raise result_fault(entry.make, message)
     if scenario.wrenches and not engine.takes_wrenches:
         engine.close()
         raise SimulationError(f"the engine '{scenario.engine}' takes no wrenches: the scenario's would have no effect")

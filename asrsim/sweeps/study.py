@@ -19,7 +19,8 @@ from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
-from asrsim.plugins import check_named
+from asrsim.plugins import check_named, plugin_fault
+from asrsim.registry import result_fault
 from asrsim.renamed import STUDY_KEYS, new_key, renamed
 from asrsim.samples import Array
 from asrsim.scenario.kinds import AnyData
@@ -180,15 +181,23 @@ class Study:
     def _unit_points(self) -> Array:
         """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
         shape = (self.draws, len(self.groups))
-        found = SAMPLERS.get(self.sampler).points(self.base_samples, shape[1], self.seed)
+        function = SAMPLERS.get(self.sampler).points
+        needed = f"the sampler '{self.sampler}' must return an array of numbers from 0 to 1 of shape {shape}"
         try:
-            points = np.asarray(found, dtype=np.float64)
+            points, again = (
+                np.asarray(function(self.base_samples, shape[1], self.seed), dtype=np.float64).copy() for _ in range(2)
+            )
         except (TypeError, ValueError) as error:
-            message = f"the sampler must return an array of numbers of shape {shape}: {error}"
-            raise InputError(message, key="sampler", value=self.sampler, code="sampler-points") from None
-        if points.shape != shape or not ((points >= 0.0) & (points <= 1.0)).all():
-            message = f"the sampler must return points from 0 to 1 of shape {shape}; its shape is {points.shape}"
-            raise InputError(message, key="sampler", value=self.sampler, code="sampler-points")
+            if fault := plugin_fault(error):
+                raise fault from error
+            raise result_fault(function, f"{needed}: {error}") from None
+        if points.shape != shape:
+            raise result_fault(function, f"{needed}; its shape is {points.shape}")
+        outside = points[~((points >= 0.0) & (points <= 1.0))]
+        if outside.size:
+            raise result_fault(function, f"{needed}; {outside.size} of them lie outside, such as {outside[0]:g}")
+        if not np.array_equal(points, again):
+            raise result_fault(function, f"the sampler '{self.sampler}' must return the same points for the same seed")
         return points
 
 

@@ -65,6 +65,12 @@ def test_check_has_no_warning_for_starter_variants(tmp_path, name, actuator):
         assert not [str(problem) for problem in warnings if problem.file == scenario.path]
 
 
+@pytest.mark.parametrize(("name", "rests"), [("plain_arm", True), ("dof2_horizontal", False)])
+def test_only_an_arm_that_sags_starts_at_its_equilibrium(tmp_path, name, rests):
+    write_starter(ROOT / "examples" / "urdf" / f"{name}.urdf", tmp_path / "s.yaml", actuators={"*": "qbmove"})
+    assert ("initial: equilibrium" in (tmp_path / "s.yaml").read_text()) == rests
+
+
 def test_comments_of_a_starter_name_the_actuator_the_mode_and_the_units(tmp_path):
     elbow, slide = {"name": "elbow", "mode": 3}, {"name": "slide", "kind": "prismatic", "actuator": "sea", "mode": 2}
     write_starter(write_robot(tmp_path, elbow, slide), tmp_path / "s.yaml")

@@ -3,6 +3,7 @@
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -58,6 +59,19 @@ def test_commands_are_played_smoothly_between_their_samples(tmp_path):
     (claim,) = scenario.expect
     assert (claim.quantity, claim.measure, claim.comparison) == ("link_position", "rmse", "<")
     assert claim.value == pytest.approx(0.1 * np.ptp(SMOOTH), rel=0.05)
+
+
+def test_files_in_another_folder_name_the_recording_from_there(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lab(tmp_path)
+    (tmp_path / "fits").mkdir()
+    write_from_recording(EXAMPLES / "dof1_sea.urdf", Path("lab.csv"), Path("fits") / "s.yaml")
+    for name in ("lab.csv.yaml", "s.fit.yaml"):
+        text = (tmp_path / "fits" / name).read_text()
+        assert "../lab.csv" in text or name != "lab.csv.yaml"
+        assert str(tmp_path) not in text
+    assert task_of(tmp_path / "fits" / "s.fit.yaml").free
+    assert read_recording(tmp_path / "fits" / "lab.csv.yaml").time[-1] == pytest.approx(0.79)
 
 
 def test_suggested_fit_ties_equal_motors_and_frees_a_delay(tmp_path):

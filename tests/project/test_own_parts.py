@@ -1,5 +1,7 @@
 """Parts of a user's own: the code of each page works as its page says, and errors of this code name its file and line."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -143,7 +145,8 @@ def test_an_error_of_a_users_part_names_its_file_and_line(own, tiny, asrsim_comm
 
 def test_errors_of_asrsim_stay_as_they_are_within_a_plugin(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "from asrsim.errors import RobotError\nfrom asrsim.signals import SIGNALS\nSIGNALS.add('mine', 1)\n"
+        "from asrsim.errors import RobotError\nfrom asrsim.signals import SIGNALS, Signal\n"
+        "class Mine(Signal): kind = 'mine'\nSIGNALS.add('mine', Mine)\n"
         "def explain(): raise RobotError('needs a robot with one joint')\n"
         "def fail(): raise KeyError('q')\n"
         "SIGNALS.explain, SIGNALS.fail = explain, fail\n"
@@ -151,7 +154,7 @@ def test_errors_of_asrsim_stay_as_they_are_within_a_plugin(tmp_path):
     load_plugin_file(tmp_path / "mine.py")
     with pytest.raises(RobotError, match="needs a robot with one joint"), blame_plugins():
         SIGNALS.explain()
-    with pytest.raises(ActuatorError, match=r"mine\.py:5: fail: the plugin raised KeyError"), blame_plugins():
+    with pytest.raises(ActuatorError, match=r"mine\.py:6: fail: the plugin raised KeyError"), blame_plugins():
         SIGNALS.fail()
 
 
@@ -190,3 +193,219 @@ def test_plots_say_that_an_actuator_is_not_here(tiny, asrsim_command):
     done = asrsim_command("plot", "run", "--quantity", "deflection")
     assert "the actuator 'drive' of elbow is not known here" in done.out
     assert "drive.py: name your copy with --plugin" in done.out
+
+
+ENTRIES = {
+    "a measure that is a function": (
+        "from asrsim.metrics import MEASURES\nMEASURES.add('mine', lambda time, values: 0.0)",
+        "the measure 'mine' is no asrsim.metrics.measures.Measure",
+    ),
+    "a program that is no class of programs": (
+        "from asrsim.exports import PROGRAMS\nclass Mine: name = 'mine'\nPROGRAMS.add('mine', Mine)",
+        "the program 'mine' is not a class derived from asrsim.exports.programs.base.Program",
+    ),
+    "a signal with another name": (
+        "from asrsim.signals import SIGNALS, Signal\nclass Mine(Signal): kind = 'other'\nSIGNALS.add('mine', Mine)",
+        "the signal 'mine' calls itself 'other' in `kind`",
+    ),
+    "a program without a title": (
+        "from asrsim.exports import PROGRAMS, Program\nclass Mine(Program): name = 'mine'\nPROGRAMS.add('mine', Mine)",
+        "the program 'mine' lacks the attribute `title`",
+    ),
+    "a sampler without a title": (
+        "from asrsim.sweeps.samplers import SAMPLERS, Sampler\nclass A(Sampler): points = 0\nSAMPLERS.add('mine', A())",
+        "the sampler 'mine' lacks the attribute `title`",
+    ),
+}
+
+
+@pytest.mark.parametrize(("code", "said"), ENTRIES.values(), ids=ENTRIES)
+def test_a_part_of_the_wrong_kind_is_refused_when_it_is_added(code, said, tmp_path):
+    (tmp_path / "mine.py").write_text(code)
+    with pytest.raises(ActuatorError, match=f"mine\\.py:{code.count(chr(10)) + 1}: .*{re.escape(said)}"):
+        load_plugin_file(tmp_path / "mine.py")
+
+
+READING = """
+import numpy as np
+from asrsim.recordings import READERS, Reader
+from asrsim.recordings.data import Content, RawColumn, RawTable
+
+def table(**columns):
+    made = tuple(RawColumn(name=name, values=values) for name, values in columns.items())
+    return Content(tables=(RawTable(columns=made),))
+
+time = np.arange(50) * 0.01
+def read(path, reading):
+    return RESULT
+
+READERS.add("mine", Reader(suffixes=(".mine",), read=read, confined=CONFINED))
+"""
+
+
+@pytest.mark.parametrize("confined", [True, False])
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        ("None", "must return asrsim.recordings.data.Content; it returns a value of type NoneType"),
+        ("Content(tables=({'time': time},))", "must return tables .* one is of type dict"),
+        ("Content(tables=(RawTable(columns=(RawColumn(name=1, values=time),)),))", "with texts as names"),
+        ("table(time=time, q1=time[1:])", "columns of equal length in a table: 'time' has 50, 'q1' has 49"),
+        ("table(time=time, q1=['up'] * 50)", "a list of numbers for each column; 'q1' has the shape"),
+        ("table(time=time, q1=np.ones((50, 2)))", r"'q1' has the shape \(50, 2\)"),
+    ],
+)
+def test_what_a_reader_must_not_return_is_named_with_the_readers_line(result, said, confined, tmp_path):
+    code = READING.replace("RESULT", result).replace("CONFINED", str(confined))
+    (tmp_path / "mine.py").write_text(code)
+    (tmp_path / "lab.mine").write_text("numbers")
+    load_plugin_file(tmp_path / "mine.py")
+    with pytest.raises(RecordingError, match=rf"the reader 'mine' .*{said}.*mine\.py:11\)"):
+        read_recording(tmp_path / "lab.mine", joints=["elbow"])
+
+
+def test_a_reader_may_return_lists_of_numbers(tmp_path):
+    columns = "table(time=time.tolist(), q1=[*range(50)])"
+    (tmp_path / "mine.py").write_text(READING.replace("RESULT", columns).replace("CONFINED", "True"))
+    (tmp_path / "lab.mine").write_text("numbers")
+    (tmp_path / "lab.mine.yaml").write_text("map: {q1: 'elbow.link_position [deg]'}")
+    load_plugin_file(tmp_path / "mine.py")
+    recording = read_recording(tmp_path / "lab.mine", joints=["elbow"])
+    np.testing.assert_allclose(recording.column("elbow", "link_position").values, np.radians(np.arange(50)))
+
+
+@pytest.mark.parametrize("result", ["None", "values", "'high'"])
+def test_a_measure_that_returns_no_number_is_named(result, tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(
+        "from asrsim.metrics import MEASURES, Measure\n\n"
+        f"def broken(time, values):\n    return {result}\n\n"
+        'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
+    )
+    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, tolerance: 9}]"
+    done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
+    assert done.code == 1
+    assert "a measure must return a number" in done.err
+    assert "mine.py:3)" in done.err
+
+
+def test_a_measure_cannot_change_what_other_measures_get(tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(
+        "from asrsim.metrics import MEASURES, Measure\n\n"
+        "def broken(time, values):\n    values[:] = 0.0\n    return 0.0\n\n"
+        'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
+    )
+    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, tolerance: 9}]"
+    done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
+    assert done.code == 1
+    assert "mine.py:4: broken: the plugin raised ValueError: assignment destination is read-only" in done.err
+
+
+@pytest.mark.parametrize(
+    ("result", "said"),
+    [
+        ("None", "must return or yield pages"),
+        ("[Figure()]", "must be a FigurePage with a figure of Matplotlib"),
+        ("[FigurePage(name='a', figure=None)]", "must be a FigurePage with a figure of Matplotlib"),
+        ("[FigurePage(name='../a', figure=Figure())]", "a file name of its own, without folder; it gives '../a'"),
+        ("[FigurePage(name='a', figure=Figure()), FigurePage(name='a', figure=Figure())]", "it gives 'a'"),
+    ],
+)
+def test_pages_that_a_figure_must_not_return_are_named(result, said, tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(
+        "from matplotlib.figure import Figure\nfrom asrsim.plots import FIGURES, FigurePage, RunFigure\n\n"
+        f"def pages(runs):\n    return {result}\n\n"
+        "FIGURES.add('mine', RunFigure(title='mine', pages=pages))\n"
+    )
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "run").code in (0, 1)
+    done = asrsim_command("plot", "run", "--plugin", "mine.py", "--figure", "mine", "--out", "pictures")
+    assert done.code == 1
+    assert said in done.err
+    assert "mine.py:4)" in done.err
+
+
+ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"lambda scenario, robot: (PendulumEngine(scenario, robot), ())": "PendulumEngine"}, "mine.py:21)"),
+        ({"(PendulumEngine(scenario, robot), ())": "PendulumEngine(scenario, robot)"}, "must return an engine and a tuple"),
+        ({'version = "pendulum 1"': "pass"}, "must have the member `version`; PendulumEngine lacks it"),
+        ({"def bias": "def torque"}, "abstract method"),
+        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite at the start"),
+        ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite at the positions"),
+    ],
+)
+def test_a_part_that_an_engine_lacks_is_named(wrong, said, tmp_path, asrsim_command):
+    code = (EXAMPLES / "plugins" / "pendulum_engine.py").read_text()
+    for right, other in wrong.items():
+        assert right in code
+        code = code.replace(right, other)
+    (tmp_path / "mine.py").write_text(code)
+    done = asrsim_command("run", ARM, "--variant", "soft", "--engine", "pendulum", "--plugin", "mine.py", "--no-plot")
+    assert done.code == 1
+    assert said in done.err
+    assert "unexpected error" not in done.err
+
+
+def test_the_keys_of_the_page_are_keys_of_a_document():
+    from dataclasses import dataclass
+
+    from asrsim.document import block, kinds
+
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("### A key of the scenario")[2]
+    lines = text.split("```")[1].strip().splitlines()
+    names = {**vars(kinds), "declare": block.declare, "Mapping": dict, "__name__": __name__}
+    exec("class Keys:\n" + "".join(f"    {line}\n" for line in lines), names)
+    made = block.block_of(dataclass(names["Keys"]), "mapping")
+    assert [key.name for key in made.keys] == ["laboratory", "operator", "padding"]
+    for row in re.findall(r"^\| (`.*?`) \|", text, re.MULTILINE)[:-1]:
+        for kind in re.findall(r"`(.*?)`", row):
+            assert isinstance(eval(re.sub(r"(\w+=)(?=[,)])", r"\g<1>None", kind), names), kinds.Kind)
+
+
+def test_the_quantity_of_the_page_is_logged_plotted_and_claimed(own, tiny, asrsim_command):
+    plugin = own("stages.md", "Log a quantity of your own")
+    assert asrsim_command("check", "--stage", "meter", "--plugin", plugin).code == 0
+    claim = "expect=[{joint: elbow, quantity: meter_1_reach, measure: final, comparison: '>', value: 0.001}]"
+    meter = ("--set", "parameters.*.meter=1", "--set", claim, "--plugin", plugin)
+    done = asrsim_command("run", tiny.scenario, *meter, "--no-plot", "--out", "run")
+    assert done.code == 0, done.err
+    plain = asrsim_command("run", tiny.scenario, "--set", "expect=[]", "--no-plot", "--out", "plain")
+    assert plain.code == 0, plain.err
+    measured, without = (read_log(tiny.folder / name / "log.mcap").samples.joint("elbow") for name in ("run", "plain"))
+    np.testing.assert_array_equal(measured["link_position"], without["link_position"])
+    assert np.diff(measured["meter_1_reach"]).min() >= 0.0
+    drawn = asrsim_command("plot", "run", "--quantity", "meter_1_power", "--plugin", plugin, "--out", "pictures")
+    assert drawn.code == 0, drawn.err
+
+
+EXPORTING = """
+import numpy as np
+from asrsim.exports import PROGRAMS, Program
+
+class Mine(Program):
+    name, title = "mine", "Mine"
+
+    def write(self, path, prepared, timestep, ranges):
+        return WRITTEN
+
+    def positions(self, path, model, start, controls, torques):
+        return np.zeros((len(controls), model.nq))[:ROWS]
+
+PROGRAMS.add("mine", Mine)
+"""
+
+
+@pytest.mark.parametrize(
+    ("written", "rows", "said"),
+    [("None", "None", r"`write` must return the list .*mine\.py:8\)"), ("[]", "5", r"`positions` must return .*mine\.py:11\)")],
+)
+def test_results_that_a_program_must_not_return_are_named(written, rows, said, tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(EXPORTING.replace("WRITTEN", written).replace("ROWS", rows))
+    done = asrsim_command(
+        "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
+    )
+    assert done.code == 1
+    assert re.search(said, done.err), done.err

@@ -41,7 +41,7 @@ class Stages(Registry[type[Stage]]):
             del QUANTITIES[name]
 
 
-STAGES = Stages("stage", entry_point_group=GROUP, base=Stage)
+STAGES = Stages("stage", GROUP, base=Stage, label="name")
 for _stage in (Hysteresis, Damper, Backlash, Heating):
     STAGES.add(_stage.name, _stage)
 

@@ -9,7 +9,7 @@ from asrsim.exports.programs.mujoco import Mujoco
 from asrsim.exports.programs.warp import MujocoWarp
 from asrsim.registry import Registry
 
-PROGRAMS: Registry[type[Program]] = Registry("program", "asrsim.programs", base=Program)
+PROGRAMS: Registry[type[Program]] = Registry("program", "asrsim.programs", base=Program, label="name")
 for one in (Mujoco, MujocoWarp, Mjx, Mjlab):
     PROGRAMS.add(one.name, one)
 

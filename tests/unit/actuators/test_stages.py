@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import asrsim
+from asrsim.actuators import Parameter
 from asrsim.actuators.stage_checker import check_stage, stage_problems
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.stages.damper import Damper
@@ -77,6 +78,65 @@ def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Steep", Damper, place=lambda memory, own, deflection: 2.0 * deflection) == {"series"}
 
 
+class Bumps(Stage):
+    """Rubber that the spring meets at a deflection, and oil whose slope grows up to a speed."""
+
+    name, title = "bumps", "Bumps"
+    parameters = (
+        Parameter(name="bump_stiffness", default=0.0, unit="N m/rad", minimum=0.0, optional=True, doc="stiffness"),
+        Parameter(name="bump_gap", default=1.4, unit="rad", minimum=0.0, optional=True, doc="free deflection"),
+        Parameter(name="oil", default=0.0, unit="N m s^2/rad^2", minimum=0.0, optional=True, doc="torque over squared speed"),
+        Parameter(name="oil_speed", default=40.0, unit="rad/s", minimum=0.0, optional=True, doc="speed of the steepest slope"),
+    )
+
+    @dataclass(slots=True)
+    class Constants:
+        """Constants of the rubber and the oil."""
+
+        stiff: float = constant("stiffness", "N m/rad")
+        gap: float = constant("free deflection", "rad")
+        oil: float = constant("torque over squared speed", "N m s^2/rad^2")
+        fastest: float = constant("speed of the steepest slope", "rad/s")
+
+    @classmethod
+    def constants(cls, values, motor, mode):
+        own = cls.Constants(*(values[one.name] for one in cls.parameters))
+        return own if own.stiff or own.oil else None
+
+    @staticmethod
+    def torque(memory, own, deflection, velocity):
+        depth = max(abs(deflection) - own.gap, 0.0)
+        speed = min(abs(velocity), own.fastest)
+        flow = own.oil * (speed * speed + 2.0 * own.fastest * (abs(velocity) - speed))
+        return own.stiff * depth * np.sign(deflection) + flow * np.sign(velocity)
+
+    @staticmethod
+    def stiffness_bound(own):
+        return own.stiff
+
+    @staticmethod
+    def damping_bound(own):
+        return 2.0 * own.oil * own.fastest
+
+
+def test_a_stage_is_tried_beyond_the_deflections_and_speeds_that_it_states():
+    def wrong(**laws):
+        return failed("Wrong", Bumps, **laws) & {"stiffness", "damping"}
+
+    assert wrong() == set()
+    assert wrong(stiffness_bound=lambda own: 0.99 * own.stiff) == {"stiffness"}
+    assert wrong(damping_bound=lambda own: 1.98 * own.oil * own.fastest) == {"damping"}
+
+
+def test_a_law_that_raises_is_named_with_its_line():
+    def torque(memory, own, deflection, velocity):
+        return own.nothing
+
+    report = check_stage(type("Broken", (Damper,), {"torque": staticmethod(torque)}))
+    (detail,) = {check.detail for check in report.checks if not check.passed}
+    assert f"({__file__}:{torque.__code__.co_firstlineno + 1})" in detail
+
+
 def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
     path = tmp_path / "bad.py"
     path.write_text("from asrsim.actuators.stages import Stage\n\n\nclass Bad(Stage):\n    name = 'Bad One'\n    title = 'x'\n")
@@ -120,9 +180,10 @@ def test_of_a_file_with_a_fault_nothing_stays(tmp_path):
     path.write_text(
         "from asrsim.actuators import Actuator, Parameter\n"
         "from asrsim.actuators.stages.damper import Damper\n"
-        "from asrsim.metrics.measures import MEASURES\n"
+        "from asrsim.metrics.measures import MEASURES, Measure\n"
         "from asrsim.quantities import Quantity\n"
-        "MEASURES.add('half', lambda time, values: 0.0)\n\n\n"
+        "mean = lambda time, values: 0.0\n"
+        "MEASURES.add('half', Measure(name='half', function=mean, unit='1', needs='series'))\n\n\n"
         "class Half(Damper):\n"
         "    name = 'half'\n"
         "    lost = 'half_loss'\n"

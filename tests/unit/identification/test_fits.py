@@ -366,6 +366,7 @@ def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     result = identify(task_of(lab / "lab.yaml", [lab / "a.csv"], free=free), stop=stop, progress=told.append)
     assert (result.status, bool(asked)) == ("interrupted", True)
     assert result.fits is fit_data(result)["fits"] is None
+    assert any(one.task.startswith("observer at ") for one in told)
     assert result.evaluations - asked[0] < 12
     assert len(result.estimates) == 2
 

@@ -18,7 +18,7 @@ from asrsim.simulation.prepare import prepare
 from support import soft_arm
 from support.identify_files import CHIRP, SEA, modelled, record, save, write
 
-SWEEP = np.arange(0.0, 3.0005, 1e-3)
+SWEEP = np.arange(0.0, 2.0005, 1e-3)
 """s."""
 INERTIA = 0.009
 LAWS = {
@@ -58,7 +58,7 @@ def test_a_torque_driven_joint_has_the_parameters_of_its_recording(law, tmp_path
         columns["joint_1.external_torque [N m]"] = pushed
     free = [f"joint_1.{name}" + (f"={0.5 * value}" if value > 0.0 else "") for name, value in LAWS[law].items()]
     table = save(tmp_path / "a.csv", ",".join(columns), *columns.values())
-    scenario = write(tmp_path, "lab", {**SEA, "mode": 0, "damping": 0.0}, duration=3.0)
+    scenario = write(tmp_path, "lab", {**SEA, "mode": 0, "damping": 0.0}, duration=2.0)
     result = identify(scenario, [table], free=free)
     for key, value in LAWS[law].items():
         assert result.find(f"joint_1.{key}").value == pytest.approx(value, rel=0.02), law

@@ -42,6 +42,19 @@ def test_a_legend_lies_outside_the_axes_and_inside_the_picture():
     assert legend.x1 < figure.bbox.x1
 
 
+@pytest.mark.parametrize("last", [1, 2, 3, 7, 40])
+def test_an_axis_of_iterations_has_whole_numbers(last):
+    iterations = np.arange(last + 1.0)
+    line = Line(label="error", x=iterations, y=iterations + 1.0, colour="black", kind="both")
+    with styled():
+        figure = chart_figure([[Chart(words="error", across="iteration", across_unit="", lines=[line])]])
+        figure.draw_without_rendering()
+        low, high = figure.axes[0].get_xlim()
+        ticks = [tick for tick in figure.axes[0].get_xticks() if low <= tick <= high]
+    assert 2 <= len(ticks) <= 7
+    assert all(tick == round(tick) for tick in ticks)
+
+
 def test_a_note_hides_no_curve():
     with styled():
         figure = chart_figure([[chart("difference", note="RMS 0.04 mrad")]])

@@ -7,6 +7,7 @@ import pytest
 
 from asrsim.scenario.data import Imperfections
 from asrsim.signals import Sinusoid, Step
+from asrsim.simulation.imperfections import Imperfect
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples
 from validation.conservation import motors
 from validation.models import Body, chain, column, run
@@ -20,6 +21,14 @@ PROPORTIONAL = joint(
     parameters={"controller_1_proportional": 5.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.0},
 )
 """Joint whose torque in N m is -5 times its measured position in rad."""
+
+
+def test_until_its_delay_has_passed_a_signal_has_its_first_value():
+    """Not the value that its law would have before the start."""
+    sine = Sinusoid(amplitude=1.0, frequency=5.0, offset=0.2, phase=0.4)
+    late = Imperfect(of=sine, imperfections=Imperfections(delay=0.02), step=1e-3, seed=(0,))
+    time = np.array([0.0, 0.01, 0.02, 0.05])
+    np.testing.assert_allclose(late.values(time), sine.values(np.array([0.0, 0.0, 0.0, 0.03])), atol=1e-12)
 
 
 def test_readings_are_held_between_the_samples_of_a_sensor(tmp_path):

@@ -19,6 +19,14 @@ def test_steps_that_would_go_to_and_fro_come_to_rest():
     assert left == pytest.approx(np.zeros((2, 1)), abs=1e-10)
 
 
+def test_a_coarse_search_leaves_an_unstable_equilibrium_too():
+    """An upright link without a spring: the first step away from there is shorter than the distance that is close enough."""
+    upright, stops, movable = np.array([[np.pi]]), np.array([9.0]), np.array([True])
+    weights = by_differences(lambda q: -np.sin(q), movable)
+    found, _ = balanced(weights, np.zeros_like, upright, -stops, stops, movable, close=0.1)
+    assert np.cos(found[0, 0]) == pytest.approx(1.0, abs=0.01)
+
+
 def test_robots_rest_where_springs_and_weights_balance_or_on_stops():
     """Two joints pull on each other; 3 q1 - q2 = 1, 2 q2 - q1 = 1 without stops, and q1 = 1 / 3 where q2 stands at 0."""
     springs, load = np.array([[3.0, -1.0], [-1.0, 2.0]]), np.array([1.0, 1.0])

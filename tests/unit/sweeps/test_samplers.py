@@ -50,24 +50,41 @@ def test_the_folder_of_an_earlier_study_is_read_by_its_old_names(tiny, tmp_path)
 
 def test_points_that_are_no_numbers_are_refused(tiny):
     class Words(Sampler):
+        title = "words"
+
         def points(self, samples, dimensions, seed):
             return [["low"] * dimensions] * samples
 
     SAMPLERS.add("words", Words())
     study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="words")
-    with pytest.raises(InputError, match=r"numbers of shape \(4, 1\).*low.*words"):
+    with pytest.raises(InputError, match=r"'words' must return an array of numbers.*shape \(4, 1\).*low"):
         _ = study.table
 
 
 @pytest.mark.parametrize("points", [np.zeros((3, 1)), np.full((4, 1), 1.5), np.full((4, 1), np.nan)])
 def test_points_outside_the_cube_or_of_another_number_are_refused(tiny, points):
     class Wrong(Sampler):
+        title = "wrong"
+
         def points(self, samples, dimensions, seed):
             return points
 
     SAMPLERS.add("wrong", Wrong())
     study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="wrong")
-    with pytest.raises(InputError, match=r"must return points from 0 to 1 of shape \(4, 1\).*wrong"):
+    with pytest.raises(InputError, match=r"'wrong' must return an array of numbers from 0 to 1 of shape \(4, 1\)"):
+        _ = study.table
+
+
+def test_a_sampler_must_place_the_same_points_for_the_same_seed(tiny):
+    class Fresh(Sampler):
+        title = "fresh"
+
+        def points(self, samples, dimensions, seed):
+            return np.random.default_rng().random((samples, dimensions))
+
+    SAMPLERS.add("fresh", Fresh())
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, samples=4, sampler="fresh")
+    with pytest.raises(InputError, match="'fresh' must return the same points for the same seed"):
         _ = study.table
 
 
