@@ -375,6 +375,20 @@ def _freed(robot, free=(), ties=()):
     return {one.parameters[0].key: [tie.key for tie in one.ties] for one in presliding(problem, np.zeros(0))}
 
 
+def test_steps_that_the_toolbox_prescribes_are_no_error_of_the_time_step(tmp_path):
+    """The released code's steps belong to its model: intervals are those of the noise."""
+    references = f"{{equilibrium_position: {CHIRP}}}"
+    true, lab = (
+        write(tmp_path, name, {**SEA, "damping": damping}, references) for name, damping in (("true", 0.02), ("lab", 0.03))
+    )
+    for path in (true, lab):
+        path.write_text(f"{path.read_text()}stepping: toolbox\n")
+    recording = record(true, tmp_path / "a.csv", noise=1e-4)
+    found = identify(lab, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"]).find("joint_1.spring_stiffness")
+    assert found.value == pytest.approx(4.0, abs=1e-4)
+    assert 0.0 < found.high - found.low < 2e-4
+
+
 @pytest.mark.parametrize(
     ("name", "tag", "limit", "reference"),
     [
