@@ -21,6 +21,7 @@ from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.data import Content, RawColumn, RawTable
 from asrsim.recordings.folders import FOLDER, joined
+from asrsim.recordings.joint_names import name_columns
 from asrsim.recordings.reading import Reading
 from asrsim.recordings.sheets import read_excel, read_json
 from asrsim.recordings.text import read_text
@@ -70,7 +71,7 @@ def content_of(path: Path, reading: Reading) -> Content:
             endings = {suffix for kind in READERS for suffix in READERS.get(kind).suffixes}
             return joined(path, lambda file: content_of(file, reading), endings)
         reader = READERS.get(name)
-        found = _confined(name, path, reading) if reader.confined else checked(name, reader.read(path, reading))
+        found = _confined(name, path, reading) if reader.confined else checked(name, reader.read(path, reading), reading)
         return replace(found, format=name)
     except (OSError, UnicodeError) as error:
         raise RecordingError(f"cannot be read: {error}", code="no-file") from None
@@ -136,7 +137,7 @@ def answer_of(request: dict[str, str]) -> bytes:
             )
             hint = "Add it in a file given to --plugin or to asrsim.plugins.load_plugin_file, or give it confined=False"
             raise RecordingError(message, hint=hint, code="own-reader")
-        answer = checked(request["reader"], READERS.get(request["reader"]).read(Path(request["path"]), reading))
+        answer = checked(request["reader"], READERS.get(request["reader"]).read(Path(request["path"]), reading), reading)
     except InputError as error:
         answer = error.problems
     except MemoryError:
@@ -149,9 +150,10 @@ def answer_of(request: dict[str, str]) -> bytes:
     return pack(answer)
 
 
-def checked(name: str, found: Any) -> Content:
+def checked(name: str, found: Any, reading: Reading) -> Content:
     """What the reader with this name returned, with its numbers as arrays. Raises RecordingError, with file and line of the
-    reader, unless it is a `Content` of tables whose columns have a name each and equally many numbers."""
+    reader, unless it is a `Content` of tables whose columns have a name each and equally many numbers. A column of
+    joints' names has texts."""
     function = READERS.get(name).read
 
     def refuse(message: str) -> RecordingError:
@@ -163,12 +165,14 @@ def checked(name: str, found: Any) -> Content:
     for table in found.tables:
         if not isinstance(table, RawTable):
             raise refuse(f"must return tables (asrsim.recordings.data.RawTable); one is of type {type(table).__name__}")
-        columns = []
         for column in table.columns:
             if not isinstance(column, RawColumn) or not isinstance(column.name, str):
                 raise refuse(f"must return columns (asrsim.recordings.data.RawColumn) with texts as names; one is {column!r}")
+        columns, names = [], name_columns([column.name for column in table.columns])
+        for number, column in enumerate(table.columns):
             values = np.asarray(column.values)
-            if values.ndim != 1 or values.dtype.kind not in "biuf":
+            texts = number in names or column.name == reading.joint
+            if values.ndim != 1 or values.dtype.kind not in ("biufU" if texts else "biuf"):
                 told = f"has the shape {values.shape} and the type {values.dtype}"
                 raise refuse(f"must return a list of numbers for each column; '{column.name}' {told}")
             columns.append(replace(column, values=values))

@@ -81,8 +81,8 @@ class MovedStop(mujoco_engine.MujocoEngine):
     """Faulty engine with a stop displaced by 10 mrad."""
 
     def __init__(self, scenario, robot):
-        super().__init__(scenario, robot)
-        self._room.upper[0] += 0.01
+        moved = tuple(joint if joint.upper is None else replace(joint, upper=joint.upper + 0.01) for joint in robot.joints)
+        super().__init__(scenario, replace(robot, joints=moved))
 
 
 @pytest.mark.parametrize("wrong", [HalfFriction, MovedStop])
