@@ -30,9 +30,15 @@ ENDLESS = 1e300
 
 
 def run(
-    stretch: Stretch, worlds: Tables, common: Common, given: Given, engine: EngineCall, recorded: RowSelection,
-    corrections: Corrections, out: Any,
-) -> None:  # fmt: skip
+    stretch: Stretch,
+    worlds: Tables,
+    common: Common,
+    given: Given,
+    engine: EngineCall,
+    recorded: RowSelection,
+    corrections: Corrections,
+    out: Any,
+) -> None:
     """Advance worlds by some substeps. out: recorded values (m, rows, joints, columns of the state and of the references)."""
     kinds, exchange, fault, sizes = common.kinds, engine.exchange, worlds.fault, common.sizes
     first, every, watched = stretch.first, recorded.every, recorded.watched
