@@ -347,8 +347,8 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
                 f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
                 "unless --map states others"
             )
-            quantity = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
-            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{quantity}', or =ignore"
+            goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
+            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
             findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
         for (label, own), numbers in zip(group.labels, np.ascontiguousarray(group.rows.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)
