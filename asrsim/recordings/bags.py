@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.errors import Problem, RecordingError, counted, listed, printable
 from asrsim.log.topics import LINK_STATE_FIELDS, REFERENCE_TOPICS, reference_topics
@@ -167,8 +168,7 @@ def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
     """Numbers with these labels of all messages of the groups, in the order in which they were received."""
     if len(groups) == 1 and len(labels) == len(groups[0].labels):
         return groups[0]
-    received = np.concatenate([np.array(one.received, dtype=np.int64) for one in groups])
-    stamped = np.concatenate([np.array(one.stamped, dtype=np.int64) for one in groups])
+    received, stamped = (np.concatenate(times) for times in zip(*map(_times, groups), strict=True))
     values = np.concatenate([one.rows[:, [one.labels.index(label) for label in labels]] for one in groups])
     order = np.argsort(received, kind="stable")
     return _Group(
@@ -326,22 +326,29 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         hint = "Record each joint once: which of its values is right cannot be known"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
+    by_header: dict[_Topic, bool] = {}
     for topic, group in _series(groups):
         if topic.decode is None:
             continue
+        messages_of = [one for (owner, _), one in groups.items() if owner is topic]
         if len(group.received) < 2:
-            findings.append(
-                Problem("the topic has one message only; a time series needs more", key=topic.name, code="too-short")
-            )
+            message = "the topic has one message only; a time series needs more"
+            if sum(len(one.received) for one in messages_of) > 1:
+                message = f"only one message has {listed([label for label, _ in group.labels], 4)}; a time series needs more"
+            findings.append(Problem(message, key=topic.name, code="too-short"))
             continue
-        columns = [_time_of(topic.name, group, stated, findings)]
+        # All numbers of a topic have one time base: otherwise positions and velocities would be shifted.
+        if topic not in by_header:
+            by_header[topic] = _has_header_times(topic.name, messages_of, stated, findings)
+        columns = [_time_of(group, by_header=by_header[topic])]
         nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
         if topic.kind.endswith("/JointState") and nameless:
             message = (
                 f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
                 "unless --map states others"
             )
-            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.link_position', or =ignore"
+            goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
+            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
             findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
         for (label, own), numbers in zip(group.labels, np.ascontiguousarray(group.rows.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)
@@ -351,15 +358,27 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         yield RawTable(name=topic.name, columns=tuple(columns))
 
 
-def _time_of(topic: str, group: _Group, stated: Sequence[str], findings: list[Problem]) -> RawColumn:
-    """Time of messages: header stamps if the user chose them or if both clocks agree; otherwise the times of recording."""
-    received, stamped = (np.array(times, dtype=np.int64) for times in (group.received, group.stamped))
+def _has_header_times(topic: str, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem]) -> bool:
+    """Whether the messages of a topic have the times of their headers: if the user chose them or if both clocks agree.
+    Otherwise they have the times of recording."""
+    received, stamped = (np.concatenate(times) for times in zip(*map(_times, groups), strict=True))
     lag = float(np.median(stamped - received)) * 1e-9
-    by_header = stamped.all() and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)
+    by_header = bool(stamped.all()) and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)
     if stamped.all() and not by_header and not stated:
         message = f"two time bases: header stamps differ by {abs(lag):.6g} s from the time of recording, which is used"
         hint = "Use the stamps with `time: header` in its document"
         findings.append(Problem(message, key=topic, code="two-time-bases", hint=hint))
+    return by_header
+
+
+def _times(group: _Group) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Times of recording and header stamps of messages, ns."""
+    return np.array(group.received, dtype=np.int64), np.array(group.stamped, dtype=np.int64)
+
+
+def _time_of(group: _Group, *, by_header: bool) -> RawColumn:
+    """Time of messages: their header stamps, or the times of recording."""
+    received, stamped = _times(group)
     stamps = stamped if by_header else received
     zero = int(stamps[0]) if stamps[0] > EPOCH * 1e9 else 0
     return RawColumn(

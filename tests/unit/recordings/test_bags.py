@@ -75,6 +75,23 @@ def test_messages_that_lack_velocities_keep_their_positions(tmp_path):
     np.testing.assert_allclose(np.diff(velocity.time)[:3], [0.015, 0.03, 0.015])
 
 
+def test_a_topic_whose_messages_lack_velocities_has_one_time_base(tmp_path):
+    def state(i, sent):
+        stamp = {"header": {"stamp": parts(sent - 100 * 10**9, "sec", "nanosec")}}
+        return stamp | {"name": ["elbow"], "position": [Q[0, i]]} | ({"velocity": [Q[1, i]]} if i % 3 else {})
+
+    recording = read_recording(mcap(tmp_path / "lab.mcap", {"/joint_states": state}))
+    assert [problem.code for problem in recording.findings].count("two-time-bases") == 1
+
+
+def test_a_number_that_stands_in_a_single_message_is_named(tmp_path):
+    def state(i, _):
+        return {"name": ["elbow"], "position": [Q[0, i]]} | ({"velocity": [1.0]} if i == 5 else {})
+
+    (told,) = read_recording(mcap(tmp_path / "lab.mcap", {"/joint_states": state})).findings
+    assert "/joint_states: only one message has velocity[elbow]; a time series needs more" in str(told)
+
+
 def test_ros1_bag(tmp_path):
     path = write_ros1(tmp_path / "lab.bag")
     check(path)
