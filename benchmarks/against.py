@@ -38,10 +38,16 @@ COMMANDS: Mapping[str, tuple[str, ...]] = {
     "ilc_paper": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--no-plot"),
     "ilc_auto": ("ilc", str(EXAMPLES / "ilc_2dof.yaml"), "--set", "ilc.law=auto", "--no-plot"),
     "sweep": (
-        "sweep", str(EXAMPLES / "step_2dof.yaml"), "--variant", "soft", "--over",
-        "references.joint_1.stiffness_preset=0.2:0.6:200", "--workers", "2",
+        "sweep",
+        str(EXAMPLES / "step_2dof.yaml"),
+        "--variant",
+        "soft",
+        "--over",
+        "references.joint_1.stiffness_preset=0.2:0.6:200",
+        "--workers",
+        "2",
     ),
-}  # fmt: skip
+}
 """Command lines whose whole CPU time is compared, by row."""
 
 

@@ -56,10 +56,14 @@ def laboratory(name: str, folder: Path, choose: dict | None = None) -> tuple[Pat
         keys = [key for key in own if "_1" in key]
         ties = [f"{joint}.{key.replace('_1', '_2', 1)}={joint}.{key}" for joint in joints for key in keys]
     scenario = {
-        "robot": str(URDF / ("dof2_vertical.urdf" if two else "dof1_qbmove_cube.urdf")), "duration": SECONDS,
-        "actuators": {joint: {"type": kind, "mode": 6} for joint in joints}, "parameters": dict.fromkeys(joints, parameters),
-        "references": dict.fromkeys(joints, references), "initial": "equilibrium", "engine": "mujoco",
-    }  # fmt: skip
+        "robot": str(URDF / ("dof2_vertical.urdf" if two else "dof1_qbmove_cube.urdf")),
+        "duration": SECONDS,
+        "actuators": {joint: {"type": kind, "mode": 6} for joint in joints},
+        "parameters": dict.fromkeys(joints, parameters),
+        "references": dict.fromkeys(joints, references),
+        "initial": "equilibrium",
+        "engine": "mujoco",
+    }
     if two:
         del scenario["actuators"]
     bounds = {"link_position": [-1.2, 1.2], "link_velocity": 10, "motor_torque": 5.5, **limits}
@@ -173,8 +177,11 @@ def gains(names: list[str]) -> None:
             scenario, within, options = laboratory(name, Path(folder), choose)
             found = design(scenario, within, duration=SECONDS, **options)
             mean = 1.96 * np.exp(search.rank(found.found))
-            print(f"{name}: design {100 * mean:.3g} % with {dict(found.gains)}, one step "
-                  f"{196 * np.exp(step):.3g} %: {1.96 * np.exp(step) / mean:.1f} x", flush=True)  # fmt: skip
+            print(
+                f"{name}: design {100 * mean:.3g} % with {dict(found.gains)}, one step "
+                f"{196 * np.exp(step):.3g} %: {1.96 * np.exp(step) / mean:.1f} x",
+                flush=True,
+            )
 
 
 def recorded(folder: Path, scenario: Path, joints: int) -> tuple[np.ndarray, list[str], np.ndarray]:
@@ -217,8 +224,11 @@ def fits(names: list[str], count: int = 40) -> None:
             scatter = 1.96 * np.std(errors, axis=0) / promised
             inside = np.mean(np.abs(errors) <= promised)
             text = " ".join(f"{key.rpartition('.')[2]} {v:.2f}" for key, v in zip(found.keys, scatter, strict=True))
-            print(f"{name}: scatter / promised {text}, mean {np.exp(np.log(scatter).mean()):.2f}; promised intervals hold "
-                  f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %", flush=True)  # fmt: skip
+            print(
+                f"{name}: scatter / promised {text}, mean {np.exp(np.log(scatter).mean()):.2f}; promised intervals hold "
+                f"{100 * inside:.1f} % of truths, the fits' own {100 * np.mean(own):.1f} %",
+                flush=True,
+            )
 
 
 def limits(names: list[str], count: int = 50) -> None:

@@ -59,9 +59,14 @@ def _write(path: Path, parts: list[str]) -> Path:
 
 
 def scenario(
-    robot: Path, *, engine: str = "mujoco", duration: float = 10.0, substeps: int | None = 1, amplitude: float = 0.3,
+    robot: Path,
+    *,
+    engine: str = "mujoco",
+    duration: float = 10.0,
+    substeps: int | None = 1,
+    amplitude: float = 0.3,
     extra: str = "",
-) -> str:  # fmt: skip
+) -> str:
     """Write a scenario next to the robot file, in which every motor follows a sine. substeps: None: as many as
     the springs need; extra: additional lines of YAML."""
     text = f"""robot: {robot}

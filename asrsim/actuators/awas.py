@@ -28,11 +28,15 @@ class Awas(Actuator):
     preset_range = (0.02, 0.1)
     parameters = (
         Parameter(
-            name="spring_stiffness", default=5000.0, unit="N/m", doc="stiffness k of each spring", minimum=0.0,
+            name="spring_stiffness",
+            default=5000.0,
+            unit="N/m",
+            doc="stiffness k of each spring",
+            minimum=0.0,
             source="ours: 4 to 100 N m/rad; the paper's law holds for any",
         ),
         max_deflection(0.3),
-    )  # fmt: skip
+    )
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:

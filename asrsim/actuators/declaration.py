@@ -59,9 +59,12 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
     positions = dict.fromkeys((f"theta_{i + 1}" for i in range(actuator.positions())), 0.0)
     spring = {"q": 0.0, **positions, "parameters": tuple(parameter.default for parameter in actuator.parameters)}
     taken: dict[str, tuple[Mapping[str, object], int]] = {
-        "elastic_torques": (spring, max(2, actuator.motors)), "stiffness": (spring, 1), "elastic_energy": (spring, 1),
-        "motor_references": ({"equilibrium": 0.0, "preset": 0.0}, len(positions)), "equilibrium_position": (positions, 1),
-    }  # fmt: skip
+        "elastic_torques": (spring, max(2, actuator.motors)),
+        "stiffness": (spring, 1),
+        "elastic_energy": (spring, 1),
+        "motor_references": ({"equilibrium": 0.0, "preset": 0.0}, len(positions)),
+        "equilibrium_position": (positions, 1),
+    }
     why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
     why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
     for law, (arguments, count) in taken.items():

@@ -29,10 +29,16 @@ class QuadraticCam(Antagonistic):
         Parameter(name="spring_quadratic", default=2e5, unit="N/m^2", doc="quadratic part a", minimum=0.0, source=OURS),
         Parameter(name="spring_linear", default=500.0, unit="N/m", doc="linear part b", minimum=0.0, source=OURS),
         Parameter(
-            name="pulley_radius", default=0.025, unit="m", doc="radius r", minimum=0.0, exclusive_minimum=True, source=OURS,
+            name="pulley_radius",
+            default=0.025,
+            unit="m",
+            doc="radius r",
+            minimum=0.0,
+            exclusive_minimum=True,
+            source=OURS,
         ),
         max_deflection(0.8),
-    )  # fmt: skip
+    )
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:

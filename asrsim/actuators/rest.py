@@ -173,9 +173,14 @@ def near_roots(function: Callable[[Array], Array], start: Array, *, slope: Array
 
 @np.errstate(all="ignore")
 def increasing_roots(
-    function: Callable[[Array], Array], start: Array, farthest: float = FARTHEST, slope: Array | float = 0.0, *,
-    apart: bool = False, tolerance: float = TOLERANCE,
-) -> Array:  # fmt: skip
+    function: Callable[[Array], Array],
+    start: Array,
+    farthest: float = FARTHEST,
+    slope: Array | float = 0.0,
+    *,
+    apart: bool = False,
+    tolerance: float = TOLERANCE,
+) -> Array:
     """Roots (...) of an increasing, elementwise `function`; without a root, the point at distance `farthest` from `start`.
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every

@@ -21,11 +21,15 @@ class Sea(Actuator):
     parameters = (
         Parameter(name="spring_stiffness", default=10.0, unit="N m/rad", doc="stiffness k of the spring", minimum=0.0),
         Parameter(
-            name="spring_cubic", default=0.0, unit="N m/rad^3", source=DUFFING, optional=True,
+            name="spring_cubic",
+            default=0.0,
+            unit="N m/rad^3",
+            source=DUFFING,
+            optional=True,
             doc="coefficient c of the torque's cubic term; negative: the spring softens",
         ),
         max_deflection(0.8),
-    )  # fmt: skip
+    )
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:

@@ -231,13 +231,21 @@ def _limits(trial: StageTrial) -> Iterator[float]:
 CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
-    ("stiffness", "the torque is nowhere steeper over the deflection than `stiffness_bound`: the step is chosen by it", 0.0,
-     _stiffness),
-    ("damping", "the torque is nowhere steeper over the velocity than `damping_bound`: the step is chosen by it", 0.0,
-     _damping),
+    (
+        "stiffness",
+        "the torque is nowhere steeper over the deflection than `stiffness_bound`: the step is chosen by it",
+        0.0,
+        _stiffness,
+    ),
+    (
+        "damping",
+        "the torque is nowhere steeper over the velocity than `damping_bound`: the step is chosen by it",
+        0.0,
+        _damping,
+    ),
     ("energy", "work of the torque = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
     ("loss", "the stage gains no energy: `loss` is never negative, J", 1e-12, _gains),
     ("series", "`place` does not decrease, and has no slope above 1", 0.0, _series),
     ("limit", "`limit` lies between 0 and the motor's torque limit, N m", 0.0, _limits),
-)  # fmt: skip
+)
 """Checks: name, requirement, largest allowed figure, function that measures figures of a trial."""

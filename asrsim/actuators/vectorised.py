@@ -35,8 +35,11 @@ def _saturate(value: Any, limit: float) -> Any:
 
 
 _COUNTERPARTS: dict[Any, Any] = {
-    **{getattr(math, name): law for name, law in _UFUNCS.items()}, saturate: _saturate, sinh: np.sinh, cosh: np.cosh,
-}  # fmt: skip
+    **{getattr(math, name): law for name, law in _UFUNCS.items()},
+    saturate: _saturate,
+    sinh: np.sinh,
+    cosh: np.cosh,
+}
 """Functions that laws call, and their counterparts for arrays."""
 
 

@@ -123,9 +123,12 @@ def _at_address(address: int, state: int, exchange: int, wrenches: int, lengths:
     record = _unpacked(address)
     joints, rows, columns = _sizes(record)
     _function(
-        record, _row(state), _table(exchange, pieces, joints, 6), _table(wrenches, pieces, rows, columns),
+        record,
+        _row(state),
+        _table(exchange, pieces, joints, 6),
+        _table(wrenches, pieces, rows, columns),
         _table(lengths, 1, 1, pieces)[0, 0],
-    )  # fmt: skip
+    )
 
 
 def compile_law(

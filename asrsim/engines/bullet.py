@@ -110,9 +110,14 @@ class BulletEngine(RigidEngine):
         self._start = base + 1 if base else 0
         home = np.zeros(self._start + count)
         room = make_room(
-            robot, qpos=np.zeros(len(home)), qvel=np.zeros(base + count), joint_q=range(self._start, len(home)),
-            joint_v=range(base, base + count), free=bool(base), reduce=scenario.world.empty,
-        )  # fmt: skip
+            robot,
+            qpos=np.zeros(len(home)),
+            qvel=np.zeros(base + count),
+            joint_q=range(self._start, len(home)),
+            joint_v=range(base, base + count),
+            free=bool(base),
+            reduce=scenario.world.empty,
+        )
         if base:
             x, y, z, w = quaternion(scenario.base_rpy)
             home[:3] = scenario.base_position + rotation_matrix(scenario.base_rpy) @ self.origin
@@ -142,10 +147,13 @@ class BulletContacts(BulletEngine):
         robot, self.warnings = usable_shapes(self._merged, package_paths=scenario.package_paths)
         joints, rotation = robot.outward_joints, rotation_matrix(scenario.base_rpy)
         self._body = make_body(
-            p, robot, mass=0.0 if scenario.fixed_base else robot.root.mass or 0.0,
+            p,
+            robot,
+            mass=0.0 if scenario.fixed_base else robot.root.mass or 0.0,
             shapes={one.name: make_shape(p, f"link '{one.name}'", one.collisions) for one in robot.links if one.collisions},
-            basePosition=scenario.base_position + rotation @ self.origin, baseOrientation=quaternion(scenario.base_rpy),
-        )  # fmt: skip
+            basePosition=scenario.base_position + rotation @ self.origin,
+            baseOrientation=quaternion(scenario.base_rpy),
+        )
         self._axes = rotation_matrix(principal_axes(robot.root)[1])
         """Principal axes (3, 3) of the base's inertia in the frame of the base."""
         for index in range(-1, len(joints)):
@@ -340,13 +348,22 @@ def _refuse_in_contacts(robot: Robot) -> None:
     """Raise RobotError for coupled joints and rotors, which Bullet's own step does not know."""
     hint = "engine: mujoco simulates it; a world without ground and objects also works in PyBullet"
     problems = [
-        Problem(f"PyBullet cannot simulate {what} in a world with contacts", file=robot.path, line=joint.line, key=joint.name,
-                hint=hint, code="engine-coupling")
+        Problem(
+            f"PyBullet cannot simulate {what} in a world with contacts",
+            file=robot.path,
+            line=joint.line,
+            key=joint.name,
+            hint=hint,
+            code="engine-coupling",
+        )
         for joint in robot.moving_joints
         for what, there in (
-            ("a closed chain", robot.loops), ("a coupled joint", joint.mimic), ("the inertia of a rotor", joint.armature),
-        ) if there
-    ]  # fmt: skip
+            ("a closed chain", robot.loops),
+            ("a coupled joint", joint.mimic),
+            ("the inertia of a rotor", joint.armature),
+        )
+        if there
+    ]
     if problems:
         raise RobotError(problems)
 

@@ -61,9 +61,15 @@ def _disconnect(p: Any, number: int) -> None:
 
 
 def make_body(
-    p: Client, robot: Robot, *, unit: float = 1.0, lift: float = 0.0, mass: float = 0.0,
-    shapes: Mapping[str, int] | None = None, **pose: Any,
-) -> int:  # fmt: skip
+    p: Client,
+    robot: Robot,
+    *,
+    unit: float = 1.0,
+    lift: float = 0.0,
+    mass: float = 0.0,
+    shapes: Mapping[str, int] | None = None,
+    **pose: Any,
+) -> int:
     """Bullet's number of a new body that has the links of a robot without fixed joints. Bullet's number of a link is the index
     of its joint in `robot.outward_joints`; the base has the number -1.
 
@@ -206,9 +212,13 @@ class BulletDynamics:
             except SystemError as error:
                 message = "PyBullet cannot compute the dynamics of this link: its inertia is physically impossible"
                 raise RobotError(
-                    message, file=self._robot.path, line=worst.line, key=worst.name, hint="engine: mujoco has no such test",
+                    message,
+                    file=self._robot.path,
+                    line=worst.line,
+                    key=worst.name,
+                    hint="engine: mujoco has no such test",
                     code="engine-load",
-                ) from error  # fmt: skip
+                ) from error
 
     def ordered(self, values: Array) -> list[float]:
         """Values (v,) in Bullet's order. For values (n,) of the joints alone, the values of the base are 0."""

@@ -89,25 +89,34 @@ def make_loops(linkages: tuple[Linkage, ...], joint_q: AnyArray, joint_v: AnyArr
     ends = np.array([(tie.follower, tie.leader) for _, tie in ties], dtype=np.int64).reshape(len(ties), 2)
     k, width = len(joint), max((len(linkage.joints) - 1 for linkage in linkages), default=0)
     return Loops(
-        chains=len(linkages), width=width, loop=_starts([len(linkage.paths) for linkage in linkages]), first=first,
+        chains=len(linkages),
+        width=width,
+        loop=_starts([len(linkage.paths) for linkage in linkages]),
+        first=first,
         second=np.array([a + path.split for a, path in zip(first[:-1], paths, strict=True)], dtype=np.int64),
         column=np.array([linkage.joints.index(j) - 1 for linkage, path in owners for j in path.joints], dtype=np.int64),
-        place=joint_q[joint], speed=joint_v[joint],
+        place=joint_q[joint],
+        speed=joint_v[joint],
         slides=np.array([int(one) for path in paths for one in path.slides], dtype=np.int64),
         origin=np.array([one for path in paths for one in path.origins], dtype=float).reshape(k, 3),
         turn=np.array([one for path in paths for one in path.turns], dtype=float).reshape(k, 9),
         axis=np.array([one for path in paths for one in path.axes], dtype=float).reshape(k, 3),
         ends=np.array([path.ends for path in paths], dtype=float).reshape(len(paths), 6),
-        follower=_starts([len(linkage.joints) - 1 for linkage in linkages]), follower_joint=followers,
-        follower_place=joint_q[followers], follower_speed=joint_v[followers],
+        follower=_starts([len(linkage.joints) - 1 for linkage in linkages]),
+        follower_joint=followers,
+        follower_place=joint_q[followers],
+        follower_speed=joint_v[followers],
         tie=_starts([len(linkage.ties) for linkage in linkages]),
         tie_columns=np.array(
             [[linkage.joints.index(j) - 1 for j in (tie.follower, tie.leader)] for linkage, tie in ties], dtype=np.int64
         ).reshape(len(ties), 2),
         tie_places=joint_q[ends],
         tie_values=np.array([(tie.ratio, tie.offset, linkage.size**2) for linkage, tie in ties]).reshape(len(ties), 3),
-        gamma=np.zeros(speeds), arms=np.zeros((k, 9)), work=np.zeros(30), normal=np.zeros((width, width + 2)),
-    )  # fmt: skip
+        gamma=np.zeros(speeds),
+        arms=np.zeros((k, 9)),
+        work=np.zeros(30),
+        normal=np.zeros((width, width + 2)),
+    )
 
 
 def _starts(sizes: list[int]) -> AnyArray:

@@ -132,10 +132,15 @@ class MujocoEngine(RigidEngine):
     def _make_record(self, data: Any) -> mujoco_step.MujocoRecord:
         joints = [self._m.joint(name) for name in self.joints]
         room = make_room(
-            self.robot, qpos=data.qpos, qvel=data.qvel, joint_q=[joint.qposadr[0] for joint in joints],
-            joint_v=[joint.dofadr[0] for joint in joints], free=self._free, parent=self._m.dof_parentid,
+            self.robot,
+            qpos=data.qpos,
+            qvel=data.qvel,
+            joint_q=[joint.qposadr[0] for joint in joints],
+            joint_v=[joint.dofadr[0] for joint in joints],
+            free=self._free,
+            parent=self._m.dof_parentid,
             reduce=self._scenario.world.empty,
-        )  # fmt: skip
+        )
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats, self._hand)
 
     def _make_native_record(self, stride: int) -> NativeRecord:

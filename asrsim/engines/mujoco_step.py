@@ -24,9 +24,14 @@ def _unbound(*arguments: Any) -> None:
 mj_kinematics = mj_comPos = mj_comVel = mj_crb = mj_fullM = mj_rne = mj_applyFT = _unbound  # noqa: N816  (its names)
 
 ROUTINES = {
-    "mj_kinematics": "mm", "mj_comPos": "mm", "mj_comVel": "mm", "mj_crb": "mm", "mj_fullM": "mmm", "mj_rne": "mmim",
+    "mj_kinematics": "mm",
+    "mj_comPos": "mm",
+    "mj_comVel": "mm",
+    "mj_crb": "mm",
+    "mj_fullM": "mmm",
+    "mj_rne": "mmim",
     "mj_applyFT": "mmmmmim",
-}  # fmt: skip
+}
 """Routines of the library with the types of their arguments: m memory address, i int."""
 
 
@@ -84,27 +89,41 @@ class MujocoRecord(NamedTuple):
 
 
 def make_record(
-    model: Any, data: Any, room: Room, wrenches: Sequence[Wrench], places: Mapping[str, tuple[int, Array, Array]],
-    floats: Sequence[tuple[int, Array, Array]], hand: Hand,
-) -> MujocoRecord:  # fmt: skip
+    model: Any,
+    data: Any,
+    room: Room,
+    wrenches: Sequence[Wrench],
+    places: Mapping[str, tuple[int, Array, Array]],
+    floats: Sequence[tuple[int, Array, Array]],
+    hand: Hand,
+) -> MujocoRecord:
     """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
     the body. floats: MuJoCo body, centre (3,) in m and weight (3,) in N of each mass on which gravity does not act."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))
     return MujocoRecord(
-        room=room, model=model._address, data=data._address, at_matrix=room.full_matrix.ctypes.data,
-        at_bias=room.full_bias.ctypes.data, at_force=room.full_force.ctypes.data,
-        at_vectors=vectors.ctypes.data, vectors=vectors, xpos=data.xpos, xmat=data.xmat, wrenches=len(wrenches),
+        room=room,
+        model=model._address,
+        data=data._address,
+        at_matrix=room.full_matrix.ctypes.data,
+        at_bias=room.full_bias.ctypes.data,
+        at_force=room.full_force.ctypes.data,
+        at_vectors=vectors.ctypes.data,
+        vectors=vectors,
+        xpos=data.xpos,
+        xmat=data.xmat,
+        wrenches=len(wrenches),
         wrench_body=np.array([place[0] for place in pushed], dtype=np.int64),
         wrench_point=np.array(points).reshape(len(wrenches), 3),
         wrench_turn=np.array([turn for _, _, turn in pushed]).reshape(len(wrenches), 3, 3),
-        wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64), floats=len(floats),
+        wrench_local=np.array([wrench.frame != "world" for wrench in wrenches], dtype=np.int64),
+        floats=len(floats),
         float_body=np.array([body for body, _, _ in floats], dtype=np.int64),
         float_centre=np.array([centre for _, centre, _ in floats], dtype=float).reshape(len(floats), 3),
         float_force=np.array([force for _, _, force in floats], dtype=float).reshape(len(floats), 3),
         hand=hand,
-    )  # fmt: skip
+    )
 
 
 def sizes(record: MujocoRecord) -> tuple[int, int, int]:

@@ -42,9 +42,12 @@ implicitness."""
 SLOW = 1e-9
 """Speed in rad/s or m/s below which a joint at its stop rests there, as a margin for rounding."""
 INLINE = (
-    "asrsim.engines.rigid", "asrsim.engines.loops", "asrsim.engines.exact_friction", "asrsim.engines.mujoco_step",
+    "asrsim.engines.rigid",
+    "asrsim.engines.loops",
+    "asrsim.engines.exact_friction",
+    "asrsim.engines.mujoco_step",
     "asrsim.engines.bullet",
-)  # fmt: skip
+)
 """Modules whose functions are compiled into their callers."""
 OF_LOOPS = "find_ratios", "find_gamma", "close_loops"
 """Functions that only robots with closed chains need. They would take a third of the time of the first compilation."""
@@ -570,9 +573,13 @@ class Calculation:
     """
 
     def __init__(
-        self, function: Callable[..., None], record: Any, make: Callable[[Any], Callback] | None = None, *,
+        self,
+        function: Callable[..., None],
+        record: Any,
+        make: Callable[[Any], Callback] | None = None,
+        *,
         own: Collection[str] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
         compiled if this process has imported Numba. own: names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make

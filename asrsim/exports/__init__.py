@@ -73,10 +73,17 @@ class Export:
 
 @renamed(timestep="step")
 def export(
-    scenario: str | Path | Scenario, out: str | Path, *, variant: str | None = None, overrides: Overrides = (),
-    program: str = "mujoco", knots: int | None = None, step: float | None = None, fit: str | Path | None = None,
+    scenario: str | Path | Scenario,
+    out: str | Path,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    program: str = "mujoco",
+    knots: int | None = None,
+    step: float | None = None,
+    fit: str | Path | None = None,
     plot: bool = True,
-) -> Export:  # fmt: skip
+) -> Export:
     """Write a scenario's robot as MJCF for a program, and replay the scenario there.
 
     Args:

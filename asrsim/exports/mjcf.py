@@ -72,9 +72,15 @@ class Mjcf:
 
 
 def model_of(
-    prepared: Prepared, run: Mapping[str, Array], path: Path, mesh_file: Callable[[str], str], *, knots: int | None = None,
-    timestep: float | None = None, constructs: Constructs = ALL,
-) -> Mjcf:  # fmt: skip
+    prepared: Prepared,
+    run: Mapping[str, Array],
+    path: Path,
+    mesh_file: Callable[[str], str],
+    *,
+    knots: int | None = None,
+    timestep: float | None = None,
+    constructs: Constructs = ALL,
+) -> Mjcf:
     """Model of a scenario.
 
     Args:

@@ -128,9 +128,15 @@ def add_motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float,
             if drive.mode.controller:
                 gains = drive.proportional[i], drive.integral[i], drive.derivative[i] + electric.lag
             motor = add_servo(
-                spec, name, gains, constructs, inertia=drive.motor_inertia[i], limit=drive.max_torque[i],
-                fastest=drive.max_velocity[i], friction=_friction(drive, i + 1),
-            )  # fmt: skip
+                spec,
+                name,
+                gains,
+                constructs,
+                inertia=drive.motor_inertia[i],
+                limit=drive.max_torque[i],
+                fastest=drive.max_velocity[i],
+                friction=_friction(drive, i + 1),
+            )
         else:
             motor = _actuator(spec, name, electric.gain, electric.lag, limit=drive.max_torque[i])
         set_delay(spec, motor, delay)
@@ -156,9 +162,16 @@ def _friction(drive: Drive, index: int) -> tuple[float, ...]:
 
 
 def add_servo(
-    spec: Any, joint: str, gains: Sequence[float], constructs: Constructs, *, inertia: float, limit: float, fastest: float,
+    spec: Any,
+    joint: str,
+    gains: Sequence[float],
+    constructs: Constructs,
+    *,
+    inertia: float,
+    limit: float,
+    fastest: float,
     friction: Sequence[float] = (0.0,) * 5,
-) -> Any:  # fmt: skip
+) -> Any:
     """Add a motor with a PID controller, speed limit and torque limit. gains: proportional, integral and derivative; empty: the
     command is the torque. inertia in kg m^2, limit in N m, fastest in rad/s, friction: see `_friction`.
     """

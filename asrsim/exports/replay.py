@@ -100,12 +100,15 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Pr
         theirs = positions(program, min(len(stamps), program.longest))
     count = len(theirs)
     return Replay(
-        program=_versioned(plain if untried else program), untried=untried,
+        program=_versioned(plain if untried else program),
+        untried=untried,
         joints=tuple(stepped.name for stepped in prepared.drives),
         units=tuple("mm" if stepped.joint.kind == "prismatic" else "mrad" for stepped in prepared.drives),
-        time=times[:count], ours=run["link_position"][:count], theirs=theirs,
+        time=times[:count],
+        ours=run["link_position"][:count],
+        theirs=theirs,
         apart=float(1e3 * np.nanmax(np.abs(theirs - exact[:count]), initial=0.0)),
-    )  # fmt: skip
+    )
 
 
 def _versioned(program: Program) -> str:

@@ -3,13 +3,12 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others
-or agrees with the levels down to 0. Otherwise errors of the model accumulate in it: then the level is kept whose estimates
-differ least between tenths of the recordings. Of levels that differ equally, within chance, the one is kept with whose
-estimates a free simulation follows most channels, and then the one with the best predictions. If this is the first level, the
-bandwidth rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions
-are so short that they show little but noise. If the levels' estimates follow fewer channels than the free simulation does, the
-latter is kept.
+simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
+agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then, of the levels with whose estimates a
+free simulation follows as many channels, the one is kept whose estimates differ least between tenths of the recordings. Of
+levels that differ equally, within chance, the one with the best predictions is kept. If this is the first level, the bandwidth
+rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so
+short that they show little but noise. If there is no such level, the free simulation is kept.
 """
 
 from __future__ import annotations
@@ -116,14 +115,17 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
     # Short predictions may contain too little information: then they lead to parameters that give another motion.
-    if most > max(_followed(*fit) for fit in found[:-1]):
+    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _followed(*fit) >= most]
+    if not levels:
         return
-    levels = [_judged(*fit) for fit in (found if followed else found[:-1])]
     kept, level = _best(levels), LEVELS[0]
-    fastest = levels[0]
+    fastest = levels[0] if levels[0].problem is found[0][0] else None
     while kept is fastest and problem.can_rise(level := level * RISE):
         begin(_name(level))
-        levels.append(fastest := _judged(*_solved(kept.problem.observed(level), kept.x)))
+        risen = _solved(kept.problem.observed(level), kept.x)
+        if _followed(*risen) < most:
+            break
+        levels.append(fastest := _judged(*risen))
         kept = _best(levels)
     if kept.problem.playing.bandwidth > 0.0:
         best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
@@ -140,20 +142,16 @@ class _Level:
     """Standard deviations (n,) of the estimates from their spread between tenths of the recordings, in the vector's units; nan
     for parameters without effect.
     """
-    followed: int
-    """Number of channels that a free simulation with the estimate follows."""
     error: float
     """Negative logarithm of the likelihood of the predictions, for each sample."""
 
 
 def _judged(problem: FitProblem, x: Array) -> _Level:
-    return _Level(problem, x, uncertainty(problem, x, quick=True).spread, _followed(problem, x), _likelihood((problem, x)))
+    return _Level(problem, x, uncertainty(problem, x, quick=True).spread, _likelihood((problem, x)))
 
 
 def _best(levels: Sequence[_Level]) -> _Level:
-    """Of the levels whose estimates differ least between tenths, within chance, the one whose free simulation follows most
-    channels; of several, the one with the best predictions.
-    """
+    """Of the levels whose estimates differ least between tenths, within chance, the one with the best predictions."""
     entries = levels[0].problem.layout.entries
     # Parameters of single recordings, such as initial positions, matter less to short predictions.
     shared = [entry.track is None for entry in entries]
@@ -165,7 +163,7 @@ def _best(levels: Sequence[_Level]) -> _Level:
     known = [np.log(np.clip(np.nan_to_num(one.spread, nan=np.inf), 1e-300, most))[shared] for one in levels]
     sums = [float(np.mean(one)) if len(one) else 0.0 for one in known]
     good = [one for one, sum_ in zip(levels, sums, strict=True) if sum_ <= min(sums) + CHANCE]
-    return min(good, key=lambda one: (-one.followed, one.error))
+    return min(good, key=lambda one: one.error)
 
 
 def _name(level: float) -> str:

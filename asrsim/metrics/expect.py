@@ -26,8 +26,12 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 COMPARISONS: dict[str, Callable[[float, float], bool]] = {
-    "==": operator.eq, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
-}  # fmt: skip
+    "==": operator.eq,
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
 """Function for each comparison of a claim."""
 RECORDING_OPTIONS: dict[str, Kind[Any]] = {
     "lag": Either((Choice(("auto", "off", "start"), missing="Or state the lag as a number of seconds"), Number())),
@@ -128,9 +132,13 @@ def evaluate_expectation(
     else:
         series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
     return ExpectationResult(
-        expectation=expectation, holds=holds(expectation, measured), measured=measured, unit=found.unit_of(series_unit),
-        moving=moving, moving_unit=series_unit,
-    )  # fmt: skip
+        expectation=expectation,
+        holds=holds(expectation, measured),
+        measured=measured,
+        unit=found.unit_of(series_unit),
+        moving=moving,
+        moving_unit=series_unit,
+    )
 
 
 def holds(expectation: Expectation, measured: float) -> bool:

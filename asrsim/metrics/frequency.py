@@ -90,23 +90,32 @@ def frequency_response(
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
-            Problem(f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
-                    "may hold it, or it is not connected", code="output-still")
-        )  # fmt: skip
+            Problem(
+                f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
+                "may hold it, or it is not connected",
+                code="output-still",
+            )
+        )
     step = float(t[1] - t[0])
     low, high, lines = excited_band(u, step, band)
     spectra = local_rational(u, y, step, low, high) if lines is None else by_lines(u, y, step, lines)
     coherence = float(np.median(spectra.coherence))
     if moves and coherence < _TRUSTED:
         findings.append(
-            Problem(f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are "
-                    "unreliable", code="low-coherence", hint="Excite by a chirp, multisine or noise")
-        )  # fmt: skip
+            Problem(
+                f"the input explains little of the output: median coherence {coherence:.2g}; gain and phase are unreliable",
+                code="low-coherence",
+                hint="Excite by a chirp, multisine or noise",
+            )
+        )
     if len(spectra.frequency) == 1:
         findings.append(
-            Problem(f"there is a single frequency, {spectra.frequency[0]:.4g} Hz: gain and phase are points, not curves",
-                    code="single-frequency", hint="A chirp, a multisine or a wider band gives more")
-        )  # fmt: skip
+            Problem(
+                f"there is a single frequency, {spectra.frequency[0]:.4g} Hz: gain and phase are points, not curves",
+                code="single-frequency",
+                hint="A chirp, a multisine or a wider band gives more",
+            )
+        )
     return _response(spectra, (low, high), moves, findings)
 
 
@@ -123,13 +132,19 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
     width = np.where(disc < 1, sigma * float(t.ppf(0.5 + CONFIDENCE / 2, 2 * spectra.freedom)), disc)
     margin = np.where(width < 1, np.degrees(np.arcsin(np.minimum(width, 1.0))), 180.0)
     return FrequencyResponse(
-        frequency=spectra.frequency, gain=gain, phase=phase, coherence=np.clip(spectra.coherence, 0, 1),
-        gain_low=gain * np.maximum(1 - width, 0), gain_high=gain * (1 + width), phase_margin=margin,
+        frequency=spectra.frequency,
+        gain=gain,
+        phase=phase,
+        coherence=np.clip(spectra.coherence, 0, 1),
+        gain_low=gain * np.maximum(1 - width, 0),
+        gain_high=gain * (1 + width),
+        phase_margin=margin,
         band=band,
         resonance=_resonance(spectra.frequency, gain, spectra.coherence) if moves else None,
         bandwidth=_bandwidth(spectra.frequency, gain, spectra.coherence) if moves else None,
-        moves=moves, findings=tuple(findings),
-    )  # fmt: skip
+        moves=moves,
+        findings=tuple(findings),
+    )
 
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:

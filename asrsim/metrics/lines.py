@@ -56,9 +56,12 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
     return Spectra(
-        frequency=cycles / (n * step), response=response, coherence=1 / (1 + freedom * relative), deviation=np.sqrt(relative),
+        frequency=cycles / (n * step),
+        response=response,
+        coherence=1 / (1 + freedom * relative),
+        deviation=np.sqrt(relative),
         freedom=float(freedom.min()),
-    )  # fmt: skip
+    )
 
 
 def _columns(time: Array, cycles: Array) -> Array:

@@ -111,9 +111,15 @@ STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
 
 
 def measure(
-    name: str, time: Array, series: Array, reference: Array | None = None, *, start: float | None = None,
-    end: float | None = None, **options: Any,
-) -> float:  # fmt: skip
+    name: str,
+    time: Array,
+    series: Array,
+    reference: Array | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    **options: Any,
+) -> float:
     """Value of a measure for a series; NaN if undefined.
 
     Args:
@@ -148,9 +154,15 @@ def _read_only(values: Array) -> Array:
 
 
 def unrest(
-    name: str, time: Array, series: Array, reference: Array | None = None, *, start: float | None = None,
-    end: float | None = None, **options: Any,
-) -> float:  # fmt: skip
+    name: str,
+    time: Array,
+    series: Array,
+    reference: Array | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    **options: Any,
+) -> float:
     """Motion that is left at the end of the series of a measure that needs rest, in the unit of the series; 0 if the series is
     at rest, or if the measure needs no rest. The arguments are those of `measure`.
     """
@@ -175,9 +187,14 @@ def rest_of(time: Array, series: Array) -> tuple[float, float]:
 
 
 def _chosen(
-    name: str, time: Array, series: Array, reference: Array | None, start: float | None, end: float | None,
+    name: str,
+    time: Array,
+    series: Array,
+    reference: Array | None,
+    start: float | None,
+    end: float | None,
     options: dict[str, Any],
-) -> tuple[Measure, Array, list[Array]]:  # fmt: skip
+) -> tuple[Measure, Array, list[Array]]:
     """The measure, and the times and series to which it applies. Raises InputError."""
     found = MEASURES.get(name)
     problems = option_problems(found, options)

@@ -38,8 +38,15 @@ def _first_crossing(time: Array, x: Array, level: float) -> float:
     return float(time[i - 1] + (level - x[i - 1]) / (x[i] - x[i - 1]) * (time[i] - time[i - 1]))
 
 
-def rise(time: Array, values: Array, *, low: float = 0.1, high: float = 0.9,
-         initial: float | None = None, target: float | None = None) -> float:  # fmt: skip
+def rise(
+    time: Array,
+    values: Array,
+    *,
+    low: float = 0.1,
+    high: float = 0.9,
+    initial: float | None = None,
+    target: float | None = None,
+) -> float:
     """Time from `low` to `high` of the step, between first crossings, interpolated; undefined without a step."""
     x = _normalised(time, values, initial, target)
     return _first_crossing(time, x, high) - _first_crossing(time, x, low)

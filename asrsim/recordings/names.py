@@ -10,7 +10,7 @@ from asrsim.recordings.commands import is_command, kind_of, unknown_words
 from asrsim.recordings.data import RawColumn
 from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.units import Unit, fits, split_header
-from asrsim.recordings.words import BODIES, REFERENCE, CommandDoubtError, DoubtError, one_of, tokens_of, words_of
+from asrsim.recordings.words import BODIES, JOINTS, REFERENCE, CommandDoubtError, DoubtError, one_of, tokens_of, words_of
 
 ALIASES: dict[str, str] = {
     "position": "link_position", "velocity": "link_velocity", "effort": "link_torque", "torque": "link_torque",
@@ -128,7 +128,8 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         raise DoubtError("the number in its name is ambiguous")
     if joint is None and not count and words_of(tokens_of(owner)):
         return _joint_called(owner, joints), quantity  # for example elbow/position, /joint_states/elbow/position
-    if joint is None and count and BODIES.intersection(tokens_of(f"{rest} {file}")):
+    spoken = {*tokens_of(f"{rest} {file}")}
+    if joint is None and count and spoken & BODIES and not spoken & JOINTS:
         return None, None  # for example tool.position[1], imu.angular_velocity[0]
     if joint is None:
         place = int(array[1]) if array else next(iter(numbers), None)

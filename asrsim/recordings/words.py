@@ -94,6 +94,8 @@ BODIES = {
     "pose", "poses", "twist", "odom", "odometry", "camera", "marker", "world", "cartesian", "wrench",
 }  # fmt: skip
 """Words for bodies in space and their sensors. A number in the name of their position counts directions, not joints."""
+JOINTS = {"joint", "joints", "motor", "motors"}
+"""Words with which a number counts joints, even beside a body: `cartesian_controller.joint_position[1]`."""
 TAKEN = ("position", "torque", "force", "current", "voltage")
 """Kinds of commands that an operation mode takes; a force only on a prismatic joint."""
 

@@ -72,9 +72,14 @@ class Registry(Generic[T]):
     """Plugin file that is running; it may register its entries again when it runs again."""
 
     def __init__(
-        self, noun: str, entry_point_group: str | None = None, *, base: type | None = None, instance: type | None = None,
+        self,
+        noun: str,
+        entry_point_group: str | None = None,
+        *,
+        base: type | None = None,
+        instance: type | None = None,
         label: str = "",
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.noun = noun
         self.base = base
         self.instance = instance

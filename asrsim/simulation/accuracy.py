@@ -127,9 +127,12 @@ def certify(
                 f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
             )
     return {
-        "stepping": stepping.name, "scheme_order": stepping.order, "step": scenario.step / run.resolution.substeps,
-        "joints": joints, "warnings": warnings,
-    }  # fmt: skip
+        "stepping": stepping.name,
+        "scheme_order": stepping.order,
+        "step": scenario.step / run.resolution.substeps,
+        "joints": joints,
+        "warnings": warnings,
+    }
 
 
 def _finer(plan: Plan, run: Run, finer: int) -> Plan:
@@ -209,9 +212,15 @@ def cross_check(
     values = {name: map(finite_or_none, row) for name, row in zip(names, found.tolist(), strict=True)}
     joints = {name: dict(zip(MEASURES, row, strict=True)) for name, row in values.items()}
     return {
-        "engine": scenario.engine, "other": other, "versions": [run.info.metadata["engine_version"], version],
-        "contacts": contacts, "joints": joints, "finding": finding, "note": note, "agrees": not finding,
-    }  # fmt: skip
+        "engine": scenario.engine,
+        "other": other,
+        "versions": [run.info.metadata["engine_version"], version],
+        "contacts": contacts,
+        "joints": joints,
+        "finding": finding,
+        "note": note,
+        "agrees": not finding,
+    }
 
 
 def _differences(one: Prepared, other: Prepared, title: str, progress: Tell | None) -> Array:

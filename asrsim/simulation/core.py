@@ -173,9 +173,12 @@ class Core:
 
     def _start_engine(self, engine: Engine, prepared: Prepared) -> Any:
         return engine.start(
-            prepared.initial_positions, prepared.initial_velocities, step=self._scheme.step,
-            staggered=prepared.stepping.staggered, implicitness=self._scheme.link_implicitness,
-        )  # fmt: skip
+            prepared.initial_positions,
+            prepared.initial_velocities,
+            step=self._scheme.step,
+            staggered=prepared.stepping.staggered,
+            implicitness=self._scheme.link_implicitness,
+        )
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
@@ -311,9 +314,15 @@ def _widened(table: Array, columns: int) -> Array:
 
 
 def make_core(
-    prepared: Prepared, engine: Engine, *, compiled: bool | None, substeps: int, worlds: int,
-    watch: Callable[[], None] | None, strides: Strides = ALWAYS_ALL,
-) -> tuple[Core, str]:  # fmt: skip
+    prepared: Prepared,
+    engine: Engine,
+    *,
+    compiled: bool | None,
+    substeps: int,
+    worlds: int,
+    watch: Callable[[], None] | None,
+    strides: Strides = ALWAYS_ALL,
+) -> tuple[Core, str]:
     """A core, and the reason why its loop runs in Python although compiled code would be faster (empty if there is no such
     reason).
 

@@ -59,11 +59,16 @@ def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
     listed among the bodies instead."""
     frames = [
         Frame(
-            parent=joint.parent, child=joint.child, position=joint.origin, rotation=quaternion(joint.rpy),
-            joint=joint.name if joint.moves else "", axis=joint.axis, prismatic=joint.kind == "prismatic",
+            parent=joint.parent,
+            child=joint.child,
+            position=joint.origin,
+            rotation=quaternion(joint.rpy),
+            joint=joint.name if joint.moves else "",
+            axis=joint.axis,
+            prismatic=joint.kind == "prismatic",
         )
         for joint in robot.joints
-    ]  # fmt: skip
+    ]
     if scenario.fixed_base:
         root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
         # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless moved.

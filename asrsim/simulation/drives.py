@@ -198,9 +198,12 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
             # The numbers below MOST_MOTORS are those of the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
-                imperfections=imperfections, step=scenario.step, substep=substep, on_link=not drive.mode.motor,
+                imperfections=imperfections,
+                step=scenario.step,
+                substep=substep,
+                on_link=not drive.mode.motor,
                 noises=tuple(Noise(seed, imperfections.noise) if imperfections.noise else None for seed in seeds),
-            )  # fmt: skip
+            )
         found.append(replace(drive, sensor=sensor))
     return tuple(found)
 

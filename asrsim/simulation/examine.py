@@ -78,9 +78,14 @@ class Examined(NamedTuple):
 
 
 def examine(
-    scenario: str | Path | Scenario | Plan, robot: Robot | str | Path | None = None, *, variant: str | None = None,
-    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
-) -> Plan:  # fmt: skip
+    scenario: str | Path | Scenario | Plan,
+    robot: Robot | str | Path | None = None,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    beside: Beside | None = None,
+) -> Plan:
     """Check a scenario of one variant: keys, robot, actuators, signals, claims and recordings.
 
     Args:
@@ -99,9 +104,14 @@ def examine(
 
 
 def examine_all(
-    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str] = (),
-    overrides: Overrides = (), plugins: Sequence[str | Path] = (), beside: Beside | None = None,
-) -> tuple[Plan, ...]:  # fmt: skip
+    scenario: str | Path | Scenario,
+    robot: Robot | str | Path | None = None,
+    *,
+    variants: Sequence[str] = (),
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    beside: Beside | None = None,
+) -> tuple[Plan, ...]:
     """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
     reported together."""
     found, problems = read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins)
@@ -110,9 +120,15 @@ def examine_all(
 
 @blame_plugins()
 def read(
-    scenario: str | Path | Scenario, robot: Robot | str | Path | None = None, *, variants: Sequence[str | None] = (None,),
-    overrides: Overrides = (), plugins: Sequence[str | Path] = (), one: bool = False, propose: bool = False,
-) -> tuple[list[Examined], tuple[Problem, ...]]:  # fmt: skip
+    scenario: str | Path | Scenario,
+    robot: Robot | str | Path | None = None,
+    *,
+    variants: Sequence[str | None] = (None,),
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    one: bool = False,
+    propose: bool = False,
+) -> tuple[list[Examined], tuple[Problem, ...]]:
     """What is found in each variant, and the problems of the scenario's file; arguments as for `examine`.
 
     variants: names; None: all. one: whether several variants are a problem. propose: propose parameters for an arm that its
@@ -191,9 +207,15 @@ def findings(
         *(() if model is None else weight_warnings(scenario, robot, model, propose=propose)),
     )
     plan = Plan(
-        scenario=scenario, source=source, robot=robot, stepping=stepping, drives=drives, joints=joints, model=model,
+        scenario=scenario,
+        source=source,
+        robot=robot,
+        stepping=stepping,
+        drives=drives,
+        joints=joints,
+        model=model,
         warnings=warnings,
-    )  # fmt: skip
+    )
     return plan, (), warnings
 
 

@@ -74,9 +74,15 @@ def load_joint(
 
 
 def settle(
-    joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, velocity: float, at_time: float, first: bool,
+    joint: JointState,
+    link: JointConstants,
+    kind: JointKind,
+    scheme: Scheme,
+    velocity: float,
+    at_time: float,
+    first: bool,
     jumped: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Compute the values at the time of the substep, after the engine has moved the link. velocity: of the link after the kick,
     rad/s; at_time: its velocity at the time of the substep if the engine has computed it, else NaN; first, jumped: whether
     the run begins, and whether an input jumps in the kick."""

@@ -30,9 +30,15 @@ ENDLESS = 1e300
 
 
 def run(
-    stretch: Stretch, worlds: Tables, common: Common, given: Given, engine: EngineCall, recorded: RowSelection,
-    corrections: Corrections, out: Any,
-) -> None:  # fmt: skip
+    stretch: Stretch,
+    worlds: Tables,
+    common: Common,
+    given: Given,
+    engine: EngineCall,
+    recorded: RowSelection,
+    corrections: Corrections,
+    out: Any,
+) -> None:
     """Advance worlds by some substeps. out: recorded values (m, rows, joints, columns of the state and of the references)."""
     kinds, exchange, fault, sizes = common.kinds, engine.exchange, worlds.fault, common.sizes
     first, every, watched = stretch.first, recorded.every, recorded.watched
@@ -107,8 +113,11 @@ def run(
 
 
 def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
-    """Stride of a world at a whole step: at once a shorter one if a spring may become too stiff for the present one, and a
-    longer one after `PATIENCE` steps in which it was possible. whole: whether the whole step belongs to the call."""
+    """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a
+    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
+
+    whole: whether the whole step belongs to the call.
+    """
     longest = len(common.sizes) - 1 if whole else 0
     for j in range(len(common.kinds)):
         joint, link, kind = joint_of(states, constants, common.kinds, j)

@@ -78,11 +78,17 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
     staged = compose(stages, partial(_access, actuator, stages)) if stages else None
     placed = staged is not None and staged.place is not None
     names = {
-        **_pointers(), "torques": actuator.elastic_torques, "stiffness": actuator.stiffness, "energy": energy_law(actuator),
+        **_pointers(),
+        "torques": actuator.elastic_torques,
+        "stiffness": actuator.stiffness,
+        "energy": energy_law(actuator),
         "positions": compiling.numbers_reader(motors, first + columns(MotorState)["end" if placed else "theta"], size),
-        "parameters": compiling.numbers_reader(count), "row": compiling.row_at(), "joint_at": _at(JointState),
-        "link_at": _at(JointConstants), "kind_at": _at(JointKind),
-    }  # fmt: skip
+        "parameters": compiling.numbers_reader(count),
+        "row": compiling.row_at(),
+        "joint_at": _at(JointState),
+        "link_at": _at(JointConstants),
+        "kind_at": _at(JointKind),
+    }
     laws: Any = _laws
     if staged is not None:
         names |= {name: law for name, law in staged._asdict().items() if law is not None}
@@ -168,9 +174,13 @@ def _put_staged(s: int, p: int, kind: Any, q: float, task: int) -> None:
 def bound_step(function: Any) -> compiling.Callback:
     """The function by which a stepping advances a joint, compiled; see `asrsim.simulation.laws.joint_step`."""
     names = {
-        **_pointers(), "own_step": function, "row": compiling.row_at(), "joint_at": _at(JointState),
-        "link_at": _at(JointConstants), "kind_at": _at(JointKind),
-    }  # fmt: skip
+        **_pointers(),
+        "own_step": function,
+        "row": compiling.row_at(),
+        "joint_at": _at(JointState),
+        "link_at": _at(JointConstants),
+        "kind_at": _at(JointKind),
+    }
     return compiling.compile_law(_joint_step, names, "aaaadi")
 
 
@@ -395,8 +405,13 @@ def _pointers() -> dict[str, Any]:
         return kinds.CPointer(kinds.float64)(record, kind), generate
 
     return {
-        "spring_law": intrinsic(call_law), "engine_step": intrinsic(call_step), "joint_step": intrinsic(call_step),
-        "inputs_of": intrinsic(find_inputs), "joint_of": intrinsic(find_joint), "motor_of": _part(JointState, MotorState),
-        "drive_of": _part(JointConstants, MotorConstants), "value_of": intrinsic(find_value),
+        "spring_law": intrinsic(call_law),
+        "engine_step": intrinsic(call_step),
+        "joint_step": intrinsic(call_step),
+        "inputs_of": intrinsic(find_inputs),
+        "joint_of": intrinsic(find_joint),
+        "motor_of": _part(JointState, MotorState),
+        "drive_of": _part(JointConstants, MotorConstants),
+        "value_of": intrinsic(find_value),
         "memory_of": intrinsic(find_memory),
-    }  # fmt: skip
+    }

@@ -29,9 +29,14 @@ ScenarioLike = str | Path | Scenario | Plan | Prepared
 
 
 def prepare(
-    scenario: ScenarioLike, robot: Robot | str | Path | None = None, *, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (), settable: bool = False,
-) -> Prepared:  # fmt: skip
+    scenario: ScenarioLike,
+    robot: Robot | str | Path | None = None,
+    *,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    settable: bool = False,
+) -> Prepared:
     """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. A prepared scenario is
     returned as it is. Raises RobotError, ScenarioError or UnresolvedSpringError."""
     if isinstance(scenario, Prepared):
@@ -40,9 +45,14 @@ def prepare(
 
 
 def prepare_worlds(
-    scenario: ScenarioLike, *, engine: str | None = None, variant: str | None = None, overrides: Overrides = (),
-    plugins: Sequence[str | Path] = (), settable: bool = False,
-) -> Prepared:  # fmt: skip
+    scenario: ScenarioLike,
+    *,
+    engine: str | None = None,
+    variant: str | None = None,
+    overrides: Overrides = (),
+    plugins: Sequence[str | Path] = (),
+    settable: bool = False,
+) -> Prepared:
     """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about
     ten times faster than PyBullet. engine: name of the engine; `WARP` takes the links' model from MuJoCo. Raises InputError if
     the scenario is prepared for another engine."""

@@ -157,8 +157,9 @@ class Prepared:
         """
         delays = {
             drive.name: {name: own[name] for name in DELAYS if name in own}
-            for drive in self.drives if (own := parameters.get(drive.name))
-        }  # fmt: skip
+            for drive in self.drives
+            if (own := parameters.get(drive.name))
+        }
         numbers = {
             owner: {name: value for name, value in own.items() if name not in delays.get(owner, ())}
             for owner, own in parameters.items()

@@ -101,10 +101,14 @@ def scheme_of(prepared: Prepared) -> Scheme:
     stepping = prepared.stepping
     now, past = (1.5, -0.5) if stepping.staggered else (1.0, 0.0)
     return Scheme(
-        step=prepared.substep, weight_now=now, weight_last=past, first_drift=stepping.first_drift,
-        implicitness=stepping.implicitness, link_implicitness=prepared.resolution.link_implicitness,
+        step=prepared.substep,
+        weight_now=now,
+        weight_last=past,
+        first_drift=stepping.first_drift,
+        implicitness=stepping.implicitness,
+        link_implicitness=prepared.resolution.link_implicitness,
         staggered=float(stepping.staggered),
-    )  # fmt: skip
+    )
 
 
 def tables(prepared: Prepared, shape: RowShape) -> tuple[list[JointKind], Array]:

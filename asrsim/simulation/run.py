@@ -91,9 +91,12 @@ def simulate(
 
 
 def run_to_end(
-    simulation: Simulation, *, progress: Tell | None = None, stop: Stop | None = None,
+    simulation: Simulation,
+    *,
+    progress: Tell | None = None,
+    stop: Stop | None = None,
     commands: Iterable[Command | WrenchCommand] = (),
-) -> Run:  # fmt: skip
+) -> Run:
     """Result of running a simulation to the end of its scenario's duration; arguments and errors as for `simulate`."""
     status, began = "complete", clock.perf_counter()
     waiting = iter(commands)
@@ -131,10 +134,16 @@ def run_of(simulation: Simulation, status: str, *, wall_time: float, message: st
     """Result of a simulation up to the present time."""
     kept, prepared = simulation.recording.kept, simulation.prepared
     return make_run(
-        prepared, simulation.counts, status, slow_because=simulation.slow_because, wall_time=wall_time,
-        compiled=simulation.compiled, message=message, samples=concatenate(kept) if kept else None,
+        prepared,
+        simulation.counts,
+        status,
+        slow_because=simulation.slow_because,
+        wall_time=wall_time,
+        compiled=simulation.compiled,
+        message=message,
+        samples=concatenate(kept) if kept else None,
         simulated_time=min(simulation.substep, simulation.last) * prepared.substep,
-    )  # fmt: skip
+    )
 
 
 def make_run(prepared: Prepared, counts: Counts, status: str, *, slow_because: str = "", **more: Any) -> Run:

@@ -67,6 +67,9 @@ class Setups:
     def _inputs_of(self, prepared: Prepared) -> Inputs:
         """The input signals of a scenario."""
         return Inputs(
-            prepared.scenario, prepared.drives, substep=prepared.substep, staggered=prepared.stepping.staggered,
+            prepared.scenario,
+            prepared.drives,
+            substep=prepared.substep,
+            staggered=prepared.stepping.staggered,
             longest=self._chunk,
-        )  # fmt: skip
+        )

@@ -81,9 +81,14 @@ class Simulation:
         self.total = self.last + 1
         looks = (record or sinks) and not (self.scenario.world.empty and self.scenario.fixed_base)
         self._world = Worlds(
-            prepared, 1, names=names, compiled=compiled, expected_substeps=expected_substeps or self.last, chunk=chunk,
+            prepared,
+            1,
+            names=names,
+            compiled=compiled,
+            expected_substeps=expected_substeps or self.last,
+            chunk=chunk,
             watch=self._watch if looks else None,
-        )  # fmt: skip
+        )
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
         self._output = sinks, record
         self._held: dict[str, HeldWrench] = {}
@@ -185,9 +190,13 @@ class Simulation:
         return None if value is None else float(held[0])
 
     def set_wrench(
-        self, body: str, force: Sequence[float], *, torque: Sequence[float] = (0.0, 0.0, 0.0),
+        self,
+        body: str,
+        force: Sequence[float],
+        *,
+        torque: Sequence[float] = (0.0, 0.0, 0.0),
         point: Sequence[float] = (0.0, 0.0, 0.0),
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Let a force and a torque act on a link or a movable object of the world from the next substep on, until the next call
         for this body.
 

@@ -40,9 +40,11 @@ def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[Step
     """The joints with the positions, velocities and motors of a start; the same object if the start has none. Raises InputError
     for wrong names and values."""
     given = {
-        "initial": start.positions, "velocities": start.velocities, "motors": start.motors,
+        "initial": start.positions,
+        "velocities": start.velocities,
+        "motors": start.motors,
         "motor_velocities": start.motor_velocities,
-    }  # fmt: skip
+    }
     if not any(given.values()):
         return drives
     joints = {drive.name: drive for drive in drives}

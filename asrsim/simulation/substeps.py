@@ -207,9 +207,13 @@ def _largest_below(law: Callable[[float], float], bound: float, limit: float) ->
 
 
 def _resolve(
-    scenario: Scenario, drives: Sequence[SteppedJoint], couplings: Couplings, places: Array, masses: Array,
+    scenario: Scenario,
+    drives: Sequence[SteppedJoint],
+    couplings: Couplings,
+    places: Array,
+    masses: Array,
     stiffness: Sequence[float],
-) -> Resolution:  # fmt: skip
+) -> Resolution:
     """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of
     each joint in N m/rad.
 

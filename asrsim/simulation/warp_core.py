@@ -253,11 +253,14 @@ class WarpCore(Core):
             columns[f"motor_{i + 1}_velocity"] = motor_column("velocity", i)
         found = {
             name: self._wp.array(
-                ptr=self._s.ptr + 4 * column, dtype=kind, shape=(worlds, joints), strides=(4 * joints * size, 4 * size),
+                ptr=self._s.ptr + 4 * column,
+                dtype=kind,
+                shape=(worlds, joints),
+                strides=(4 * joints * size, 4 * size),
                 device=self._device,
             )
             for name, column in columns.items()
-        }  # fmt: skip
+        }
         for one in found.values():
             # Keeps the memory.
             one.state = self._s

@@ -94,11 +94,18 @@ def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgra
     from 1. Raises TranslationError that names the actuator and the line."""
     found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
     used = list(dict.fromkeys(law for law in found if law is not None))
-    made = WarpProgram({
-        laws.motor_of: _part(JointState, MotorState), laws.drive_of: _part(JointConstants, MotorConstants),
-        laws.memory_of: _memory, laws.spring_law: _call_law, laws.inputs_of: _inputs, laws.put_load: _put_load,
-        later: _later, find_state: _nothing,
-    })  # fmt: skip
+    made = WarpProgram(
+        {
+            laws.motor_of: _part(JointState, MotorState),
+            laws.drive_of: _part(JointConstants, MotorConstants),
+            laws.memory_of: _memory,
+            laws.spring_law: _call_law,
+            laws.inputs_of: _inputs,
+            laws.put_load: _put_load,
+            later: _later,
+            find_state: _nothing,
+        }
+    )
     made.add(_law_text(made, used))
     joint = STATE, CONSTANTS, KIND, SCHEME
     for function, kinds in (
@@ -204,9 +211,12 @@ def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[S
         for sign, side in (("-", "below"), ("+", "above")):
             yield from (f"    {line}" for line in placed(f"q {sign} {SLOPE_ON_WARP}"))
             yield f"    {', '.join(f'{one}_{side}' for one in results)} = {called(torques, f'q {sign} {SLOPE_ON_WARP}')}"
-            sums.append(" + ".join(
-                number_as(Value(kind, f"{name}_{side}"), FLOAT).text for name, kind in zip(results, found.kinds, strict=True)
-            ))  # fmt: skip
+            sums.append(
+                " + ".join(
+                    number_as(Value(kind, f"{name}_{side}"), FLOAT).text
+                    for name, kind in zip(results, found.kinds, strict=True)
+                )
+            )
         yield f"    s[s_at + {JOINT['stiffness']}] = (({sums[0]}) - ({sums[1]})) / {2.0 * SLOPE_ON_WARP}"
     yield from placed("q")
     yield f"{', '.join(results)} = {called(torques)}"

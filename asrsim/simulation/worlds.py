@@ -126,10 +126,15 @@ class Worlds:
                 (_warp_core(prepared, links, count, device), "")
                 if self.on_warp
                 else make_core(
-                    prepared, links, compiled=True if adaptive and compiled is None else compiled, substeps=substeps,
-                    worlds=count, watch=watch, strides=strides,
+                    prepared,
+                    links,
+                    compiled=True if adaptive and compiled is None else compiled,
+                    substeps=substeps,
+                    worlds=count,
+                    watch=watch,
+                    strides=strides,
                 )
-            )  # fmt: skip
+            )
             self.record_as(prepared)
             if adaptive:
                 self._check_adaptive()
@@ -314,9 +319,13 @@ class Worlds:
         self.blocks.discard()
 
     def set_state(
-        self, positions: Mapping[str, Any], velocities: Mapping[str, Any] | None = None,
-        motors: Mapping[str, Any] | None = None, *, worlds: Any = None,
-    ) -> None:  # fmt: skip
+        self,
+        positions: Mapping[str, Any],
+        velocities: Mapping[str, Any] | None = None,
+        motors: Mapping[str, Any] | None = None,
+        *,
+        worlds: Any = None,
+    ) -> None:
         """Reset worlds to positions (rad, m) and velocities (rad/s, m/s) of the links and positions (rad) of the motors.
 
         All tables are by joint, with one number for all worlds or a number for each world; for joints with several motors, a
@@ -368,9 +377,13 @@ class Worlds:
         return self.core.native and isinstance(self.core.engine_of(0), RigidEngine)
 
     def rollout(
-        self, names: Sequence[str], *, start: Start | Sequence[Start] | None = None, steps: int | None = None,
+        self,
+        names: Sequence[str],
+        *,
+        start: Start | Sequence[Start] | None = None,
+        steps: int | None = None,
         observer: Observer | None = None,
-    ) -> dict[str, Array]:  # fmt: skip
+    ) -> dict[str, Array]:
         """Run worlds from their start. Returns quantities by name, (worlds, steps + 1, n), at all steps from 0 on.
 
         Values are NaN where a joint does not record a quantity, and after a world has diverged.

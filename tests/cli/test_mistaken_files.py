@@ -57,7 +57,7 @@ def test_files_without_recordings_are_named(files, asrsim_command):
         for arguments in (("plot", files["log"], "--experiment"), ("init", files["robot"], "--experiment")):
             done = asrsim_command(*arguments, files[kind])
             assert done.code == 1
-            assert f"is a {kind}, no recording" in done.err
+            assert f"is a {kind}, not a recording" in done.err
 
 
 def test_recording_with_scenario_keys_is_a_recording(tmp_path, files, asrsim_command):

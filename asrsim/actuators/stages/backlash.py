@@ -32,10 +32,15 @@ class Backlash(Stage):
     source = "dead zone: Nordin, Gutman (2002), with a massless spring"
     parameters = (
         Parameter(
-            name="backlash", default=0.0, unit="rad", minimum=0.0, source=source, optional=True,
+            name="backlash",
+            default=0.0,
+            unit="rad",
+            minimum=0.0,
+            source=source,
+            optional=True,
             doc="width w of the play between each motor and its spring",
         ),
-    )  # fmt: skip
+    )
     Constants = BacklashConstants
 
     @classmethod

@@ -41,10 +41,15 @@ class Damper(Stage):
     source = "viscous damper: Kelvin-Voigt model of a spring"
     parameters = (
         Parameter(
-            name="spring_damping", default=0.0, unit="N m s/rad", minimum=0.0, source=source, optional=True,
+            name="spring_damping",
+            default=0.0,
+            unit="N m s/rad",
+            minimum=0.0,
+            source=source,
+            optional=True,
             doc="viscous damping c parallel to each spring, between motor and link",
         ),
-    )  # fmt: skip
+    )
     Memory = DamperMemory
     Constants = DamperConstants
     lost = "damper_loss"

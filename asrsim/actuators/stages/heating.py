@@ -90,9 +90,13 @@ class Heating(Stage):
         if not mode.motor or heat == 0.0 or values["thermal_resistance"] == 0.0:
             return None
         return HeatingConstants(
-            heat=heat, resistance=values["thermal_resistance"], capacity=values["thermal_capacity"],
-            ambient=values["ambient_temperature"], derating=values["derating_temperature"], hottest=values["max_temperature"],
-        )  # fmt: skip
+            heat=heat,
+            resistance=values["thermal_resistance"],
+            capacity=values["thermal_capacity"],
+            ambient=values["ambient_temperature"],
+            derating=values["derating_temperature"],
+            hottest=values["max_temperature"],
+        )
 
     @staticmethod
     def limit(memory: HeatingMemory, own: HeatingConstants, torque: float) -> float:

@@ -131,7 +131,12 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
             code="export-goals",
         )
     return {
-        "name": stepped.name, "motors": motors, "references": names, "low": [low for low, _ in bounds],
-        "high": [high for _, high in bounds], "matrix": matrix[:, used].tolist(), "offset": offset.tolist(),
+        "name": stepped.name,
+        "motors": motors,
+        "references": names,
+        "low": [low for low, _ in bounds],
+        "high": [high for _, high in bounds],
+        "matrix": matrix[:, used].tolist(),
+        "offset": offset.tolist(),
         "command": "position" if drive.mode.controller else "effort",
-    }  # fmt: skip
+    }

@@ -73,6 +73,12 @@ def test_the_components_of_a_vector_of_a_body_are_no_joints(tmp_path, name):
     assert recording.channels["q1"].joint == "joint_1"
 
 
+@pytest.mark.parametrize("name", ["cartesian_controller.joint_position[1]", "/world/arm/joint_state.position[1]"])
+def test_numbers_of_joints_count_joints_beside_the_word_for_a_body(tmp_path, name):
+    channel = read(tmp_path, [name, "dq1"], None).channels[name]
+    assert (channel.joint, channel.quantity) == ("joint_1", "link_position")
+
+
 def test_a_name_that_states_the_joint_precedes_one_that_numbers_it(tmp_path):
     recording = read(tmp_path, ["position[1]", "joint_1.position"], None)
     assert recording.channels["joint_1.position"].quantity == "link_position"
