@@ -102,8 +102,8 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
     study = table.study
     if study.groups and study.sampler not in SAMPLERS:
         files = ", ".join(map(str, study.plugins))
-        used = f". The study used {files}: name your copy with --plugin" if files else ""
-        return SobolIndices({}, samples=0, left_out=0, reason=f"the sampler '{study.sampler}' is not known here{used}")
+        where = f". The study used {files}: name your copy with --plugin" if files else ""
+        return SobolIndices({}, samples=0, left_out=0, reason=f"the sampler '{study.sampler}' is not known here{where}")
     if not study.groups or not SAMPLERS.get(study.sampler).blocks:
         return None
     n, d = study.base_samples, len(study.groups)
