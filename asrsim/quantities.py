@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 
@@ -13,12 +13,16 @@ class Quantity:
 
     name: str
     unit: str
-    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m."""
+    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. Of a pure number "": "1" is taken as it."""
     label: str
     """Symbol for axes and legends, as in the paper, in mathtext."""
     doc: str
     apart: bool = False
     """Whether the quantity belongs to an optional model and has a separate topic, outside the common messages."""
+
+    def __post_init__(self) -> None:
+        if self.unit == "1":
+            object.__setattr__(self, "unit", "")
 
 
 MOST_MOTORS = 8
@@ -30,10 +34,12 @@ def each_motor(name: str) -> tuple[str, ...]:
     return tuple(name.format(i) for i in range(1, MOST_MOTORS + 1))
 
 
-def of_motors(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> Iterator[Quantity]:
+def of_motors(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> tuple[Quantity, ...]:
     """A quantity of each motor, with {} for its number. The toolbox's messages have two motors; other motors are apart."""
-    for i in range(1, MOST_MOTORS + 1):
-        yield Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
+    return tuple(
+        Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
+        for i in range(1, MOST_MOTORS + 1)
+    )
 
 
 QUANTITIES: dict[str, Quantity] = {
@@ -123,8 +129,8 @@ def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
-    """SI unit of a quantity, recorded or derived; "" if the unit depends on the operation mode, or is unknown: a log may have
-    quantities of a user's stage that is not loaded here.
+    """SI unit of a quantity, recorded or derived; "" for a pure number, or if the unit depends on the operation mode, or is
+    unknown: a log may have quantities of a user's stage that is not loaded here.
     """
     known = QUANTITIES.get(name) or DERIVED.get(name)
     unit = known.unit if known else ""

@@ -21,7 +21,7 @@ from asrsim.actuators.parameters import Parameter
 from asrsim.actuators.sea import Sea
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.errors import Problem
-from asrsim.quantities import each_motor
+from asrsim.quantities import Quantity, each_motor
 from asrsim.records import declared
 
 LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
@@ -68,6 +68,9 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         if not (isinstance(kind, type) and is_dataclass(kind)):
             yield key, "must be a dataclass with slots of numbers (asrsim.records)", "bad-declaration"
             return
+    if not (isinstance(stage.quantities, tuple) and all(isinstance(one, Quantity) for one in stage.quantities)):
+        yield "quantities", "must be a tuple of Quantity(...), of asrsim.quantities", "bad-declaration"
+        return
     known = {one.name for one in stage.quantities}
     logged = [each_motor(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
     for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):

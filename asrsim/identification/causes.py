@@ -148,6 +148,14 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
                 message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"
                 choices = tuple(problem.known)
                 raise InputError(message, key=parameter.key, choices=choices, meant=parameter.key, code="unknown-key")
+        count = len(one.parameters)
+        for begin in one.begins if count else ():
+            if np.shape(begin) not in ([(), (1,)] if count == 1 else [(count,)]):
+                message = (
+                    f"the cause '{name}' must begin '{one.text}' with a number for each of its {count} parameters, such as "
+                    f"begins=[{(1.0,) * count}]; it gives {begin!r}"
+                )
+                raise result_fault(function, message)
         yield one
 
 

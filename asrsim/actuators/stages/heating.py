@@ -80,7 +80,7 @@ class Heating(Stage):
     )  # fmt: skip
     Memory = HeatingMemory
     Constants = HeatingConstants
-    quantities = tuple(of_motors("motor_{}_temperature", "°C", "$T_{}$", "temperature of the winding of motor {}", apart=True))
+    quantities = of_motors("motor_{}_temperature", "°C", "$T_{}$", "temperature of the winding of motor {}", apart=True)
 
     @classmethod
     def constants(cls, values: Mapping[str, float], motor: int, mode: Mode) -> HeatingConstants | None:

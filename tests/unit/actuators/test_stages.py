@@ -18,7 +18,7 @@ from asrsim.errors import ActuatorError
 from asrsim.identification.door import comparable
 from asrsim.metrics.measures import MEASURES
 from asrsim.plugins import load_plugin_file
-from asrsim.quantities import MOST_MOTORS, QUANTITIES
+from asrsim.quantities import MOST_MOTORS, QUANTITIES, of_motors
 from asrsim.recordings.names import column_quantities
 from asrsim.records import constant
 from asrsim.simulation.quantities import simulated_quantities
@@ -227,3 +227,16 @@ def test_what_a_stage_logs_is_declared_for_every_motor():
     clutch = STAGES.get("clutch")
     few = type("Few", (clutch,), {"quantities": clutch.quantities[:3]})
     assert [problem.key for problem in stage_problems(few)] == ["Few.quantities"]
+
+
+def test_quantities_of_a_stage_are_a_tuple():
+    load_plugin_file(EXAMPLE)
+    once = type("Once", (STAGES.get("clutch"),), {"quantities": (one for one in STAGES.get("clutch").quantities)})
+    assert [problem.key for problem in stage_problems(once)] == ["Once.quantities"]
+
+
+def test_a_quantity_of_each_motor_is_a_tuple_and_a_pure_number_has_no_unit():
+    turns = of_motors("clutch_{}_turns", "1", "$n_{}$", "turns of clutch {}")
+    assert isinstance(turns, tuple)
+    assert [one.name for one in turns] == [f"clutch_{i}_turns" for i in range(1, MOST_MOTORS + 1)]
+    assert {one.unit for one in turns} == {""}

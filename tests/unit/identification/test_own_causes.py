@@ -45,6 +45,17 @@ def test_the_cause_of_the_page_is_named_with_its_size(tmp_path):
     assert "--free joint_1.spring_damping=0.03" in found.causes[0]
 
 
+def test_a_start_without_a_number_for_each_parameter_is_refused_with_the_line_of_the_cause(tmp_path):
+    def rubber(problem, x):
+        both = tuple(problem.fixed[f"joint_1.{name}"] for name in ("hysteresis_torque", "hysteresis_deflection"))
+        yield Extension(text="rubber", parameters=both, begins=(0.5, 2.0))
+
+    CAUSES.add("rubber", Cause(title="rubber", extensions=rubber))
+    scenario, recording = recorded(tmp_path)
+    with pytest.raises(InputError, match=r"a number for each of its 2 parameters.*it gives 0\.5 \(.*test_own_causes.py:\d+\)"):
+        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+
+
 def test_a_cause_with_a_parameter_that_the_robot_lacks_is_refused_with_its_name(tmp_path):
     def wrong(problem, x):
         yield Extension(text="a loose belt", parameters=(FitParameter(key="joint_1.belt", unit="N m", start=0.1),))

@@ -91,3 +91,24 @@ def test_a_sampler_must_place_the_same_points_for_the_same_seed(tiny):
 def test_the_help_names_every_sampler():
     sampler = next(one for one in typer.main.get_command(app).get_command(None, "sweep").params if one.name == "sampler")
     assert [name for name in SAMPLERS if name not in sampler.help] == []
+
+
+def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tiny, asrsim_command, tmp_path):
+    plugin = tmp_path / "my_sampler.py"
+    plugin.write_text(
+        "import numpy as np\nfrom asrsim.sweeps.samplers import SAMPLERS, Sampler\n\n\n"
+        "class Even(Sampler):\n    title = 'even'\n\n    def points(self, samples, dimensions, seed):\n"
+        "        return np.linspace(0.1, 0.9, samples)[:, None]\n\n\nSAMPLERS.add('even', Even())\n"
+    )
+    before = SAMPLERS.state()
+    done = asrsim_command(
+        "sweep", tiny.scenario, "--over", "arm.mass=uniform(0.2, 0.6)", "--sampler", "even", "--samples", "2",
+        "--set", "duration=0.2", "--plugin", plugin, "--out", "study", "--workers", "1", "--no-plot", "-q",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    SAMPLERS.put(before)
+    shown = asrsim_command("sweep", "study", "--no-plot")
+    assert shown.code == 0, shown.err
+    assert "2 of 2 runs" in shown.out
+    assert "the sampler 'even' is not known here" in shown.out
+    assert "my_sampler.py: name your copy with --plugin" in shown.out
