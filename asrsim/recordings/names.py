@@ -128,9 +128,12 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         raise DoubtError("the number in its name is ambiguous")
     if joint is None and not count and words_of(tokens_of(owner)):
         return _joint_called(owner, joints), quantity  # for example elbow/position, /joint_states/elbow/position
-    spoken = {*tokens_of(f"{rest} {file}")}
-    if joint is None and count and spoken & BODIES and not spoken & JOINTS:
-        return None, None  # for example tool.position[1], imu.angular_velocity[0]
+    spoken, of_file = {*tokens_of(rest)}, {*tokens_of(file)}
+    if joint is None and count and not (spoken | of_file) & JOINTS:
+        if spoken & BODIES:
+            return None, None  # for example tool.position[1], imu.angular_velocity[0]
+        if of_file & BODIES:
+            raise DoubtError("by the name of its file, its number may count the directions of a body")
     if joint is None:
         place = int(array[1]) if array else next(iter(numbers), None)
         joint = joint_of(place, joints, indexed=array is not None)

@@ -74,6 +74,15 @@ def test_a_complete_column_keeps_its_meaning_in_any_file(tmp_path):
     }
 
 
+def test_numbers_in_the_file_of_a_body_are_asked_about(tmp_path):
+    lab = tmp_path / "lab"
+    write(lab / "joints.csv", "time,q1", TIME, np.sin(TIME))
+    write(lab / "imu.csv", "time,position_2", TIME, np.cos(TIME))
+    recording = read_recording(lab)
+    assert [column.source for column in recording.asked] == ["imu/position_2"]
+    assert recording.channels["joints/q1"].meaning == "joint_1.link_position"
+
+
 @pytest.mark.parametrize(("second", "times", "code"), [
     ("run2", TIME, "two-recordings"), ("velocity", TIME + 5, "no-overlap"), ("velocity", STAMPS, "two-clocks"),
 ])  # fmt: skip
