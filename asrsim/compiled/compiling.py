@@ -235,10 +235,12 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """What the Numba type of numbers, arrays and tuples of them depends on."""
+    """What the Numba type of a value depends on: of another value than numbers, arrays and tuples of them, the value itself."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
-    return (value.dtype, value.ndim, value.flags.num) if isinstance(value, np.ndarray) else type(value)
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.num
+    return type(value) if isinstance(value, int | float) else value
 
 
 def _through_cache(

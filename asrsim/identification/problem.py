@@ -133,10 +133,14 @@ class FitProblem:
         """Problem that covers all recordings to their ends, fitted or not."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
+    @property
+    def motion(self) -> float:
+        """Band of the motion of the fitted recordings, rad/s."""
+        return max(self.tracks[i].motion for i in self.fitted)
+
     def can_rise(self, level: float) -> bool:
         """Whether an observer can have this bandwidth: encoders without visible steps sample it fast enough."""
-        motion = max(self.tracks[i].motion for i in self.fitted)
-        return all(self.tracks[i].measured.shows(level * motion) for i in self.fitted)
+        return all(self.tracks[i].measured.shows(level * self.motion) for i in self.fitted)
 
     def played(self, staircases: frozenset[str]) -> FitProblem:
         """Problem in which the commands with given keys are played as staircases."""
@@ -151,9 +155,8 @@ class FitProblem:
         """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer. The bandwidth
         is at most what the samples carry.
         """
-        tracks = [self.tracks[i] for i in self.fitted]
-        motion, fastest = max(one.motion for one in tracks), min(one.measured.fastest for one in tracks)
-        return replace(self, playing=replace(self.playing, bandwidth=min(level * motion, fastest)))
+        fastest = min(self.tracks[i].measured.fastest for i in self.fitted)
+        return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
         """Levels with different bandwidths of the observer, from falling levels."""

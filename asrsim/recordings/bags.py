@@ -149,19 +149,18 @@ class _Group:
         return np.frombuffer(self.values).reshape(-1, len(self.labels))
 
 
-def _series(groups: Mapping[tuple[_Topic, frozenset[Label]], _Group]) -> Iterator[tuple[_Topic, _Group]]:
-    """Numbers of each topic that stand in the same messages. A topic whose messages sometimes lack velocities gives two groups:
+def _series(groups: Sequence[_Group]) -> Iterator[_Group]:
+    """Numbers of a topic that stand in the same messages. A topic whose messages sometimes lack velocities gives two groups:
     positions of all messages, and velocities of some."""
-    topics: dict[_Topic, dict[Label, list[_Group]]] = {}
-    for (topic, _), group in groups.items():
+    found: dict[Label, list[_Group]] = {}
+    for group in groups:
         for label in group.labels:
-            topics.setdefault(topic, {}).setdefault(label, []).append(group)
-    for topic, found in topics.items():
-        alike: dict[tuple[int, ...], list[Label]] = {}
-        for label, own in found.items():
-            alike.setdefault(tuple(map(id, own)), []).append(label)
-        for labels in alike.values():
-            yield topic, _together(found[labels[0]], labels)
+            found.setdefault(label, []).append(group)
+    alike: dict[tuple[int, ...], list[Label]] = {}
+    for label, own in found.items():
+        alike.setdefault(tuple(map(id, own)), []).append(label)
+    for labels in alike.values():
+        yield _together(found[labels[0]], labels)
 
 
 def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
@@ -290,8 +289,8 @@ class _Types:
 
 
 def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) -> Iterator[RawTable]:
-    """Tables of a bag: one for each topic and set of labels in its messages. stated: time columns that the user states."""
-    groups: dict[tuple[_Topic, frozenset[Label]], _Group] = {}
+    """Tables of a bag. stated: time columns that the user states."""
+    topics: dict[_Topic, dict[frozenset[Label], _Group]] = {}
     broken: Counter[_Topic] = Counter()
     repeated: dict[_Topic, Counter[str]] = {}
     for topic, logged, data in messages:
@@ -311,7 +310,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
             places = Counter(label for label, _ in pairs)
             repeated.setdefault(topic, Counter()).update(label for (label, _), count in places.items() if count > 1)
         if numbers:
-            group = groups.setdefault((topic, frozenset(numbers)), _Group(tuple(numbers)))
+            group = topics.setdefault(topic, {}).setdefault(frozenset(numbers), _Group(tuple(numbers)))
             group.received.append(logged)
             group.stamped.append(stamp_of(message) or 0)
             group.values.extend(numbers[label] for label in group.labels)
@@ -326,30 +325,40 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
         hint = "Record each joint once: which of its values is right cannot be known"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
-    by_header: dict[_Topic, bool] = {}
-    for topic, group in _series(groups):
-        if topic.decode is None:
-            continue
-        messages_of = [one for (owner, _), one in groups.items() if owner is topic]
-        if len(group.received) < 2:
+    for topic, groups in topics.items():
+        if topic.decode is not None:
+            yield from _tables_of(topic, [*groups.values()], stated, findings, seen)
+
+
+def _tables_of(
+    topic: _Topic, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem], seen: Counter[str]
+) -> Iterator[RawTable]:
+    """Tables of a topic: one for each set of numbers that stand in the same messages. seen: names of the columns so far."""
+    count, series = sum(len(group.received) for group in groups), list[_Group]()
+    for group in _series(groups):
+        if len(group.received) > 1:
+            series.append(group)
+        else:
             message = "the topic has one message only; a time series needs more"
-            if sum(len(one.received) for one in messages_of) > 1:
+            if count > 1:
                 message = f"only one message has {listed([label for label, _ in group.labels], 4)}; a time series needs more"
             findings.append(Problem(message, key=topic.name, code="too-short"))
-            continue
-        # All numbers of a topic have one time base: otherwise positions and velocities would be shifted.
-        if topic not in by_header:
-            by_header[topic] = _has_header_times(topic.name, messages_of, stated, findings)
-        columns = [_time_of(group, by_header=by_header[topic])]
-        nameless = [label for label, own in group.labels if own is None and label.partition("[")[0] in _JOINT_STATE]
-        if topic.kind.endswith("/JointState") and nameless:
-            message = (
-                f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
-                "unless --map states others"
-            )
-            goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
-            hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
-            findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
+    if not series:
+        return
+    # All numbers of a topic have one time base: otherwise positions and velocities would be shifted.
+    by_header = _has_header_times(topic.name, groups, stated, findings)
+    labels = [label for group in series for label, own in group.labels if own is None]
+    nameless = [label for label in labels if label.partition("[")[0] in _JOINT_STATE]
+    if topic.kind.endswith("/JointState") and nameless:
+        message = (
+            f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
+            "unless --map states others"
+        )
+        goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
+        hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
+        findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
+    for group in series:
+        columns = [_time_of(group, by_header=by_header)]
         for (label, own), numbers in zip(group.labels, np.ascontiguousarray(group.rows.T), strict=True):
             joint, quantity = understand(topic.name, topic.kind, label, own)
             name = unique(printable(topic.name if label == "data" else f"{topic.name}/{label}"), seen)

@@ -66,7 +66,7 @@ class Blocks:
         self._block = None
 
     def renew(self) -> None:
-        """Take the values that were set before the next step."""
+        """Take over, before the next step, the values that callers have set."""
         self._renewed = False
 
     def close(self) -> None:
