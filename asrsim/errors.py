@@ -27,7 +27,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """Fault of an input (in an error), or notice about it (in a warning)."""
+    """Fault of an input (in an error), or notice about an input (in a warning)."""
 
     message: str = field(kw_only=False)
     """Description of the fault, a sentence without a full stop."""
@@ -42,7 +42,7 @@ class Problem:
     hint: str | None = None
     """Remedy for the user."""
     meant: str | None = None
-    """Unknown name from the input; the hint suggests the most similar choice."""
+    """Unknown name in the input, for which the hint suggests the most similar choice."""
     code: str = ""
     """Stable short name of the kind of problem, such as `unknown-tag`, for programs."""
 
@@ -196,7 +196,7 @@ def folded(names: Sequence[str], most: int = 20) -> list[str]:
 
 
 def _span(numbers: Sequence[str]) -> str:
-    """Several numbers in braces: `{1..8}` for all from 1 to 8, else `{1,2}`."""
+    """Numbers in braces: `{1..8}` for consecutive numbers, `{1,2}` for others."""
     whole = len(numbers) > 2 and [str(int(numbers[0]) + i) for i in range(len(numbers))] == list(numbers)
     return f"{{{numbers[0]}..{numbers[-1]}}}" if whole else f"{{{','.join(numbers)}}}"
 

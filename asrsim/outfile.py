@@ -1,4 +1,6 @@
-"""Safe writing of files: complete or not at all, never over a foreign file, and never through a link."""
+"""Safe writing of files: a file is written completely or not at all. Links, and files that asrsim did not write, are never
+replaced.
+"""
 
 from __future__ import annotations
 
@@ -108,7 +110,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
     try:
         with _with_output_error(path):
             with part.open("xb") as stream:
-                with suppress(OSError):  # file systems without locks keep what a killed process leaves
+                with suppress(OSError):  # without locks, the unfinished file of a killed process stays
                     lock(stream.fileno())
                 yield stream
             part.replace(path)
@@ -132,7 +134,7 @@ def lock(file: int) -> None:
 
 def _remove_abandoned(folder: Path) -> None:
     """Remove unfinished files of killed processes from the folder: files that nobody has locked for a minute."""
-    if sys.platform == "win32":  # there, an open file cannot be removed
+    if sys.platform == "win32":  # Windows cannot remove open files
         return
     for part in folder.glob(".asrsim-" + "[0-9a-f]" * 16 + ".part"):
         with suppress(OSError):

@@ -97,7 +97,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
-    """Classes derived from `base` that a module defines, but those whose names begin with an underscore."""
+    """Classes derived from `base` that a module defines, except those whose names begin with an underscore."""
     return [
         entry
         for name, entry in vars(module).items()
@@ -109,7 +109,7 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
 
 
 def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: Path) -> list[Problem]:
-    """Problems of classes of a plugin file whose names belong to a class of another file, or to an earlier one of this file."""
+    """Problems of a plugin file's classes whose names are already used by another file, or by an earlier class of this file."""
     names = [one.name for one in found]
     taken = {name for name in names if name in registry and file_of(registry.get(name)) != path.resolve()}
     return [
@@ -133,7 +133,8 @@ def blame_plugins() -> Iterator[None]:
 
 def plugin_fault(error: BaseException) -> ActuatorError | None:
     """An ActuatorError with file and line if `error` was raised in a plugin file; None for other errors, and for asrsim's own,
-    which state their cause."""
+    which state their cause.
+    """
     if isinstance(error, AsrsimError):
         return None
     for frame, line in _plugin_frames(error):

@@ -1,4 +1,4 @@
-"""Progress of long work, and the question whether it is to stop: the functions `progress` and `stop` that callers may give."""
+"""Progress reports of long work, and requests to stop it: the functions `progress` and `stop` that callers may pass."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """What long work does at the moment, and how far it is."""
+    """Progress of long work: its current part, and the finished fraction of this part."""
 
     task: str = ""
-    """Present part of the work in words, such as `finer steps`; "": the work has no parts."""
+    """Name of the current part of the work, such as `finer steps`; "": the work has no parts."""
     fraction: float = math.nan
     """Finished fraction of this part, from 0 to 1; nan: unknown."""
     time: float = math.nan

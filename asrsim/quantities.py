@@ -13,7 +13,7 @@ class Quantity:
 
     name: str
     unit: str
-    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. Of a pure number "": "1" is taken as it."""
+    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. "" for a pure number; "1" means the same."""
     label: str
     """Symbol for axes and legends, as in the paper, in mathtext."""
     doc: str
@@ -66,15 +66,18 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity("external_torque", "N m", r"$\tau_{ext}$", "external torque on the link"),
         Quantity("damping_torque", "N m", r"$\tau_d$", "torque of the link's viscous damping"),
         *of_motors("friction_torque_{}", "N m", r"$\tau_{f,{}}$", "friction torque on motor {}"),
-        *of_motors("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, where it is electric", apart=True),
-        *of_motors("motor_{}_current", "A", "$i_{}$", "current of motor {}, where it is electric", apart=True),
+        *of_motors("motor_{}_voltage", "V", "$u_{}$", "voltage of motor {}, if the motor is electric", apart=True),
+        *of_motors("motor_{}_current", "A", "$i_{}$", "current of motor {}, if the motor is electric", apart=True),
         *of_motors(
             "sent_reference_{}", "", "$r_{s,{}}$", "reference {} as sent, without the `imperfections` of commands", apart=True
         ),
         Quantity("motor_work", "J", r"$W_m$", "work of the motors since the start"),
         Quantity("spring_energy", "J", r"$E_{el}$", "energy stored in the springs"),
         Quantity(
-            "friction_loss", "J", r"$E_f$", "energy lost in the motors' friction, damping and at their limits since the start"
+            "friction_loss",
+            "J",
+            r"$E_f$",
+            "energy lost in motor friction, motor damping and at motor limits since the start",
         ),
         Quantity("link_work", "J", r"$W_q$", "work of the actuator on the link since the start"),
         Quantity(
@@ -96,7 +99,7 @@ DERIVED: dict[str, Quantity] = {
     for quantity in (
         Quantity("deflection", "rad", r"$\phi$", "equilibrium position of the motors minus link position"),
         Quantity("equilibrium_position", "rad", r"$\theta_{eq}$", "position at which the motors hold the unloaded link"),
-        Quantity("position_error", "rad", "$e$", "reference of the position minus link position"),
+        Quantity("position_error", "rad", "$e$", "reference position minus link position"),
     )
 }
 """Quantities that `asrsim.log.derived` computes from a log; they are not stored."""
@@ -110,7 +113,7 @@ LIMITS = {
     "deflection": "deflection limit",
     "stop": "joint stop",
 }
-"""Headings of columns with the number of substeps that each joint spent at a limit, by limit."""
+"""By limit: heading of the column with the number of substeps that each joint spent at this limit."""
 
 
 def linear_unit(unit: str) -> str:
@@ -124,7 +127,8 @@ PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
     """Whether a simulation and a recording are compared by this quantity: any that `wanted` names; without `wanted`, all but
-    energies. Only simulations have energies, and these follow from other quantities."""
+    energies. Only simulations have energies, and these follow from other quantities.
+    """
     return unit_of(name) != "J" if wanted is None else name in wanted
 
 
@@ -145,7 +149,7 @@ def shown(value: float, unit: str = "", digits: int = 3) -> str:
 
 def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
     """Factor and unit in which numbers read well, without powers of ten. Numbers below 0.01 take a smaller unit, and so do
-    numbers below 10 among which one is below 0.0001. Numbers below 1e-9, which are mostly rounding errors, keep their unit.
+    numbers below 10 if any of them is below 0.0001. Numbers below 1e-9, which are mostly rounding errors, keep their unit.
     """
     sizes = [abs(value) for value in values if 0.0 < abs(value) < math.inf]
     if (

@@ -17,12 +17,13 @@ R = TypeVar("R")
 
 def value(doc: str, unit: str, *, start: float = 0.0, log: str = "", watched: bool = False) -> Any:
     """A number of the state. start: value at the start of a run; log: name of its quantity in logs, where {} stands for the
-    number of the motor; watched: whether it is computed for watched worlds only."""
+    number of the motor; watched: whether it is computed for watched worlds only.
+    """
     return field(default=start, metadata={"doc": doc, "unit": unit, "log": log, "watched": watched})
 
 
 def constant(doc: str, unit: str, *, integer: bool = False) -> Any:
-    """A number that is constant during a run, and that a record must be given."""
+    """A number without a default that is constant during a run."""
     return field(metadata={"doc": doc, "unit": unit, "integer": integer})
 
 
@@ -38,7 +39,7 @@ def several(doc: str) -> Any:
 
 @cache
 def own_fields(kind: Any) -> tuple[Field[Any], ...]:
-    """Fields of a record without those whose count depends on the robot."""
+    """Fields of a record, except those whose count depends on the robot."""
     return tuple(one for one in fields(kind) if not one.metadata.get("several"))
 
 

@@ -32,7 +32,7 @@ NAMES = {"asrsim": {"repeat": "rerun"}, "asrsim.identification": {"Result": "Fit
 STUDY_KEYS = {"design": "sampler"}
 """Keys of a study: old and new name."""
 KEYS = {"effects": "imperfections", "substep_cap": "max_substeps"}
-"""Keys of a scenario: old and new name. Logs keep the old names for ever."""
+"""Keys of a scenario: old and new name. Logs keep the old names forever."""
 OLD_KEYS = STUDY_KEYS | KEYS
 """Keys of all documents: old and new name."""
 
@@ -72,7 +72,7 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
-    """Dotted key of a document by its present name; warns if it is given by an old name. place: file and line, if known."""
+    """Dotted key of a document with its present name; warns if `key` is an old name. place: file and line, if known."""
     head, dot, rest = key.partition(".")
     if head not in names:
         return key
@@ -82,8 +82,9 @@ def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
 
 
 def with_new_keys(root: Node, names: Mapping[str, str] = KEYS, *, told: bool = True) -> Node:
-    """Document whose keys, also those of its variants, have their present names. told: warn of old names, with file and line.
-    An old name beside the new one stays, and is an unknown key."""
+    """Document whose keys, also those of its variants, have their present names. told: whether to warn about old names, with
+    file and line. An old name beside the new one stays, and is an unknown key.
+    """
     if not isinstance(root.value, dict):
         return root
     items: dict[str, Node] = {}

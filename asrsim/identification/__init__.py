@@ -1,4 +1,4 @@
-"""Identification: parameters from recordings, with intervals and verdicts (`asrsim identify`)."""
+"""Identification of parameters from recordings, with intervals and verdicts (`asrsim identify`)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Possible causes of a misfit: extensions of the model that are tried together, and named with the error that would remain.
+"""Possible causes of a misfit: extensions of the model that are tried together, and reported with the error that would remain.
 
-`CAUSES` is the registry. Users add their own: `CAUSES.add("damper", Cause(title="a damper", extensions=dampers))` in a plugin
-file, or an entry point in the group "asrsim.causes".
+`CAUSES` is the registry. Users add further causes: `CAUSES.add("damper", Cause(title="a damper", extensions=dampers))` in a
+plugin file, or an entry point in the group "asrsim.causes".
 """
 
 from __future__ import annotations
@@ -61,12 +61,12 @@ TREND, CHANCE, PARTS = 0.6, 2.9, 12
 correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
 """
 RINGING, DRIVEN = 0.1, 0.3
-"""Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference from the
-frequency of a command above which the command does not cause the oscillation.
+"""Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference of two
+frequencies above which a command does not cause the oscillation.
 """
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
-"""Parameters that are as unknown as the size of an effect, by size: the deflection over which hysteresis builds up, and the
-speed at which static friction fades.
+"""Further unknown parameters of an effect, by the parameter that states its size: the deflection over which hysteresis builds
+up, and the speed at which static friction fades.
 """
 SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
@@ -76,7 +76,7 @@ class Cause:
     """A kind of causes of a misfit."""
 
     title: str
-    """What the model may lack, for the documentation."""
+    """Effect that the model may lack, for the documentation."""
     extensions: Propose
     """Function of a problem and the vector (n,) of its parameters. Returns the extensions of the model to try, each with a text
     that names it.
@@ -92,9 +92,13 @@ class Suspicion:
 
     text: str
     trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates of the models that were tried and that reduce the error, by name; those with the suspected effects last."""
+    """Estimates of the models that were tried and that reduce the error, by name; models with the suspected effects come
+    last.
+    """
     model: tuple[FitProblem, Array] | None = None
-    """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording state them."""
+    """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording describe these
+    effects.
+    """
     added: tuple[str, ...] = ()
     """Names of the parameters of the suspected effects."""
 
@@ -102,7 +106,7 @@ class Suspicion:
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
     base = mean_square(problem, x)
-    # Residuals below the estimated noise may be correlated nevertheless.
+    # Residuals that are smaller than the estimated noise may still be correlated.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
@@ -161,7 +165,7 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 def _suspected(found: Extended, rest: str) -> str:
     """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
-    error that remains with the causes.
+    error that remains when the causes are added.
     """
     texts, options, links, new = [], [], [], sum(len(cause.parameters) for cause in found.chosen)
     values = iter(found.problem.layout.values(found.x).tolist()[-new:])
@@ -199,11 +203,14 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
             names = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
             maps = [f"'{track.data.torques[joint]}={joint}.reference_1'", *(f"'{name}=ignore'" for name in names)]
             options = " ".join(f"--map {text}" for text in maps)
-            yield f"the robot's controller of {joint} may be another one: play the recorded torque instead (--mode 0 {options})"
+            yield (
+                f"the controller of {joint} in the robot may differ from the controller in the experiment: play the recorded "
+                f"torque instead (--mode 0 {options})"
+            )
 
 
 def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extension that frees a common delay of the commands."""
+    """Extension that frees a common delay of all commands."""
     commands = dict.fromkeys(f"{one.key}.delay" for i in problem.fitted for one in problem.tracks[i].data.commands)
     if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = commands
@@ -231,7 +238,7 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
             slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()
             if 1e-3 < slope < 1e3:
                 begin = (zero / offset.size, -float(np.log(slope)))
-                yield Extension(text=f"another scale and zero of {key}", parameters=(offset, gain), begins=(begin,))
+                yield Extension(text=f"a different scale and zero of {key}", parameters=(offset, gain), begins=(begin,))
         for name, parameter in (("zero", offset), ("gain", gain)):
             # A shared parameter stays free; in addition each recording except the first gets a separate value.
             if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
@@ -249,20 +256,20 @@ def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
 
 
 def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
-    """Extensions by a second mode: the link behind a joint with a recorded position is elastic."""
+    """Extensions with a second mode: the link behind a joint with a recorded position is elastic."""
     track = problem.tracks[0]
     for joint in track.door.joints:
         sensed = any(channel.key == f"{joint}.link_position" for channel in track.channels)
         lowest = MODES[0] * track.motion
         if not sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints or not lowest:
             continue
-        # All recordings are of one robot.
+        # All recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
             continue
         known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
         inertia = f"{link}{TIP}.{axis_inertia(track.door.robot, joint)}"
         spring = known[f"{joint}{BEND}.passive_stiffness"]
-        # A small second body changes the other motion little; its frequency is that of its inertia on the spring.
+        # A small second body hardly changes the rest of the motion; its frequency follows from its inertia and the spring.
         begins = tuple((SMALL, SMALL + 2.0 * float(np.log(factor / MODES[0]))) for factor in MODES)
         yield Extension(
             text=f"a second mode, such as an elastic {link},", parameters=(known[inertia], spring), begins=begins,
@@ -282,7 +289,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"{text} of {joint}", parameters=(law,), begins=starts)
         mass = known.get(f"{drive.joint.child}.mass")
         if mass is not None and mass.logarithmic and mass.key not in free and moves and any(track.scenario.gravity):
-            yield Extension(text=f"another mass of {drive.joint.child}", parameters=(mass,), begins=MASSES)
+            yield Extension(text=f"a different mass of {drive.joint.child}", parameters=(mass,), begins=MASSES)
         for name, text, possible in (
             ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
             ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),
@@ -319,7 +326,9 @@ def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 
 def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on ties that the recordings contradict: the two numbers differ significantly and by more than a few percent."""
+    """Sentences on ties that the recordings contradict: the tied parameters differ significantly and by more than a few
+    percent.
+    """
     if not problem.layout.ties:
         return
     optimum = Optimum(problem, x)
@@ -344,7 +353,7 @@ def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
         reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
         trend = float(np.corrcoef([np.argsort(np.argsort(one)) for one in (reach, moves)])[0, 1])
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
-        # Noise alone rarely sorts the parts by stiffness.
+        # The correlation must be stronger than that of noise alone.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))
@@ -355,7 +364,7 @@ def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def _oscillations(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on large oscillations of the residuals with frequencies that no command has."""
+    """Sentences on large oscillations of the residuals at frequencies that do not occur in any command."""
     for part, left in differences(problem, x):
         hertz = frequency(part.time, left) if float(np.std(left)) > RINGING * float(np.std(part.recorded)) else 0.0
         driven = [frequency(one.time, one.values) for one in problem.tracks[part.track].data.commands]

@@ -1,5 +1,5 @@
-"""Combinations of parameters: products, sums or ratios that a recording identifies although it does not identify the single
-parameters.
+"""Combinations of parameters: products, sums or ratios that a recording identifies although it does not identify the parameters
+themselves.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ UNKNOWN = 0.3
 FAR = 2.3
 """Largest change of the logarithms along an unidentifiable direction."""
 NICE, NICER = 1.5, 2e-3
-"""Factor and summand by which the interval of a simpler expression may exceed the narrowest interval."""
+"""A simpler expression is preferred if its interval is at most this factor times the narrowest interval, plus this summand."""
 HIGHEST = 4.0
 """Largest exponent in a combination."""
 DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
@@ -64,7 +64,7 @@ class Combination:
     change: Array
     """Relative change of the value per relative change of each free entry (k,)."""
     size: float
-    """Smallest exponent; margins are divided by it, so that margins of different powers of a form are comparable."""
+    """Smallest exponent. Margins are divided by it, so that the margins of an expression and of its powers are comparable."""
     margin: float
     """Relative half width of the 95 % interval of the value."""
     keys: tuple[int, ...]
@@ -75,7 +75,8 @@ class Combination:
 
 
 def combinations(problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> list[Combination]:
-    """Combinations of two or three entries that are better known than the entries, without those that follow from others.
+    """Combinations of two or three entries that are better known than the entries themselves. Combinations that follow from
+    other combinations are left out.
 
     free: entries of the parameter vector that are not at a bound and have an effect.
     """
@@ -116,7 +117,7 @@ class _Known:
     def __init__(self, problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self._found, self._free = found, list(free)
         self.entries = [problem.layout.entries[i] for i in free]
-        # A motion shows the moment of inertia of a link about its joint.
+        # A motion determines the moment of inertia of a link about its joint.
         beside = np.array([_beside(problem, entry.key) for entry in self.entries])
         self.names = [
             f"({entry.name} + {term:.3g} kg m^2, the inertia about the joint)" if term else entry.name
@@ -152,8 +153,8 @@ class _Known:
 
 
 def _forms(known: _Known, chosen: Sequence[int], exponents: Array) -> Iterator[Combination]:
-    """Forms of the chosen entries that may be constant where the product of powers with these exponents is constant: sum,
-    integer powers.
+    """Forms of the chosen entries (a sum, or integer powers) that may be constant where the product of powers with these
+    exponents is constant.
     """
     if len(chosen) == 2:
         yield from _sum(known, chosen[0], chosen[1], float(exponents[1] / exponents[0]))

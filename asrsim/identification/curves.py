@@ -31,7 +31,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "before": {"label": "simulated at the start", "colour": style.BLUE, "width": 0.9},
     "after": {"label": "simulated after the fit", "colour": style.VERMILION},
 }
-"""Looks of the lines of a channel, by name."""
+"""Style of each line of a channel, by name."""
 _NUMBERS = [(float, None)]
 SHAPE: PlainShape = {
     "channels": [
@@ -186,7 +186,7 @@ def spectrum_chart(one: ChannelCurves) -> Chart:
 
 
 def _held_out(one: ChannelCurves, *, span: tuple[float, float], **more: Any) -> Chart:
-    """Chart in which the part is shaded that was predicted but not fitted."""
+    """Chart in which the held-out part (predicted but not fitted) is shaded."""
     bands = []
     if one.end < one.time[-1] - 1e-9:
         edges = np.array([max(one.end, float(one.time[0])), float(one.time[-1])])

@@ -59,7 +59,7 @@ class Channel(RecordedSignal):
     """A measured quantity of a joint."""
 
     noise: float
-    """Standard deviation of the channel's noise, given or estimated from third differences."""
+    """Standard deviation of the channel's noise, stated by the user or estimated from third differences."""
     quantum: float
     """Step of a quantised encoder; 0: not quantised."""
     column: Column | None = None
@@ -117,7 +117,7 @@ class Data:
     """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """Zeros of motors' sensors, by key, rad, that differ from those of the other sensors of their joints."""
+    """Zeros of motors' sensors in rad, by key, if they differ from the zeros of the joint's other sensors."""
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -204,7 +204,7 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         if block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
             reason = "an adjuster stands at its reference"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
-            reason = "drives compute velocities from their positions, which are compared"
+            reason = "drives compute velocities from positions, and these are compared"
         elif mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
             reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
@@ -232,7 +232,7 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
 
 
 def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str, float]]:
-    """Keys and values of the zeros of motors' sensors, where the deflection of a single motor's spring is measured, too."""
+    """Keys and values of the zeros of motors' sensors, for joints with one motor whose spring deflection is also measured."""
     for joint in (block.joint for block in robot.actuators if ACTUATORS.get(block.actuator).motors == 1):
         motor, *others = (channels.get(f"{joint}.{what}") for what in ("motor_1_position", "link_position", "deflection"))
         known = [one for one in others if one is not None]
@@ -251,7 +251,7 @@ MEASURED = ("position", "deflection")
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
     """Mapped columns that are linear functions of another column, each with the name of the other column. If both columns are
-    mapped, the column with the position or deflection counts as measured.
+    mapped, the position or deflection counts as measured.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]

@@ -42,7 +42,7 @@ Substeps = tuple[int, int]
 
 
 def comparable() -> tuple[str, ...]:
-    """Quantities that a sensor can measure and a simulation computes, with those of all stages that are registered by now."""
+    """Quantities that a sensor can measure and a simulation computes, including the quantities of all registered stages."""
     measured = (name for name in simulated_quantities(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad"))
     return *measured, *DERIVED
 
@@ -68,7 +68,8 @@ class Door:
         if found is None:
             prepared = self._prepared
             if substeps != self.substeps:
-                # The substeps suit the estimates. With the start values, springs may be too stiff for them.
+                # The substeps were chosen for the estimates. With the start values, springs may be too stiff for these
+                # substeps.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
             known = comparable()
@@ -81,7 +82,7 @@ class Door:
 
     @property
     def observes(self) -> bool:
-        """Whether the simulation can follow measured positions."""
+        """Whether the simulation can be corrected towards measured positions."""
         return self._worlds(self.substeps).observes
 
     def rollout(

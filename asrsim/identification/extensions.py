@@ -28,7 +28,7 @@ PROBE_STEP = 1e-3
 FAR_OFF = 4.0
 """Mean square residual, relative to the noise, above which a model counts as badly fitting."""
 FACTORS = (0.3, 3.0)
-"""Start values of the pre-sliding stiffness, relative to the default of the friction law: half a decade to both sides."""
+"""Start values of the pre-sliding stiffness, relative to the default of the friction law: half a decade below and above it."""
 MUCH = 0.5
 """Pre-sliding and staircases are adopted by a badly fitting model if at most this fraction of the misfit beyond the noise
 remains.
@@ -46,7 +46,7 @@ class Extension:
     """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
 
     text: str = ""
-    """Words for the extension as a cause of a misfit; empty: the extension is not a cause."""
+    """Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause."""
     parameters: tuple[FitParameter, ...] = ()
     """Parameters at the end of the extended parameter vector."""
     ties: tuple[Tie, ...] = ()
@@ -82,7 +82,7 @@ class Extension:
         return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
 
     def _released(self, entries: tuple[FitParameter, ...]) -> Iterator[FitParameter]:
-        """Entries without bounds of initial positions that a sensor shows whose zero or scale becomes free."""
+        """Entries in which initial positions have no bounds if their sensor's zero or scale becomes free."""
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
@@ -145,7 +145,7 @@ class Optimum:
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
         if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
-            # The start is the optimum of the linearised problem, or the proposed start if this is farther: if friction keeps
+            # The start is the optimum of the linearised problem, or the proposed start if it is farther away: if friction keeps
             # a joint at rest, a small change of the friction has no effect.
             best = np.maximum(moves, 1.0) * np.asarray(begin) if extension.begins else moves
             start = np.append(self.x, np.clip(best, low[new], high[new]))
@@ -205,7 +205,7 @@ def extended(
                     trials.append(trial)
         if not trials:
             break
-        # Residuals of the best trial are most like noise, so that they show best how many samples are independent.
+        # The residuals of the best trial are closest to noise, so that they give the best count of independent samples.
         samples = min(trials, key=lambda trial: trial.cost).samples
         found = min(trials, key=lambda trial: trial.criterion(samples))
     return replace(found, trials=tuple(named))

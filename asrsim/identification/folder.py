@@ -1,4 +1,4 @@
-"""Reads the folder of a fit: fit.json and the curves beside it. Other programs read a fit by this function, too."""
+"""Reads the folder of a fit: fit.json and the curves beside it. Other programs can also read a fit by this function."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ class FitFolder:
     misfit: tuple[str, ...]
     """Reasons why the model does not fit."""
     causes: tuple[str, ...]
-    """Effects that the model may lack, and what each would explain."""
+    """Effects that the model may lack, and the part of the error that each would explain."""
     remarks: tuple[str, ...]
     next: tuple[str, ...]
-    """What to record next."""
+    """Proposal for the next recording."""
     scenario: str
     experiments: tuple[str, ...]
     variant: str | None
@@ -83,7 +83,7 @@ class FitFolder:
 
 
 def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
-    """The fit in a folder, or of a file fit.json. Raises InputError if there is none, or its file is damaged."""
+    """The fit in a folder, or in a file fit.json. Raises InputError if there is no fit, or its file is damaged."""
     place = Path(folder)
     path = place if place.is_file() else place / FIT
     data = _read(path, _SHAPE, "fit.json of asrsim identify")

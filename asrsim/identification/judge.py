@@ -18,7 +18,8 @@ from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
-"""Largest ratio of residuals to noise at which residuals count as noise; increase of this ratio for n samples, times sqrt(n).
+"""Largest ratio of residuals to noise at which residuals count as noise; for n samples this limit is raised by the second
+number divided by sqrt(n).
 """
 WHITE = 0.3
 """Lag-1 correlation below which residuals count as noise."""
@@ -29,7 +30,9 @@ HELD_OUT = 1.3
 SHAKEN = 2.0
 """Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
 HIDDEN = 3.0
-"""Ratio of residuals to noise above which only noise of the commands explains the residuals of a model that fits."""
+"""Ratio of residuals to noise above which noise of the commands is the only explanation for the residuals of a model that
+fits.
+"""
 FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
@@ -62,9 +65,9 @@ class ChannelFit:
     shaken: float = 0.0
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
-    """Largest RMS error of an encoder that rounds down."""
+    """Largest RMS error due to an encoder that rounds down."""
     suspicion: str = ""
-    """Suspected error of the channel's sign or unit; empty if there is no suspicion."""
+    """Suspected error of the channel's sign or unit; empty if none is suspected."""
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0
@@ -216,7 +219,7 @@ def foreign(fits: Sequence[ChannelFit]) -> list[str]:
 
 
 def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
-    """Sentences on a model that fits: how it predicts the held-out part, and what hides errors of the model."""
+    """Sentences on a model that fits: how well it predicts the held-out part, and which noise may hide errors of the model."""
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
         yield "the model fits; nothing was held out"

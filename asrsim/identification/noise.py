@@ -21,8 +21,8 @@ AROUND, WIDTH = 25, 3
 spectral line.
 """
 SELDOM, SWING = 1e-4, 0.03
-"""Probability of a spectral line in pure noise, above which the line is not reported; smallest fraction of the power in a
-reported line.
+"""Probability that pure noise has such a spectral line, above which the line is not reported; smallest fraction of the power in
+a reported line.
 """
 STILL, FINE = 0.15, 0.5
 """Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""

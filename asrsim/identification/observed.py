@@ -1,8 +1,8 @@
 """Measured positions of links and motors, towards which an observer moves a simulation.
 
-At each measured position with the error e = measured - simulated, the observer changes the position by (1 - a^2) e and the
-velocity by (1 - a)^2 / T e, with a = exp(-w T), the bandwidth w and the interval T between corrections. Without other forces,
-both poles of the error are a. No parameter of the robot is involved, and the simulation cannot diverge from the recording.
+At each measured position, with the error e = measured - simulated, the observer adds (1 - a^2) e to the position and (1 - a)^2
+e / T to the velocity, with a = exp(-w T), the bandwidth w and the interval T between corrections. Without other forces, both
+poles of the error are a. No parameter of the robot is involved, and the simulation cannot diverge from the recording.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from asrsim.identification.door import SteppedJoint
 from asrsim.samples import Array
 
 BETWEEN = 0.2
-"""Interval between corrections in units of 1 / w, if samples are closer: fewer corrections add less noise."""
+"""Interval between corrections in units of 1 / w if samples are closer together: fewer corrections add less noise."""
 FASTEST = 0.5
 """Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
 REVERSED = 0.7
 """A deflection has the wrong sign if with the other sign at most this fraction of the unexplained acceleration remains."""
 GAP = 3.0
-"""Distance of two samples, in usual intervals, beyond which nothing is measured between them."""
+"""Distance of two samples, in usual intervals, above which the time between them counts as unmeasured."""
 
 
 class Measured:
-    """Positions of links and motors that the channels of a recording show."""
+    """Positions of links and motors that follow from the channels of a recording."""
 
     def __init__(self, channels: Sequence[RecordedSignal], drives: Sequence[SteppedJoint], step: float) -> None:
         """channels: channels and commands; step: step of the simulation, s."""
@@ -57,11 +57,12 @@ class Measured:
         return FASTEST / self.interval
 
     def shows(self, bandwidth: float) -> bool:
-        """Whether the samples show a motion of this bandwidth in rad/s, and not the steps of encoders."""
+        """Whether the samples resolve a motion of this bandwidth in rad/s, so that encoder steps do not dominate."""
         return not self._coarse and bandwidth <= self.fastest
 
     def at(self, values: Mapping[str, float], clock: float, every: int, steps: int) -> Array:
-        """Measured positions (steps + 1, joints, columns) at whole steps; NaN where nothing is measured, or corrected.
+        """Measured positions (steps + 1, joints, columns) at whole steps; NaN where nothing is measured or no correction is
+        made.
 
         values: parameters of the sensors by key; clock: delay of all channels, s.
         """
@@ -71,7 +72,7 @@ class Measured:
             for channel, sign in terms:
                 key = channel.key
                 late = values.get(f"{key}.delay", 0.0)
-                # A late sensor shows an earlier position; a late command acts later than it was recorded.
+                # A delayed sensor shows an earlier position; a delayed command acts later than it was recorded.
                 late = clock + late if isinstance(channel, Channel) else -late
                 shown = self._curves[key].at(late, every * self._step, steps // every + 1)
                 true = values.get(f"{key}.gain", 1.0) * (shown - values.get(f"{key}.offset", 0.0))
@@ -80,8 +81,8 @@ class Measured:
 
 
 def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tuple[Channel, tuple[str, ...]] | None:
-    """Recorded position of a link, and the keys of the series that give it: measured, or the motor's position minus the
-    deflection if there is one motor. None if no series give it. shown: channels and commands by key.
+    """Recorded position of a link, and the keys of its series: the measured position, or the motor's position minus the
+    deflection if there is one motor. None if the recording has neither. shown: channels and commands by key.
     """
     link, deflection = (shown.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
     if isinstance(link, Channel):
@@ -108,8 +109,8 @@ def _is_played(drive: SteppedJoint) -> bool:
 
 
 def is_reversed(drive: SteppedJoint, shown: Mapping[str, RecordedSignal], band: float) -> bool:
-    """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, where
-    the link's position follows from motor and deflection. band: of the motion, rad/s.
+    """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, if the
+    link's position is computed from motor and deflection. band: of the motion, rad/s.
     """
     deflection, link = shown.get(f"{drive.name}.deflection"), link_channel(drive, shown)
     if deflection is None or link is None or deflection.key not in link[1]:

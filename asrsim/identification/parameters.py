@@ -1,6 +1,6 @@
 """Parameters that can be free, and the vector of the free parameters.
 
-Free can be all numbers of the robot, and zeros, gains, delays, clocks and starts of recordings.
+All numbers of the robot can be free, and zeros, gains, delays, clocks and starts of recordings.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
 CLOCK, JUMP = "clock", "jump_"
-"""Key of the delay of all channels; beginning of the keys of jumps of commands, which are numbered from 1."""
+"""Key of the delay of all channels; prefix of the keys of command jumps, which are numbered from 1."""
 LATEST = 0.25
 """Largest delay and largest clock offset that a fit allows, s."""
 TYPICAL = {
@@ -117,7 +117,9 @@ class Layout:
         return np.asarray((x - low < near) | (high - x < near))
 
     def scaled(self, x: Array, words: Sequence[str], factor: float) -> Array:
-        """Vector whose logarithmic entries with one of these words in their names are multiplied by a factor."""
+        """Vector in which parameters with one of these words in their names are multiplied by a factor, if the search uses
+        their logarithm.
+        """
         hit = [entry.logarithmic and any(word in entry.name for word in words) for entry in self.entries]
         return np.clip(np.where(hit, x + math.log(factor), x), *self.bounds)
 
@@ -250,7 +252,7 @@ def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list
     problems: list[Problem] = []
     free: dict[str, FitParameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern matches parameters without a finite value only if a start is given.
+        # A pattern matches a parameter without a finite value only if the user states a start.
         given = wish.start is not None
         keys = [
             key

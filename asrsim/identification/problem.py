@@ -32,13 +32,13 @@ REACH, ROUNDS = 0.3, 60
 LINEAR = 0.3
 """Relative error of the predicted effect of a step above which derivatives are computed again."""
 NEAR, EXACT = 1.0, 0.01
-"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same for
-derivatives with which a search begins.
+"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same limit
+for the first derivatives of a search.
 """
 RIDGE = 1e-4
 """Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
-at full rank: SciPy's trust region takes wrong steps if a parameter has no effect yet. The pull on a logarithm that is known
-within 1 % is 1e-12 of its move.
+at full rank: SciPy's trust region takes wrong steps if a parameter has no effect yet. It reduces the move of a logarithm that
+is known within 1 % by the fraction 1e-12.
 """
 HUBER = 3.0
 """Residual, in standard deviations of the noise, above which the Huber loss is linear."""
@@ -139,7 +139,7 @@ class FitProblem:
         return max(self.tracks[i].motion for i in self.fitted)
 
     def can_rise(self, level: float) -> bool:
-        """Whether an observer can have this bandwidth: encoders without visible steps sample it fast enough."""
+        """Whether an observer can have this bandwidth: the samples are close enough, and encoder steps are small enough."""
         return all(self.tracks[i].measured.shows(level * self.motion) for i in self.fitted)
 
     def played(self, staircases: frozenset[str]) -> FitProblem:
@@ -152,14 +152,14 @@ class FitProblem:
         return all(self.tracks[i].observes for i in self.fitted)
 
     def observed(self, level: float) -> FitProblem:
-        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer. The bandwidth
-        is at most what the samples carry.
+        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer. The samples
+        limit the bandwidth.
         """
         fastest = min(self.tracks[i].measured.fastest for i in self.fitted)
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """Levels with different bandwidths of the observer, from falling levels."""
+        """The levels, in falling order, without those whose observers have the same bandwidth."""
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
 
@@ -199,7 +199,7 @@ class Setup:
     robot: Robot
     problem: FitProblem
     adopted: tuple[str, ...] = ()
-    """Names of the parameters of effects that the first model lacked."""
+    """Names of the parameters of effects that were added to the first model."""
 
 
 def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
@@ -288,7 +288,9 @@ def jacobian(
 
 
 def _known_slopes(problem: FitProblem, x: Array, near: float) -> Array | None:
-    """The latest Jacobian with the weights of this problem, if it is that of the same recordings, near x; None otherwise."""
+    """The latest Jacobian with the weights of this problem, if it belongs to the same recordings and to a vector near x; None
+    otherwise.
+    """
     if problem.meter.latest is None:
         return None
     other, there, matrix = problem.meter.latest
@@ -331,9 +333,7 @@ def mean_square(problem: FitProblem, x: Array) -> float:
 
 
 def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right
-    already.
-    """
+    """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right."""
     needed = []
     for number, track in enumerate(problem.tracks):
         with suppress(RobotError, UnresolvedSpringError):
@@ -345,8 +345,8 @@ def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
 
 
 def weighed(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem whose channels are weighted by the size of their residuals, at least by rounding. A recording whose simulation
-    diverges keeps its weights.
+    """Problem whose channels are weighted by the size of their residuals, but at least by the rounding error. A recording whose
+    simulation diverges keeps its weights.
     """
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):

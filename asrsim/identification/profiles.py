@@ -1,5 +1,5 @@
-"""Profiles: the misfit along each parameter, with the others adjusted. If a profile is a parabola, the interval from slopes at
-the estimate is right.
+"""Profiles: the misfit along each parameter, while the other parameters are adjusted. If a profile is a parabola, the interval
+from the slopes at the estimate is right.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-"""Places of a profile, in standard deviations of the parameter."""
+"""Positions at which a profile is given, in standard deviations of the parameter."""
 SIMULATED = 2.0
-"""Places on both sides that are simulated: close to the ends of a 95 % interval, 1.96."""
+"""Position on either side that is simulated, in standard deviations: close to the end of a 95 % interval, 1.96."""
 FARTHEST = 1.0
-"""Largest move of a parameter or of a follower, in the vector's units; farther out the others do not follow slopes."""
+"""Largest move of a parameter or of a follower, in the vector's units; beyond it, slopes do not predict the other
+parameters.
+"""
 
 
 @dataclass(frozen=True)
@@ -28,8 +30,8 @@ class Profile:
     values: Array
     """Values (k,) of the parameter, in its unit."""
     rise: Array
-    """Rise (k,) of the misfit above its value at the estimate, in units of the rise at one standard deviation; a parabola has
-    1 at one and 4 at two standard deviations.
+    """Rise (k,) of the misfit above its value at the estimate, in units of the rise at one standard deviation; a parabola rises
+    by 1 at one standard deviation, and by 4 at two.
     """
 
 
@@ -46,7 +48,7 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
         if not (np.isfinite(deviation) and deviation > 0.0 and own > 0.0) or found.at_bound[i]:
             continue
         valley = found.inverse[i] / own
-        # The valley's own width: the standard deviation may include the spread between parts of the recordings.
+        # The width of the valley is used, since the standard deviation may include the spread between parts of the recordings.
         width = min(own**0.5, FARTHEST / (WIDTHS[-1] * float(np.abs(valley).max())))
         known.append(i)
         points += [*np.clip(x + np.outer((-width * SIMULATED, width * SIMULATED), valley), low, high)]
@@ -59,7 +61,7 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     for place, (i, share) in enumerate(zip(known, moves, strict=True)):
         entry = problem.layout.entries[i]
         ends = np.array([point[i] - x[i] for point in points[2 * place : 2 * place + 2]])
-        # Coefficients of d^2 and d^3; at a bound, a side has no length, and the other side gives a parabola.
+        # Coefficients of d^2 and d^3; at a bound one side has no length, and the other side alone gives a parabola.
         matrix = np.column_stack([ends**2, ends**3])
         square, cube = np.linalg.lstsq(matrix, sums[place])[0].tolist()
         steps = np.clip(x[i] + 0.5 * np.ptp(ends) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]

@@ -32,13 +32,13 @@ class SeriesReading:
     gain: float = 1.0
     offset: float = 0.0
     late: float = 0.0
-    """Delay of the values behind the commands, s; of a command: delay with which it acts."""
+    """Delay of the values behind the commands, s; for a command, the delay with which it acts."""
     reference: str = ""
     """Name of a command's reference in the mode of its joint; empty for measured quantities."""
     interpolation: str = ""
     """Interpolation between a command's samples, as in `interpolation:` of a playback."""
     early: Mapping[str, float] = field(default_factory=dict)
-    """How much earlier a command jumped, s, by the time of the sample that shows the jump, s."""
+    """For the time in s of each sample that shows a jump: how much earlier the command jumped, s."""
     error: float = 0.0
     """RMS of simulated minus recorded values; 0 for commands."""
 
@@ -148,7 +148,9 @@ def played_table(command: PlayedCommand, reading: SeriesReading, late: float) ->
 
 
 def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Start of each joint that does not start as in the scenario, with the starts of its motors that either one states."""
+    """Start of each joint that does not start as in the scenario, with the starts of its motors that the scenario or the
+    recording states.
+    """
     door = track.door
     for drive, position, velocity in zip(door.drives, door.positions, door.velocities, strict=True):
         joint = drive.name

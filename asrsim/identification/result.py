@@ -26,12 +26,12 @@ CLOSE = 0.05
 """Largest relative half width of the 95 % interval of an identified parameter."""
 NONE = 1.0
 """Relative half width above which a parameter is unknown. It has no effect if its interval is so wide even though all other
-parameters are fixed; if only the other free parameters make its interval so wide, they imitate its effect.
+parameters are fixed; if its interval becomes so wide only when other parameters are free, these imitate its effect.
 """
 HOPELESS = 10.0
 """Relative half width above which no interval is shown."""
 NOTHING = 1e-9
-"""Effect, in standard deviations of the noise, below which a parameter has no effect but that of rounding."""
+"""Effect, in standard deviations of the noise, below which the effect of a parameter counts as rounding error."""
 FAR = 4.0
 """Largest factor between start and estimate of an identified mass or inertia."""
 VANISHED = 0.01
@@ -71,9 +71,9 @@ class Estimate:
 
 def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[str, float]]) -> Iterator[Estimate]:
     """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
-    absorb what it lacks; or a mass or inertia is far from its start, which the robot file states.
+    absorb the missing effects; or a mass or inertia is far from its start, which the robot file states.
 
-    others: estimates of other models, such as those with suspected causes, by name. The intervals of a model that does not
+    others: estimates of other models, such as models with suspected causes, by name. The intervals of a model that does not
     fit contain them.
     """
     for one in known:
@@ -160,10 +160,10 @@ def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> 
 
 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
-"""Status of a fit: judged; its time was over; the user stopped it; only the sensitivities were computed."""
+"""Status of a fit: the fit was judged; its time was over; the user stopped it; only the sensitivities were computed."""
 ACCEPTABLE, ENOUGH = 0.9, 0.95
-"""Explained fractions of every channel's variance above which a model that does not fit may be accepted, and is accepted by
-default.
+"""Explained fractions of every channel's variance above which the user may accept a model that does not fit, and above which it
+is accepted by default.
 """
 
 
@@ -194,7 +194,7 @@ class FitResult:
     seconds: float
     """Duration of the fit, s."""
     bandwidth: float
-    """Bandwidth of the observer of the kept level, rad/s; 0: the simulation is free."""
+    """Bandwidth of the observer at the chosen level, rad/s; 0: the simulation is free."""
     status: str
     """Status of the fit: `COMPLETE` and so on."""
     x: Array
@@ -204,7 +204,7 @@ class FitResult:
     scenario: Scenario = field(repr=False)
     robot: Robot = field(repr=False)
     whole: bool = False
-    """Whether the estimates are from whole recordings, including the held-out parts."""
+    """Whether the estimates use whole recordings, including the held-out parts."""
     accepted: bool = False
     """Whether a model that does not fit was accepted."""
     profiles: tuple[Profile, ...] = ()

@@ -1,6 +1,4 @@
-"""A finished fit that is taken up again: fit.json has the numbers, so that its robot can be accepted and written without a new
-fit.
-"""
+"""Resumes a finished fit: fit.json contains the numbers, so that its robot can be accepted and written without a new fit."""
 
 from __future__ import annotations
 
@@ -20,7 +18,7 @@ from asrsim.scenario.data import Scenario
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resumed:
-    """What a robot file is written from: the numbers of an earlier fit, and the robot and the scenario of its task."""
+    """Data for a robot file: the numbers of an earlier fit, and the robot and the scenario of its task."""
 
     estimates: tuple[Estimate, ...]
     ties: tuple[Tie, ...]
@@ -50,7 +48,7 @@ def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
     path = fit.folder / FIT
     if fit.replay is None:
         hint = "Fit again without --resume"
-        raise InputError("is the fit of an earlier version", file=path, key="replay", hint=hint, code="resume")
+        raise InputError("was made by an earlier version", file=path, key="replay", hint=hint, code="resume")
     if fit.status != COMPLETE:
         raise InputError(f"the fit is {fit.status}", file=path, key="status", hint="Fit again without --resume", code="resume")
     faults = [

@@ -210,8 +210,8 @@ def _judged(
     others, suspected = list[Mapping[str, float]](), list[Suspicion]()
     if complete and observed:
         misfit.append(
-            "errors of the model accumulate in a simulation of the recording: estimates are from predictions over "
-            f"{1.0 / problem.playing.bandwidth:.2g} s, which start again and again at the recorded positions"
+            "errors of the model accumulate in a simulation of the recording: estimates are from short predictions of "
+            f"{1.0 / problem.playing.bandwidth:.2g} s, each of which starts at the recorded positions"
         )
         others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
@@ -221,7 +221,7 @@ def _judged(
         with watch.in_time(), suppress(OutOfTime):
             for level in slow:
                 for one in _causes(*level):
-                    # A cause that is found without a trial fit is the same at every level: take it once.
+                    # Causes that are found without a trial fit are equal at all levels: each is reported once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
                         causes.append(one.text)
@@ -292,7 +292,7 @@ def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
     if setup.adopted:
         yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
     if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
-        yield f"{', '.join(late)}: commands jumped that long before the sample that shows the jump"
+        yield f"{', '.join(late)}: each command jumped by this time before the sample that shows the jump"
     for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:

@@ -52,7 +52,7 @@ def _delays_by_joint(result: FitResult | Resumed) -> dict[str, float]:
 def _delays(result: FitResult | Resumed, block: ActuatorBlock) -> Iterator[tuple[float, float]]:
     """Delay of each reference of a joint that a delay affects, and half of its interval, s.
 
-    A delay has no effect on a reference that stays constant. A delay that was not identified may be that of another reference.
+    A delay has no effect on a reference that stays constant. A delay that was not identified may belong to another reference.
     """
     known = {one.key: one for one in result.estimates}
     estimates = tied({one.key: one.value for one in result.estimates if one.verdict != NO_EFFECT}, result.ties)
@@ -69,8 +69,8 @@ def _delays(result: FitResult | Resumed, block: ActuatorBlock) -> Iterator[tuple
 def _written_commands(
     result: FitResult | Resumed, delays: Mapping[str, float], folder: Path
 ) -> tuple[list[Path], dict[str, tuple[float, str]]]:
-    """Write the commands that a run plays in the place of the recorded ones; return the files, and by key of the command the
-    delay of its samples, s, and the name of its file.
+    """Write the commands that a run plays instead of the recorded commands. Return the files, and for each command (by key) the
+    delay of its samples in s and the name of its file.
 
     Zeros, scales, instants of jumps and delays that `imperfections` of the scenario cannot state are in the samples.
     """
@@ -89,7 +89,7 @@ def _written_commands(
 def _delays_not_written(
     result: FitResult | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
 ) -> Iterator[str]:
-    """Sentences on estimated delays that no file states."""
+    """Sentences on estimated delays that were not written to a file."""
     for joint in dict.fromkeys(one.joint for one in result.replay.commands):
         late = [one for one in result.replay.commands if one.joint == joint and one.late]
         if joint in delays or all(one.key in shifts for one in late):
@@ -101,7 +101,8 @@ def _delays_not_written(
 
 def rotors_of_scenario(result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """Fitted inertias of rotors that the scenario must state, kg m^2 (kg): behind a spring, those of the robot file have no
-    effect; elsewhere, the scenario's own values have precedence."""
+    effect; elsewhere, values in the scenario have precedence.
+    """
     sprung, given = sprung_joints(result.robot), result.scenario.armature
     return {
         owner: _rounded(own["armature"])

@@ -3,12 +3,13 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, or if it follows the channels, and predicts held-out parts as well as others or
-agrees with the levels down to 0. Otherwise errors of the model accumulate in it. Then, of the levels with whose estimates a
-free simulation follows as many channels, the one is kept whose estimates differ least between tenths of the recordings. Of
-levels that differ equally, within chance, the one with the best predictions is kept. If this is the first level, the bandwidth
-rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so
-short that they show little but noise. If there is no such level, the free simulation is kept.
+simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
+fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. Then only those levels count
+whose estimates let a free simulation follow the largest number of channels. Of these levels, the level is kept whose estimates
+differ least between tenths of the recordings. If several levels differ equally, within chance, the level with the best
+predictions is kept. If this is the first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors
+of the model accumulate; at a higher one, predictions are so short that they show little but noise. If there is no such level,
+the free simulation is kept.
 """
 
 from __future__ import annotations
@@ -39,12 +40,14 @@ from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
 """Bandwidths of the observer, in units of the band of the motion. A prototype found the right minima of five recorded machines
-at 0.25 to 8, from starts ten times off; below 0.1 it did not.
+at 0.25 to 8, from starts ten times off; at bandwidths below 0.1 it did not.
 """
 EVALUATIONS, TWICE = 10, 2
 """Largest number of evaluations of a search with an observer, and number of searches with new weights at each level."""
 AGREES = 1.1
-"""Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error."""
+"""Two neighbouring levels agree if the estimate of the first raises the mean square error at the next by at most this factor: 5
+% of the error.
+"""
 TIMED = 3
 """Number of linear solutions for instants of jumps."""
 RISE = 2.0
@@ -73,8 +76,8 @@ class Best:
     x: Array
     cost: float = np.inf
     slow: tuple[tuple[FitProblem, Array], ...] = ()
-    """If another level than the free simulation is kept: problem and estimate of the free simulation, or, if it follows no
-    channel, those of the levels that follow the channels, the slowest first. Errors of the model are largest in them.
+    """If the free simulation is not kept: problem and estimate of the free simulation or, if it follows no channel, of the
+    levels that follow the channels, the slowest first. Errors of the model are largest at slow levels.
     """
 
     def take(self, problem: FitProblem, x: Array) -> None:
@@ -91,7 +94,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
-            # Short predictions may contain too little information: then they led away from a good start.
+            # Short predictions may contain too little information, so that the search left a good start.
             x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
@@ -99,7 +102,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
                 starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
                 problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
             best.take(problem, x)
-            # Near the solution, the levels between are not needed.
+            # Near the solution, the intermediate levels are not needed.
             near = weighed(problem.observed(0.0), x)
             there = solve(near, x, rounds=EVALUATIONS)
             if fits(near, there):
@@ -114,7 +117,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # Short predictions may contain too little information: then they lead to parameters that give another motion.
+    # Short predictions may contain too little information, so that the search finds parameters with a different motion.
     levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _followed(*fit) >= most]
     if not levels:
         return
@@ -134,7 +137,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """A level of the search, with what decides whether it is kept."""
+    """A level of the search, with the measures that decide whether it is kept."""
 
     problem: FitProblem
     x: Array
@@ -151,11 +154,13 @@ def _judged(problem: FitProblem, x: Array) -> _Level:
 
 
 def _best(levels: Sequence[_Level]) -> _Level:
-    """Of the levels whose estimates differ least between tenths, within chance, the one with the best predictions."""
+    """The level with the best predictions, of the levels whose estimates differ least (within chance) between tenths of the
+    recordings.
+    """
     entries = levels[0].problem.layout.entries
     # Parameters of single recordings, such as initial positions, matter less to short predictions.
     shared = [entry.track is None for entry in entries]
-    # A spread larger than the parameter itself means that nothing is known of it.
+    # A spread larger than the parameter itself means that the parameter is unknown.
     most = [
         1.0 if entry.logarithmic else max(abs(entry.value(float(one.x[i]))) for one in levels) / entry.size or 1.0
         for i, entry in enumerate(entries)

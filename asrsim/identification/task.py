@@ -21,7 +21,7 @@ from asrsim.scenario.overrides import override_texts
 
 _TIE = re.compile(r"(?:(?P<factor>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
 _WISHES = ((), ("start",), ("low", "high"), ("low", "start", "high"))
-"""Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by the count of numbers."""
+"""Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by how many numbers it has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +89,7 @@ class Task:
         MapOf(of=Number(above=0.0), noun="joint.quantity", star=False),
         default={},
         shown="estimated",
-        doc="standard deviation of a channel's noise, in its unit",
+        doc="standard deviation of a channel's noise, in the channel's unit",
     )
     hold_out: float = declare(
         Number(minimum=0.0, maximum=0.9),
@@ -99,7 +99,7 @@ class Task:
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
         default=(),
-        doc="files with your own actuators; each runs only where --plugin names it too",
+        doc="files with your own actuators; a file runs only if --plugin also names it",
     )
     name: str = ""
     file: Path | None = None
@@ -163,7 +163,7 @@ def task_of(
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     check_named(found.plugins, one_or_more(plugins), file=path)
-    # Of two meanings of a column, the last one counts: those of the fit file come first.
+    # If a column has two meanings, the last one counts; meanings from the fit file come first.
     trials, tests = (
         tuple(
             replace(one, mapping=(*one.mapping, *one_or_more(mapping)), rate=one.rate if rate is None else rate)

@@ -78,11 +78,13 @@ class Played(Signal):
 DIGITS = 3
 """Number of decimals of initial positions (rad, m) that people write by hand."""
 STILL, DOUBTFUL = 4.5, 2.0
-"""Number of standard errors within which a recording's initial state counts as equal to the scenario's; and within which an
-initial velocity counts as 0 if the scenario's initial position was copied from the recording.
+"""Number of standard errors within which a recording's initial state counts as equal to the scenario's initial state; number
+within which an initial velocity counts as 0 if the scenario's initial position was copied from the recording.
 """
 FARTHEST = 10.0
-"""Number of standard errors within which a measured initial position stays: farther off it would hide errors of the model."""
+"""Number of standard errors by which a fit may change a measured initial position: larger changes would hide errors of the
+model.
+"""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
@@ -126,12 +128,12 @@ class Track:
         self.initial: dict[str, float] = {}
         """Positions and velocities of links at time 0, by key."""
         self.motors: dict[str, list[float]] = {}
-        """Positions of motors at time 0, by joint; other motors start where the scenario says."""
+        """Positions of motors at time 0, by joint; other motors start as the scenario states."""
         self.uncertain: list[str] = []
-        """Keys of initial positions and velocities that differ from the scenario's, and that the user does not free."""
+        """Keys of initial positions and velocities that differ from the scenario, and that the user does not free."""
         self.within: dict[str, float] = {}
-        """Largest errors of initial positions of links that rest, by key: their sensors have neither a free zero nor a free
-        scale, and a delay has no effect.
+        """Largest errors of the initial positions of resting links, by key, for sensors with neither a free zero nor a free
+        scale; a delay has no effect on these positions.
         """
         self._begin(freed)
         self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in self.channels)
@@ -144,7 +146,7 @@ class Track:
     # -- initial state -------------------------------------------------------------------------------------------------
 
     def _begin(self, freed: Collection[str]) -> None:
-        """Set the initial state of the scenario, or of the recording where the recording contradicts the scenario.
+        """Set the initial state: that of the scenario, or that of the recording if it contradicts the scenario.
 
         A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
         """
@@ -166,7 +168,7 @@ class Track:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
             if abs(place - position) > STILL * place_error or moving or measured:
                 zero = any(f"{key}.offset" in freed for key in sources)
-                # A position that was copied from a sensor with an unknown zero is unknown, too.
+                # A position that was copied from a sensor with an unknown zero is also unknown.
                 shown = {keys[0]: position if zero else place} if measured or not zero else {}
                 shown |= {keys[1]: speed} if moving else {}
                 self.initial |= shown
@@ -192,7 +194,7 @@ class Track:
             if np.any(np.abs(np.subtract(places, rest)) > STILL * np.array(errors)):
                 self.motors[drive.name] = list(places)
                 if drive.name not in seen:
-                    # A link at rest moves with the initial positions of its motors.
+                    # The position of a link at rest depends on the initial positions of its motors.
                     self.initial[link] += float(np.mean(places) - np.mean(rest))
 
     @property
@@ -230,7 +232,7 @@ class Track:
         return next(self.predictions([dict(values)], playing, until))
 
     def predictions(self, tables: Sequence[Mapping[str, float]], playing: Playing, until: float) -> Iterator[list[Array]]:
-        """Predictions of `predict` for several sets of parameters, or none, simulated in one rollout."""
+        """Predictions of `predict` for any number of parameter sets, simulated in one rollout."""
         if not tables:
             return
         steps = min(max(4, int(np.ceil((until + 0.3) / self.scenario.step))), self.scenario.steps)
@@ -277,7 +279,9 @@ class Track:
         )  # fmt: skip
 
     def motor_velocities(self, velocities: Mapping[str, float]) -> dict[str, list[float]]:
-        """Velocities of motors at time 0, by joint, rad/s: a motor moves with a link that moves as the recording begins."""
+        """Velocities of motors at time 0, by joint, rad/s: if a link moves at the start of the recording, its motors move with
+        it.
+        """
         return {
             drive.name: [speed] * drive.dynamic_motors
             for drive in self.door.drives
@@ -355,7 +359,7 @@ def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:
 
 
 def onset(channel: Channel, deviations: float) -> int:
-    """Number of samples before a channel moves by this many standard deviations of its noise."""
+    """Number of samples before a channel moves by `deviations` standard deviations of its noise."""
     away = np.abs(channel.values - np.median(channel.values[:5])) > deviations * max(channel.noise, channel.quantum)
     return int(np.argmax(away)) if away.any() else len(away)
 

@@ -1,7 +1,8 @@
-"""Why the prediction of another motion fails: the fitted recordings do not show enough, or the model lacks something.
+"""Why the prediction of another motion fails: the fitted recordings contain too little information, or the model lacks an
+effect.
 
 Two motions may differ in how hard they are to predict: a link that rests where friction holds it may rest anywhere within a
-band. So the error of a prediction is compared with the error that is left if the model is fitted to the motion, too.
+band. So the error of a prediction is compared with the error that remains if the model is also fitted to this motion.
 """
 
 from __future__ import annotations
@@ -17,19 +18,22 @@ from asrsim.identification.search import refined
 from asrsim.samples import Array
 
 TRANSFERS = 1.5
-"""Ratio of the error of a prediction to the error of a fit to the same motion up to which the estimates hold for the motion."""
+"""Largest ratio of the prediction error to the error of a fit to the same motion at which the estimates count as valid for this
+motion.
+"""
 ROUNDS = 15
 """Largest number of steps of the fit to all recordings."""
 
 
 def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on recordings that are predicted but not fitted: whether a fit to them, too, would explain them better.
+    """Sentences on recordings that are predicted but not fitted: whether the error would fall if they were also fitted.
     problem: with a free simulation; x: estimate.
     """
     predicted = [i for i, track in enumerate(problem.tracks) if track.data.predicted_only]
     if not predicted:
         return
-    # Without separate values for them, only the robot's parameters and common ones follow the predicted recordings.
+    # The predicted recordings get no separate values: only parameters of the robot and parameters that all recordings share are
+    # fitted to them.
     everything = weighed(problem.everything, x)
     there = refined(everything, x, ROUNDS)
     before, after = _errors(everything, x), _errors(everything, there)
@@ -37,13 +41,14 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
         name, ratio = problem.tracks[track].data.name, before[track] / max(after[track], 1e-300)
         if ratio > TRANSFERS:
             yield (
-                f"{name}: if it is fitted, too, its error falls to {percent(1.0 / ratio)}: the other recordings contain too "
-                "little information for its motion; fit it, too, and validate with another recording"
+                f"{name}: if this recording is also fitted, its error falls to {percent(1.0 / ratio)}: the other "
+                "recordings contain too little information for its motion; fit this recording too, and validate with another "
+                "recording"
             )
         else:
             yield (
-                f"{name}: if it is fitted, too, {percent(1.0 / ratio)} of its error are left: its motion shows something that "
-                "the model lacks"
+                f"{name}: if this recording is also fitted, {percent(1.0 / ratio)} of its error remain: its motion "
+                "shows an effect that the model lacks"
             )
 
 

@@ -33,8 +33,8 @@ REACH = 1e-3
 DRAWS = 100
 """Number of random draws of an encoder's quantisation."""
 SMOOTH = 0.02
-"""Relative change of a directional derivative over a standard deviation below which the residuals are smooth: a fraction of the
-smallest half width of an identified parameter, 5 %.
+"""Relative change of a directional derivative over a standard deviation below which the residuals are smooth: small compared
+with 5 %, the largest half width of an identified parameter.
 """
 AGREES, ROUNDS = 0.3, 4
 """Relative change below which corrected directional derivatives are accepted; largest number of rounds of correction."""
@@ -90,7 +90,7 @@ class Uncertainty:
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # Recordings may differ more from each other than the blocks of a recording.
+        # The differences between recordings may exceed the differences between the blocks of a recording.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -123,7 +123,9 @@ class _Noise:
     shown: Array
     """Autocovariance (lags,) of the residuals."""
     lost: Array
-    """Autocovariance (lags,) of the noise minus that of the residuals, which are smaller since parameters were fitted."""
+    """Autocovariance (lags,) of the noise minus the autocovariance of the residuals, which are smaller since parameters were
+    fitted.
+    """
 
     @cached_property
     def _model(self) -> tuple[Array, float]:
@@ -254,9 +256,9 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
 def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
 
-    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
-    derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected
-    again. Entries near a bound have one-sided derivatives.
+    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. If the derivative along
+    a direction changes over one standard deviation, it is corrected by central differences; the correction is repeated while
+    derivatives change. Entries near a bound have one-sided derivatives.
     """
     low, high = problem.layout.bounds
     inside = (x - REACH >= low) & (x + REACH <= high)

@@ -28,9 +28,7 @@ MARK = b"<!-- written by asrsim identify -->\n"
 
 
 def fit_data(result: FitResult) -> dict[str, Any]:
-    """Plain values for JSON. `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties` are read by `asrsim
-    sweep --fit`.
-    """
+    """Plain values for JSON. `asrsim sweep --fit` reads `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties`."""
     rows, entries = result.estimates, result.layout.entries
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
@@ -79,9 +77,8 @@ def _correlations(covariance: Array) -> list[list[float]]:
 
 
 def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str, float]:
-    """Values by key of the identified parameters, or of all parameters, and of parameters tied to them.
-
-    Of an accepted model all parameters are written, since only together they explain the recordings.
+    """Values, by key, of the identified parameters or of all parameters, and of the parameters tied to them. If a model was
+    accepted, all its parameters are written, since only together they explain the recordings.
     """
     values = {
         one.key: one.value for one in result.estimates

@@ -18,7 +18,8 @@ from asrsim.samples import Array, JointInfo, Samples
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
 """Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
-first, as both records contain the same reference. The lag of a response is part of the difference to be measured."""
+first, as both records contain the same reference. The lag of a response is part of the difference to be measured.
+"""
 
 SampleReader = Callable[[Sequence[str], Sequence[str]], Samples]
 """Function (quantities, joints) that returns the samples of these quantities and joints."""
@@ -126,14 +127,14 @@ def _moves(values: Array) -> bool:
 LagChoice = float | Literal["auto", "off", "start"]
 """Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
 _CLEARLY = 0.1
-"""Smallest gain in correlation by a reversal of the sign for which the recorded sign is taken to be reversed."""
+"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alignment:
-    """Shift of the recording's clock, and how it was found."""
+    """Shift of the recording's clock, and the method that determined it."""
 
     lag: float
     """Delay of the recording, s; subtracted from its time."""
@@ -209,7 +210,7 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
         why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
     else:
         message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
-        periodic = Problem(message, code="lag", hint="Set the lag with --align if another period is meant")
+        periodic = Problem(message, code="lag", hint="Set the lag with --align if another lag is right")
         exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
         return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --align, in s")
@@ -217,10 +218,11 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
 
 
 def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
-    """Lag at which the simulation has the recorded values at their times, near an estimated lag; the estimate if there is none.
+    """Lag near an estimated lag at which the simulation has exactly the recorded values; the estimate if there is no such lag.
 
-    A simulation that plays a recorded command has exactly its values. Where it holds each value until the next, the correlation
-    with the interpolated recording is up to half a sample early: of the lags that fit, the largest is the true one.
+    A simulation that plays a recorded command repeats its values exactly. If it holds each value until the next, the
+    correlation with the interpolated recording is up to half a sample early, so the largest of the lags that fit is the true
+    lag.
     """
     good, known = np.isfinite(recording), np.isfinite(simulation)
     times, values = time_recording[good], recording[good]
@@ -247,13 +249,13 @@ def _exact(time_simulation: Array, simulation: Array, time_recording: Array, rec
 _ROUNDS, _SHIFTS = 4, 41
 """Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer."""
 _CHANGES = 20
-"""Smallest number of changes of a command that show how it was played: a few steps fit a range of lags."""
+"""Smallest number of changes of a command that determine the exact lag: a few steps fit a range of lags."""
 _SAME = 1e-8
 """Largest mean square difference of two records of the same command, relative to their variance."""
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:
-    """Start and end of the common interval on the simulation's clock, s. Raises RecordingError where there is none."""
+    """Start and end of the common interval on the simulation's clock, s. Raises RecordingError if there is none."""
     start = max(float(time_simulation[0]), float(time_recording[0]) - lag)
     end = min(float(time_simulation[-1]), float(time_recording[-1]) - lag)
     if end <= start:
@@ -286,6 +288,6 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
     # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
     outside = (grid < t[0] - 0.5 * step) | (grid > t[-1] + 0.5 * step)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    # Only times strictly between two samples lie in a gap.
+    # Only times strictly between two samples can lie in a gap.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
     return np.where(outside | inside, np.nan, result)

@@ -26,7 +26,7 @@ def read_matlab(path: Path, reading: Reading) -> Content:
         start = stream.read(520)
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
         with library("h5py", "hdf5").File(path) as file:
-            # MATLAB keeps the contents of objects in groups with a #.
+            # MATLAB stores the contents of objects in groups whose names begin with #.
             return of_tree({name: file[name] for name in file if not name.startswith("#")}, [], reading)
     from scipy.io import loadmat
 
@@ -65,7 +65,7 @@ def read_arrow(path: Path, reading: Reading) -> Content:
 
 
 def of_tree(tree: Mapping[str, Any], findings: list[Problem], reading: Reading) -> Content:
-    """Content made of named arrays and structs of arrays. Raises RecordingError where no array is a series."""
+    """Content made of named arrays and structs of arrays. Raises RecordingError if no array is a series."""
     tables = tuple(_tables([*_leaves(tree, "", findings)], {*reading.time.columns}))
     if not tables:
         raise RecordingError(
@@ -100,7 +100,8 @@ def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> It
 
 
 def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
-    """Tables of the variables: one for each struct and length, with the times of this length in the struct and its parents.
+    """Tables of the variables: one for each struct and length, with the time vectors of this length from the struct and its
+    parents.
 
     stated: names of the time columns that the user states.
     """

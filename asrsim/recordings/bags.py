@@ -26,7 +26,9 @@ _SAME_CLOCK = 1.0
 LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 NAMES = ("name", "names", "joint_names", "interface_names")
-"""Message fields that name the entries of the other arrays in the message, and of those in its parts without names."""
+"""Message fields that name the entries of the other arrays in the message. They also name the entries of arrays in parts of the
+message that have no such field.
+"""
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
 _COMMANDS = ("command", "cmd", "desired", "reference", "target", "setpoint")
 TOPICS: dict[str, str] = {
@@ -78,7 +80,7 @@ def flatten(
 ) -> Iterator[tuple[Label, float]]:
     """Labels and values of all numbers in a message or JSON object. Raises NoSignal.
 
-    names, joint: names of the entries of arrays, and the joint, which the message around this part states.
+    names, joint: names of array entries, and the joint, from the enclosing message.
     """
     members = _members(message)
     named = [members[key] for key in NAMES if isinstance(members.get(key), list)]
@@ -150,8 +152,9 @@ class _Group:
 
 
 def _series(groups: Sequence[_Group]) -> Iterator[_Group]:
-    """Numbers of a topic that stand in the same messages. A topic whose messages sometimes lack velocities gives two groups:
-    positions of all messages, and velocities of some."""
+    """Numbers of a topic that occur in the same messages. A topic whose messages sometimes lack velocities gives two groups:
+    positions of all messages, and velocities of some.
+    """
     found: dict[Label, list[_Group]] = {}
     for group in groups:
         for label in group.labels:
@@ -179,7 +182,7 @@ def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
-    """All numeric series of a bag. Raises RecordingError where nothing can be read."""
+    """All numeric series of a bag. Raises RecordingError if nothing can be read."""
     findings: list[Problem] = []
     topics: list[_Topic] = []
     tables = tuple(_tables(_messages(path, topics, findings), reading.time.columns, findings))
@@ -200,7 +203,7 @@ def read_bag(path: Path, reading: Reading) -> Content:
 
 
 def _messages(path: Path, topics: list[_Topic], findings: list[Problem]) -> Messages:
-    """Messages of a bag. Its topics are added to `topics`. Raises RecordingError where no topic can be read."""
+    """Messages of a bag. Its topics are added to `topics`. Raises RecordingError if no topic can be read."""
     suffix = path.suffix.lower()
     kind = "a ROS 1 bag" if suffix == ".bag" else "a ROS 2 bag" if suffix == ".db3" or path.is_dir() else "MCAP"
     try:
@@ -267,7 +270,7 @@ class _Types:
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
     def topic(self, name: str, kind: str, definition: str) -> _Topic:
-        """Topic with its decoder, or why it cannot be decoded. definition: the type in the language MSG."""
+        """Topic with its decoder, or the reason why it cannot be decoded. definition: the type in the MSG language of ROS."""
         from rosbags.typesys import get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
@@ -322,7 +325,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
             f"names {listed([*labels], 4)} several times in one message ({counted(max(labels.values()), 'message')}); "
             "only the last value is kept"
         )
-        hint = "Record each joint once: which of its values is right cannot be known"
+        hint = "Record each joint once: asrsim cannot know which of its values is right"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="repeated-name"))
     seen: Counter[str] = Counter()
     for topic, groups in topics.items():
@@ -333,7 +336,7 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
 def _tables_of(
     topic: _Topic, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem], seen: Counter[str]
 ) -> Iterator[RawTable]:
-    """Tables of a topic: one for each set of numbers that stand in the same messages. seen: names of the columns so far."""
+    """Tables of a topic: one for each set of numbers that occur in the same messages. seen: names of the columns so far."""
     count, series = sum(len(group.received) for group in groups), list[_Group]()
     for group in _series(groups):
         if len(group.received) > 1:
@@ -345,7 +348,7 @@ def _tables_of(
             findings.append(Problem(message, key=topic.name, code="too-short"))
     if not series:
         return
-    # All numbers of a topic have one time base: otherwise positions and velocities would be shifted.
+    # All numbers of a topic share a time base: otherwise positions and velocities would be shifted against each other.
     by_header = _has_header_times(topic.name, groups, stated, findings)
     labels = [label for group in series for label, own in group.labels if own is None]
     nameless = [label for label in labels if label.partition("[")[0] in _JOINT_STATE]
@@ -368,8 +371,9 @@ def _tables_of(
 
 
 def _has_header_times(topic: str, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem]) -> bool:
-    """Whether the messages of a topic have the times of their headers: if the user chose them or if both clocks agree.
-    Otherwise they have the times of recording."""
+    """Whether the header stamps are used as the times of a topic's messages: if the user chose them, or if both clocks agree.
+    Otherwise the times of recording are used.
+    """
     received, stamped = (np.concatenate(times) for times in zip(*map(_times, groups), strict=True))
     lag = float(np.median(stamped - received)) * 1e-9
     by_header = bool(stamped.all()) and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)

@@ -1,4 +1,6 @@
-"""Physical kind of a recorded command, by its name and unit: it is kept, or the user is asked, but it is never lost."""
+"""Physical kind of a recorded command, by its name and unit. A command is never dropped silently: if its kind is unclear, the
+user is asked.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,7 @@ from asrsim.recordings.words import (
 
 
 def is_command(parts: Sequence[str]) -> bool:
-    """Whether parts of a name or of a path say that a quantity is a command."""
+    """Whether a part of a name or of a path means that a quantity is a command."""
     return any(REFERENCE in words_of(tokens_of(part)) for part in parts)
 
 
@@ -36,7 +38,7 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
         parts: Parts of the command's name, without the joint.
         unit: Unit that the file states.
 
-    Raises CommandDoubtError for a kind that is ambiguous, contradicts the unit, or is taken by no operation mode.
+    Raises CommandDoubtError for a kind that is ambiguous, contradicts the unit, or is accepted by no operation mode.
     """
     measured = "" if unit is None else UNIT_KINDS.get(unit.si, unit.si)
     target = f"reference_1 [{unit.symbol if unit else 'unit'}]"
@@ -59,12 +61,12 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
 
 
 def _stated(part: str) -> list[str]:
-    """Kinds that the words of a part of a name state for certain, each once."""
+    """Kinds that the words of a part of a name state unambiguously; each kind is listed once."""
     return [*dict.fromkeys(kind for word in spellings_of(tokens_of(part)) if (kind := kind_of_word(word)))]
 
 
 def _taken(kind: str, unit: Unit | None, measured: str) -> str:
-    """Kind, after checking that it agrees with the unit and that a mode takes it. Raises CommandDoubtError."""
+    """Kind, after checking that it agrees with the unit and that an operation mode accepts it. Raises CommandDoubtError."""
     if unit is not None and kind != measured and {kind, measured} != {"torque", "force"}:
         raise CommandDoubtError(f"its name means a command of {one_of([kind])}, but its unit is {unit.symbol}")
     if kind == "stiffness":
@@ -76,7 +78,7 @@ def _taken(kind: str, unit: Unit | None, measured: str) -> str:
 
 
 def unknown_words(words: Sequence[str]) -> list[str]:
-    """Words of a command's name, as of `words_of`, whose meaning is unknown."""
+    """Words of a command's name (as returned by `words_of`) whose meaning is unknown."""
     return [one for one in words if not (one in (REFERENCE, "motor", "?") or one in LETTERS or kind_of_word(one))]
 
 

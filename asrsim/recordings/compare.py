@@ -47,7 +47,9 @@ class Series:
     metrics: Mapping[str, float]
     """Measures of the difference of simulation and recording, by name; NaN where undefined."""
     each: Mapping[str, tuple[float, float]]
-    """Measures of one series, such as those of a step response, by name, each with the values (simulation, recording)."""
+    """Measures of single series, such as measures of a step response, by name; each has a pair of values (simulation,
+    recording).
+    """
     findings: tuple[Problem, ...] = ()
 
     @property
@@ -67,7 +69,7 @@ class Comparison:
     """Problems of the comparison; the problems of the file are in the recording's `findings`."""
 
     def find(self, joint: str, quantity: str) -> Series | None:
-        """Series of a joint's quantity; None unless both records have it."""
+        """Series of a joint's quantity; None unless both records contain it."""
         return next((s for s in self.series if (s.joint, s.quantity) == (joint, quantity)), None)
 
     def rows(self, source: str = "") -> list[MetricRow]:
@@ -165,7 +167,7 @@ def _series(
 ) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
-    # The coarser record keeps its samples. Interpolating the finer record adds the smallest error.
+    # The coarser record keeps its samples. Interpolation of the finer record adds the smallest error.
     coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
     base = shifted if coarse else time
     # Rounding in the last digit of a time stamp must not remove the last sample.

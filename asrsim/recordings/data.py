@@ -65,7 +65,7 @@ class RawColumn:
 
     @property
     def header(self) -> str:
-        """Name of the column in its own file."""
+        """Name of the column in its file, without the name of the file."""
         return self.name.removeprefix(f"{self.file}/") if self.file else self.name
 
 
@@ -117,7 +117,7 @@ class Column:
     """One column of a recording, in SI units."""
 
     time: Array
-    """Times (n,), s; columns of a table share this array, except late columns."""
+    """Times (n,), s; columns of a table share this array, except columns with a delay."""
     values: Array
     """Values (n,) in `unit`; NaN where the file has no valid number."""
     unit: str
@@ -133,7 +133,8 @@ class Column:
     """True if the file or the mapping states the unit, False if it is assumed."""
     origin: str = ""
     """Source of the meaning: "command line", "lab.csv.yaml", "named in the file", "by its name", or "asked: ..." or
-    "not used: ..." with the reason."""
+    "not used: ..." with the reason.
+    """
     read_as: ColumnMap | None = None
     """Joint, quantity, unit and conversion with which the column was read."""
 
@@ -159,7 +160,7 @@ class Column:
 
     @property
     def given(self) -> bool:
-        """Whether the command line or a document states the meaning of the column."""
+        """Whether the command line or a reading document states the meaning of the column."""
         return self.origin == "command line" or self.origin.endswith((".yaml", ".yml"))
 
 
@@ -171,7 +172,7 @@ class Recording:
     format: str
     """Name of the reader in `asrsim.recordings.READERS`, such as text, numpy or bag."""
     time: Array
-    """Times (n,), s, strictly increasing, as in the file. Dates and Unix times count from the first one."""
+    """Times (n,), s, strictly increasing, as in the file. Dates and Unix times count from the first time."""
     channels: Mapping[str, Column]
     """Columns by name, in the file's order. Each column has its own times; `Recording.time` is from the longest table."""
     findings: tuple[Problem, ...] = ()
@@ -195,7 +196,7 @@ class Recording:
         return tuple(dict.fromkeys(names))
 
     def column(self, joint: str, quantity: str) -> Column:
-        """Column of a joint's quantity. Raises RecordingError, which lists the columns, where it is missing."""
+        """Column of a joint's quantity. Raises RecordingError, which lists the columns, if there is no such column."""
         for column in self.channels.values():
             if column.joint == joint and column.quantity == quantity:
                 return column

@@ -16,7 +16,7 @@ MOST_FILES = 64
 
 
 def joined(folder: Path, read: Callable[[Path], Content], suffixes: Collection[str]) -> Content:
-    """Content of all recordings in a folder, with a table for each table of a file; columns know their file.
+    """Content of all recordings in a folder, with a table for each table of a file; columns contain the name of their file.
 
     Links and files of other kinds are not read. Raises RecordingError for a folder without recordings, or with too many.
 
@@ -57,11 +57,11 @@ def require_one_time(tables: Sequence[RawTable]) -> None:
     if len(dated) > 1:
         with_date, without = (listed([t.name for t in tables if bool(t.zero) is dates], 4) for dates in (True, False))
         message = f"its files have two clocks: the times of {with_date} are dates, those of {without} are not"
-        raise RecordingError(message, hint="Give the files one by one, as recordings of their own", code="two-clocks")
+        raise RecordingError(message, hint="Give the files one by one, as separate recordings", code="two-clocks")
     if tables and max(table.time[0] for table in tables) >= min(table.time[-1] for table in tables):
         spans = listed([f"{table.name} from {table.time[0]:.6g} to {table.time[-1]:.6g} s" for table in tables], 4)
         message = f"its files were not recorded at one time: {spans}"
-        raise RecordingError(message, hint="Give the files one by one, as recordings of their own", code="no-overlap")
+        raise RecordingError(message, hint="Give the files one by one, as separate recordings", code="no-overlap")
 
 
 def require_one_recording(raw: Sequence[RawColumn], columns: Sequence[Column]) -> None:

@@ -28,9 +28,11 @@ from asrsim.recordings.text import read_text
 from asrsim.registry import Registry, result_fault
 
 SECONDS, RATE = 60.0, 1e6
-"""Time limit for reading a binary format: s of wall clock, and bytes of the file for each further second."""
+"""Time limit for reading a binary format: s of wall-clock time, and number of file bytes that allow a further second."""
 MEMORY, RATIO = 2**30, 32
-"""Memory limit for reading a binary format: bytes, and further bytes per byte of the file. The libraries' code takes half."""
+"""Memory limit for reading a binary format: bytes, and further bytes per byte of the file. The code of the libraries uses half
+of the first number.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +60,7 @@ _OURS = {
     "arrow": Reader(suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
     "bag": Reader(suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
 }
-"""asrsim's readers by name; all others are users'."""
+"""Readers of asrsim, by name; all other readers are users'."""
 for _name, _reader in _OURS.items():
     READERS.add(_name, _reader)
 
@@ -78,8 +80,9 @@ def content_of(path: Path, reading: Reading) -> Content:
 
 
 def format_of(path: Path) -> str:
-    """Name of the reader: a user's reader by the file's ending or first bytes, or else one of asrsim's by the first bytes, by
-    the ending, or text. Raises RecordingError."""
+    """Name of the reader: a user's reader, by the file's ending or first bytes; else a reader of asrsim, by the first bytes,
+    else by the ending, else text. Raises RecordingError.
+    """
     if not path.exists():
         raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
     if path.is_dir():
@@ -132,9 +135,7 @@ def answer_of(request: dict[str, str]) -> bytes:
 
             load_plugin_file(request["plugin"])
         elif request["reader"] not in READERS:
-            message = (
-                f"the reader '{request['reader']}' was added by the running program, and cannot run in a process of its own"
-            )
+            message = f"the reader '{request['reader']}' was added by the running program, and cannot run in a separate process"
             hint = "Add it in a file given to --plugin or to asrsim.plugins.load_plugin_file, or give it confined=False"
             raise RecordingError(message, hint=hint, code="own-reader")
         answer = checked(request["reader"], READERS.get(request["reader"]).read(Path(request["path"]), reading), reading)
@@ -152,8 +153,9 @@ def answer_of(request: dict[str, str]) -> bytes:
 
 def checked(name: str, found: Any, reading: Reading) -> Content:
     """What the reader with this name returned, with its numbers as arrays. Raises RecordingError, with file and line of the
-    reader, unless it is a `Content` of tables whose columns have a name each and equally many numbers. A column of
-    joints' names has texts."""
+    reader, unless it is a `Content` of tables in which each column has a name, and all columns have equally many numbers. A
+    column of joints' names has texts.
+    """
     function = READERS.get(name).read
 
     def refuse(message: str) -> RecordingError:

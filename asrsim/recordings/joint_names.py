@@ -24,7 +24,7 @@ _ENTRY = re.compile(r"""b?'((?:[^'\\]|\\.)*)'|b?"((?:[^"\\]|\\.)*)"|([^\s,;]+)""
 _NAME = re.compile(r"(?P<head>(?:.*?[./_ ])?)(?:joint_?)?names?(?P<place>\d+|[\[(]\d+[\])])", re.IGNORECASE)
 """Pattern of the header of a column of names, such as `field.name0` or `name[0]`."""
 _FIELDS = ("position", "velocity", "effort")
-"""Arrays of a JointState message, after its names (sensor_msgs/JointState)."""
+"""Arrays that follow the names in a JointState message (sensor_msgs/JointState)."""
 
 
 def entries(cell: str) -> list[str] | None:
@@ -65,7 +65,9 @@ def spread(cells: list[str], widths: Mapping[int, int]) -> list[str]:
 
 
 def name_columns(header: Sequence[str]) -> dict[int, list[int]]:
-    """Indices of the columns that each column of names describes, by its index: those with its beginning and its number."""
+    """By index of each column of names: indices of the columns that it describes, which have the same prefix and the same
+    number.
+    """
     found: dict[int, list[int]] = {}
     for i, name in enumerate(header):
         if (match := _NAME.fullmatch(name.strip())) is None:
@@ -73,7 +75,7 @@ def name_columns(header: Sequence[str]) -> dict[int, list[int]]:
         pattern = re.compile(rf"{re.escape(match['head'])}(?:.*[./_ ])?[a-z_]*[a-z]{re.escape(match['place'])}", re.IGNORECASE)
         described = (other.strip() for other in header)
         found[i] = [j for j, other in enumerate(described) if pattern.fullmatch(other) and not _NAME.fullmatch(other)]
-    # Without any described column, such as a column `name0` alone, these are columns of text like others.
+    # Columns of names that describe no other column, such as a column `name0` alone, count as ordinary text.
     return found if any(found.values()) else {}
 
 
@@ -97,7 +99,7 @@ def message_names(cells: Sequence[str], kinds: Sequence[str]) -> list[str]:
 def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
     """Table without columns of names, whose other columns know the joint that the names state.
 
-    Where the names change their order between rows, the values follow the names: a column for each joint, such as
+    Where the names change their order between rows, the values follow the names: there is then a column for each joint, such as
     `position[elbow]`. Values of rows without a name become NaN.
     """
     columns = table.columns
@@ -142,7 +144,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
                     result.append(replace(column, name=name, values=values, joint=joint))
     if repeated.any():
         message = f"one joint is named several times in {counted(int(repeated.sum()), 'row')}; only the last value is kept"
-        hint = "Record each joint once: which of its values is right cannot be known"
+        hint = "Record each joint once: asrsim cannot know which of its values is right"
         key = listed([columns[i].name for i in groups], 6)
         findings.append(Problem(message, key=key, hint=hint, code="repeated-name"))
     if not fixed:

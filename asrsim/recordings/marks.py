@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 _OTHER = {".": ",", ",": "."}
-"""The other mark of each decimal mark: it may group the digits of large numbers in threes."""
+"""For each decimal mark the other mark, which may group the digits of large numbers in threes."""
 _GROUPS = {
     mark: re.compile(rf"-?[1-9]\d{{0,2}}(?P<groups>(?:\{other}\d{{3}})+)(?P<part>\{mark}\d*)?")
     for mark, other in _OTHER.items()
@@ -19,7 +19,7 @@ GROUPS, POINT, EITHER = "groups", "point", "either"
 
 
 def number_in(cell: str, decimal: str) -> float:
-    """Value of a number. Raises ValueError where the cell holds none. A mark that may be either groups the digits."""
+    """Value of a number. Raises ValueError where the cell holds none. An ambiguous mark counts as grouping digits."""
     text = cell.translate(_MINUS)
     if _APART.fullmatch(text):
         text = re.sub(r"['\u2019\u00a0\u202f]", "", text)
@@ -32,7 +32,9 @@ def number_in(cell: str, decimal: str) -> float:
 
 
 def use_of_other(cell: str, decimal: str) -> str:
-    """How a number uses the mark that is not the decimal mark: `GROUPS`, `POINT`, `EITHER`, or "" if it does not."""
+    """How a number uses the mark that is not the decimal mark: `GROUPS`, `POINT`, `EITHER`, or "" if the number does not
+    contain this mark.
+    """
     other = _OTHER[decimal]
     if other not in cell:
         return ""

@@ -31,24 +31,24 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
 
 
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
-    """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if it fits.
+    """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if the unit fits.
 
     mode: Control mode of the run, which decides whether the reference is a position or a torque; None: not checked.
     """
     quantity = str(column.quantity)
     if quantity == "reference_1" and column.unit:
         kind = UNIT_KINDS.get(column.unit, column.unit)
-        kind = "torque" if prismatic and kind == "force" else kind  # modes of a torque take a force there
+        kind = "torque" if prismatic and kind == "force" else kind  # torque modes accept a force on a prismatic joint
         wanted = UNIT_KINDS[MODES[mode].units[0]] if mode in MODES else ""
         how = "is" if column.stated else "is, by its name,"
         if kind == "force" or kind not in TAKEN:
             why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode takes it"
-            hint = f"Give what its numbers are: --map '{column.source}={joint}.reference_1 [unit]', or =ignore"
+            hint = f"State the quantity in this column: --map '{column.source}={joint}.reference_1 [unit]', or =ignore"
             return Problem(f"{how} a command of {one_of([kind])}, but {why}", key=column.source, hint=hint, code="wrong-unit")
         if wanted and kind != wanted:
             message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
             return Problem(message, key=column.source, code="wrong-unit")
-    # Later references and motors may have any unit (the adjuster of AwAS-II moves in m).
+    # Further references and motors may have any unit (the adjuster of AwAS-II moves in m).
     if not column.stated or re.match(r"(reference|motor)_[2-9]", quantity):
         return None
     kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())

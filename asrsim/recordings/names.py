@@ -50,19 +50,22 @@ _NOT_MEASURED = {
     )
     for word in words.split()
 }
-"""Words above a quantity in a path, such as `output.effort` or the `points` of a trajectory, which act later."""
+"""Words before a quantity in a path that mean values which were neither measured nor commanded at their times, such as
+`output.effort` or the `points` of a trajectory.
+"""
 _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
 """Words of an ambiguous name about which the user is asked."""
 
 
 def column_quantities() -> dict[str, Quantity]:
-    """All quantities that a column may contain, by name, with those of all stages that are registered by now. A recorded
-    reference is a command as it was sent."""
+    """All quantities that a column may contain, by name, including the quantities of all registered stages. A recorded
+    reference is a command as it was sent.
+    """
     return {name: one for name, one in (QUANTITIES | DERIVED).items() if not name.startswith("sent_")}
 
 
 def stated_unit(name: str) -> Unit | None:
-    """Unit in the name of a column. A velocity in deg is read in deg/s."""
+    """Unit in the name of a column. For a velocity, deg means deg/s."""
     unit = split_header(name)[1]
     if unit is not None and unit.si in ("rad", "m") and "velocity" in words_of(tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
@@ -73,7 +76,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     """Joint and quantity of a column, by its name and unit alone; no quantity if the name means none. Raises DoubtError.
 
     joints: joints of the simulation; None: the name states the joint. file: name of the column's file, if several files make
-    the recording; it says what the column's name leaves open.
+    the recording; its name completes that of the column.
     """
     known, plain = column_quantities(), split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
@@ -91,7 +94,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [word for word in words_of(tokens) if not word.isdecimal()]
     said = [word for word in words_of(tokens_of(file)) if not word.isdecimal()]
-    if unsure := unknown_words(said):  # such as run in run_position, which says less than position
+    if unsure := unknown_words(said):  # such as run in run_position, which adds nothing to position
         said = said if REFERENCE in said and not {*words} - {"field"} else [word for word in said if word not in unsure]
     if not {*words} - {REFERENCE, "field"}:
         words = [word for word in (*words, *said) if word != "field"]
@@ -162,7 +165,7 @@ def _commanded(parts: Sequence[str], words: Sequence[str], unit: Unit | None, *,
 
 
 def check_path(name: str, joint: str | None, joints: Sequence[str] | None) -> None:
-    """Raise DoubtError for a column whose path says that it may not hold what was measured or commanded at its times.
+    """Raise DoubtError for a column whose path suggests that its values were neither measured nor commanded at their times.
 
     joint: joint that the file states for the column.
     """
@@ -177,9 +180,8 @@ def _words_above(path: str) -> set[str]:
 
 
 def within_joint(name: str) -> str:
-    """Name of a number that the file gives to a joint: its last part, after `desired` for a command's part.
-
-    `field.desired.positions` is a command, as the part above its last one says.
+    """Name of a number whose joint the file states: the last part of its path, preceded by `desired` if the part before means a
+    command, as in `field.desired.positions`.
     """
     *above, last = re.split(r"[./]", name)
     return f"desired {last}" if is_command(above) else name

@@ -11,8 +11,8 @@ from asrsim.recordings.words import LETTERS, WORDS, DoubtError, is_known, spaced
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
     """Joint whose name is part of the column's name, and the rest of the column's name.
 
-    A known word may follow without a gap, as in `kneepos`. A name of one letter stands alone; if this letter has a meaning of
-    its own, as in `q_des`, it must be the first word, and a known word must follow.
+    A known word may follow without a gap, as in `kneepos`. A joint's name of one letter must be a separate word. If the letter
+    also has another meaning, as in `q_des`, it must be the first word, and a known word must follow.
     """
     text = spaced(name)
     for joint in sorted(joints, key=len, reverse=True):
@@ -45,4 +45,4 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
     place = number if indexed else number - 1
     if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):
         return joints[place]
-    raise DoubtError(f"the number {number} fits none of {', '.join(joints[:8])} for certain")
+    raise DoubtError(f"the number {number} fits none of {', '.join(joints[:8])} with certainty")

@@ -128,7 +128,7 @@ def _recording(
 
 
 def _windowed(content: Content, reading: Reading) -> Content:
-    """Content cut to the window. Raises RecordingError where no samples are left."""
+    """Content cut to the window. Raises RecordingError if no samples are left."""
     if reading.window is None:
         return content
     start, end = reading.window
@@ -144,7 +144,7 @@ def _windowed(content: Content, reading: Reading) -> Content:
 def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] | None) -> dict[int, ColumnMap]:
     """Mappings by index of the column. Raises RecordingError for unknown columns, unknown joints and unfitting units.
 
-    joints: joints of the simulation. Documents may name other joints, as they may describe a larger robot.
+    joints: joints of the simulation. Documents may name other joints, since they may describe a larger robot.
     """
     names = tuple(column.name for column in raw)
     found: dict[int, ColumnMap] = {}
@@ -174,7 +174,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
 
 
 def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
-    """Unit stated by the mapping or the file; an empty unit where neither states it."""
+    """Unit stated by the mapping or the file; an empty unit if neither states it."""
     stated = None if one is None else one.unit
     return stated or stated_unit(raw.header) or Unit("", "", 1.0)
 
@@ -196,7 +196,7 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 unnamed = joints and quantity and column.joint is None
                 if unnamed and first != name and first in names:
-                    joint_of(0, joints, indexed=False)  # a file that counts from 0 fits only a robot that does so
+                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that also does
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
                     raise DoubtError("the file has several joints without their names")
                 if quantity and uses[column.file, name] > 1:
@@ -277,17 +277,19 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
 
 
 def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """Columns of which at most one has each joint and quantity: of the strongest source in `ORIGINS`, the first column.
+    """Columns without repetitions: for each joint and quantity, the first column of the strongest source in `ORIGINS` stays in
+    use.
 
-    Raises RecordingError where the user maps two columns to one quantity.
+    Raises RecordingError if the user maps two columns to one quantity.
     """
 
     def rank(column: Column) -> int:
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
     def order(column: Column) -> tuple[int, bool, bool]:
-        """Rank. Among the commands of one joint, a position precedes the torque or current of an inner controller; a column
-        that names the joint precedes a column that numbers it."""
+        """Sort key. Among the commands of one joint, a position precedes the torque or current of an inner controller; a column
+        with the joint's name precedes a column with the joint's number.
+        """
         inner = column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
         return rank(column), inner, column.joint is not None and find_joint(column.source, [column.joint])[0] is None
 

@@ -53,7 +53,7 @@ class ColumnMap:
     """Delay of the column's values behind the recording's clock, s; subtracted from their times."""
     origin: str = "command line"
     text: str = "ignore"
-    """Text after `COLUMN=` in an item of `--map`. Of a column about which the user is asked: its end, after the joint."""
+    """Text after `COLUMN=` in an item of `--map`. For a column about which the user is asked, only the part after the joint."""
 
     def corrected(self, *, gain: float = 1.0, offset: float = 0.0, late: float = 0.0) -> ColumnMap:
         """Meaning whose values are gain * (values - offset), `late` s earlier."""
@@ -122,21 +122,21 @@ class Reading:
     )
     header: int | None = declare(
         Integer(minimum=0),
-        doc="text and sheets: line of the names, counted from 1; 0: the file has no names",
+        doc="text and sheets: line with the names of the columns, counted from 1; 0: the file has no names",
         default=None,
         shown="detected",
     )
     sheet: str | None = declare(
-        Text(text="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first with numbers"
+        Text(text="name of a sheet"), doc="workbooks: name of the sheet", default=None, shown="the first sheet with numbers"
     )
     joint: str | None = declare(
         Text(text="name of a column"),
-        doc="text and sheets: column that names the joint of each row, if the rows of several joints take turns",
+        doc="text and sheets: column with the joint of each row, if the rows alternate between several joints",
         default=None,
         shown="none",
     )
     missing: float | None = declare(
-        NUMBER, doc="number that marks a missing value, in the file's unit, such as -9999", default=None, shown="none"
+        NUMBER, doc="number that marks a missing value, in the unit of the file, such as -9999", default=None, shown="none"
     )
     window: tuple[float, ...] | None = declare(
         ListOf(of=NUMBER, names=("start", "end")),
@@ -156,7 +156,7 @@ class Reading:
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
     """Meanings of the columns, from `given` and `columns`."""
     in_seconds: bool = False
-    """True: a time without a unit is in s, as in scenarios; False: an implausible step is asked about."""
+    """True: a time without a unit is in s, as in scenarios; False: the user is asked about an implausible step."""
     document: str = ""
     """Name of the document; "" without a document."""
 
@@ -192,7 +192,9 @@ def reading_file(path: Path) -> Path | None:
 
 
 def modified(path: Path) -> tuple[int, int]:
-    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches notice changes by them."""
+    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches use them to notice
+    changes.
+    """
     beside = reading_file(path)
     files = [path, *path.iterdir()] if path.is_dir() else [path]
     latest = max((file.stat().st_mtime_ns for file in files if file.exists()), default=0)

@@ -20,13 +20,13 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
 
 MOST_CELLS = 10_000_000
-"""Largest number of cells of a workbook; a few repeated cells in a file may stand for billions."""
+"""Largest number of cells of a workbook; a file may encode billions of cells as a few repeated cells."""
 
 
 def read_json(path: Path, reading: Reading) -> Content:
     """Tables of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
 
-    Raises RecordingError where the file is not JSON or contains no records.
+    Raises RecordingError if the file is not JSON or contains no records.
     """
     text = path.read_text(encoding=reading.encoding or "utf-8-sig", errors="replace")
     try:
@@ -36,7 +36,7 @@ def read_json(path: Path, reading: Reading) -> Content:
 
 
 def _content(data: Any, reading: Reading) -> Content:
-    """Content made of JSON data. Raises RecordingError where the data contain no records and no arrays."""
+    """Content made of JSON data. Raises RecordingError if the data contain no records and no arrays."""
     if isinstance(data, dict):
         lists = [one for one in data.values() if isinstance(one, list) and one and isinstance(one[0], dict)]
         if not lists:
@@ -82,7 +82,7 @@ def _loaded(text: str) -> Any:
 def _flat(data: Any, prefix: str, around: Sequence[Any] = ()) -> Iterator[tuple[str, str]]:
     """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`.
 
-    around: names of the entries of lists, which the record around this part states.
+    around: names of list entries, from the enclosing record.
     """
     if isinstance(data, dict):
         start = f"{prefix}." if prefix else ""

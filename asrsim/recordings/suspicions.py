@@ -1,4 +1,6 @@
-"""Finds probable errors of unit, sign and range in the numbers of columns. Each report states the option that corrects."""
+"""Finds probable errors of unit, sign and range in the numbers of columns. Each report states the option that corrects the
+error.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,11 @@ _FEWEST = 20
 _NEAR, _FAR = 1.5, 10.0
 """Distance from all other numbers, relative to their range, above which a number is suspected to mark missing values."""
 _LIMITS = (2.0**15, 2.0**15 - 1, 2.0**16 - 1, 2.0**31, 2.0**31 - 1, 2.0**32 - 1)
-"""Limits of integers, which stand for no value in some files."""
+"""Largest and smallest integers, which mark missing values in some files."""
 _OTHERS = 0.3
-"""Error with two columns interchanged, relative to the error as they are, below which they are suspected to be so."""
+"""Error with two columns interchanged, relative to the error without interchange, below which they are suspected to be
+interchanged.
+"""
 _FOLLOWS, _TURNED = 0.9, -0.7
 """Correlation above which one column follows another, and correlation below which its sign is reversed."""
 _GEARED = 10.0
@@ -89,7 +93,7 @@ def gear_between(motor: Column, link: Column | None) -> float:
 def interchanged(
     expected: Mapping[str, Array], measured: Mapping[str, Array], columns: Mapping[str, Column], than: str = "the simulation"
 ) -> Iterator[Problem]:
-    """Pairs of columns of one quantity that fit the other's joint far better than their own.
+    """Pairs of columns of one quantity, each of which fits the joint of the other far better than its own joint.
 
     expected, measured: values (n,) by joint, at equal times. columns: column of each joint.
     """
@@ -137,7 +141,10 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
     if not str(column.quantity).startswith(("reference", "external")):
         yield from _markers(column, time, numbers)
     if count := _turns(values[:1000]):
-        message = f"is close to its value {count} samples before, but far from its neighbours: do {count} joints take turns?"
+        message = (
+            f"is close to its value {count} samples before, but far from its neighbours: do the samples alternate between "
+            f"{count} joints?"
+        )
         hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
         yield Problem(message, key=column.source, hint=hint, code="suspected-turns")
     whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
@@ -161,7 +168,8 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
 
 
 def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
-    """Problems of numbers that stand for no measurement: one far from all others, and zeros between values far from zero.
+    """Problems of numbers that are probably not measurements: a number far from all others, and zeros between values far from
+    zero.
 
     time, numbers: (n,) the samples that have a number, in the file's unit.
     """
@@ -200,7 +208,7 @@ def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
 
 
 def _turns(values: Array) -> int:
-    """Number of joints that seem to take turns in the samples; 0 for a single joint."""
+    """Number of joints between which the samples seem to alternate; 0 for a single joint."""
     if len(values) < _FEWEST or np.ptp(values) == 0.0:
         return 0
     changes = np.array([np.mean(np.abs(values[lag:] - values[:-lag])) for lag in range(1, min(41, len(values) // 2))])
@@ -228,7 +236,10 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
     ratio = float(np.std(integral) / np.std(angle)) if correlation > _FOLLOWS else 1.0
     if not 1 / 1.5 < ratio < 1.5:
         message = f"is {ratio:.3g} times the slope of '{position.source}': are the units of position, velocity and time right?"
-        hint = "57.3: velocity in deg/s; 0.0175: position in deg; 9.55: rpm; 1000: thousandths; other: is one before the gear?"
+        hint = (
+            "57.3: velocity in deg/s; 0.0175: position in deg; 9.55: rpm; 1000: thousandths; another ratio: was one of them "
+            "measured before the gear?"
+        )
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-unit")
 
 

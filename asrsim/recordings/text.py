@@ -34,7 +34,7 @@ _BLOCK = 1000
 """Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
 _BRACKETS = " []()<>{}"
 _ONLY_BRACKETS = re.compile(r"\s*(?:[\[(][^\])\s]*[\])]\s*)+")
-"""Pattern of a row of units in brackets, which belong to no words before them."""
+"""Pattern of a row of units in brackets without names before them."""
 _LONGEST = 200
 """Largest length of a joint's name."""
 NumberedLine = tuple[int, list[str]]
@@ -59,7 +59,7 @@ def parse(cell: str, decimal: str) -> tuple[str, float]:
         return "missing", math.nan
     with suppress(ValueError):
         return "number", number_in(cell, decimal)
-    # Excel writes 62 s as 01:02, which would be read as a minute past one: a time of day needs two colons.
+    # Excel writes 62 s as 01:02, which would be read as one hour and two minutes: a time of day needs two colons.
     for text in (cell, f"1970-01-01T{cell}") if cell.count(":") != 1 else ():
         with suppress(ValueError):
             moment = datetime.fromisoformat(text.replace("/", "-"))
@@ -92,7 +92,7 @@ class CellColumn:
     example: str = ""
     """First cell that is not a number."""
     doubtful: list[tuple[int, int, str]] = field(default_factory=list)
-    """Index, line and text of each number whose mark may be a decimal mark or group digits, such as `1.234`."""
+    """Index, line and text of each number whose mark may be a decimal mark or may group digits, such as `1.234`."""
     uses: set[str] = field(default_factory=set)
     """How the other numbers of the column use the mark that is not the decimal mark: `marks.GROUPS`, `marks.POINT`."""
 
@@ -110,7 +110,7 @@ class CellColumn:
         self.blocks.append(np.array(values, dtype=float))
 
     def values(self, decimal: str, *, stated: bool) -> Array:
-        """Values (n,). Raises RecordingError where a mark may be a decimal mark or group digits, and no other cell tells.
+        """Values (n,). Raises RecordingError if a mark may be a decimal mark or may group digits, and no other cell decides it.
 
         stated: Whether the user states the decimal mark.
         """
@@ -159,13 +159,13 @@ class TableLayout:
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
     skipped: tuple[NumberedLine, ...]
-    """Rows with values above the first row, which have another number of cells."""
+    """Rows with values above the first row, with a different number of cells."""
 
     def content(self, rows: Iterable[NumberedLine]) -> Content:
         """Content with the table made of the rows, and one problem for each kind of fault.
 
-        Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError where
-        no number is left.
+        Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError if no
+        number is left.
         """
         columns = [CellColumn(name=name, kind=kind) for name, kind in zip(self.names, self.kinds, strict=True)]
         lines: list[int] = []
@@ -260,7 +260,7 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
     # The kind of the first cell distinguishes rows of the table from lines above, such as "Samples 400 400" or "Operator Ada".
     shape = Counter((len(row), row[0] == "text") for row in kinds[len(rows) // 2 :]).most_common(1)[0][0]
     columns, lowest = shape[0], reading.header or 0
-    # Fraction of each row's cells that are values; None for comments and rows of another shape.
+    # Fraction of values among the cells of each row; None for comments and rows of another shape.
     shares = [
         share_of_values(kind)
         if (len(kind), kind[0] == "text") == shape and line > lowest and not cells[0].startswith(COMMENTS)
@@ -318,12 +318,12 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
 
 
 def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:
-    """Whether a row may be the header: it is the stated one, or, where none is stated, most of its cells are text."""
+    """Whether a row may be the header: the stated row or, if none is stated, a row with mostly text."""
     return row[0] == stated if stated is not None else share_of_values(kinds_of(row[1], decimal)) < 0.5
 
 
 def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) -> NumberedLine:
-    """Header, the last of the fitting rows, with the units of a row that only holds units, below or above it.
+    """Header: the last fitting row, with the units of a row below or above it that contains only units.
 
     above: rows above the numbers that have the same number of cells as the rows of numbers.
     """
@@ -339,7 +339,7 @@ def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) 
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row holds units: all of its cells, or at least two and half of them."""
+    """Whether a row contains units: in all of its cells, or in at least two and at least half of them."""
     filled = [cell for cell in cells if cell.strip(_BRACKETS + "-")]
     known = sum(find_unit(cell) is not None for cell in filled)
     return 0 < known >= (len(filled) if known < 2 else 0.5 * len(filled))
@@ -367,7 +367,7 @@ def _encoding(path: Path) -> str:
 
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
-    """Word for the separator, and the decimal mark, that make most cells numbers. Those stated in `reading` are kept."""
+    """Word for the separator, and decimal mark, with which most cells are numbers. Values stated in `reading` are kept."""
 
     def score(layout: tuple[str, str]) -> float:
         """Fraction of the lines' cells that are values; a layout with one column is chosen only if no other fits."""
@@ -378,7 +378,7 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
         whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
         widths = list_widths(whole)
         good = sum(share_of_values(kinds_of(spread(row, widths), decimal)) for row in whole) / len(rows)
-        # Of two marks with which all cells are numbers, the one that leaves fewer other marks is the decimal mark.
+        # If all cells are numbers with either mark, the decimal mark is that with fewer remaining marks.
         other = sum(bool(use_of_other(cell, decimal)) for row in whole for cell in row) / (columns * len(rows))
         return round(good - (0.4 if columns == 1 else 0.0) - 0.1 * other, 3)
 

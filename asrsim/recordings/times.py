@@ -38,15 +38,15 @@ _DIGITS = 9
 _MOST_JOINTS = 1000
 """Largest number of joints that a column may name row by row."""
 _COARSE = 0.1
-"""Fraction of samples that may repeat the stamp of the one before; with more, the clock is coarser than the samples."""
+"""Fraction of samples that may repeat the stamp of the previous sample; above it, the clock is coarser than the sampling."""
 _GAP = 1.7
-"""Ratio to the usual time step above which a step contains missing samples."""
+"""A step longer than this multiple of the usual time step contains missing samples."""
 
 
 def with_times(content: Content, reading: Reading, findings: list[Problem]) -> Content:
     """Content whose tables have strictly increasing times and no time columns.
 
-    Dates count from the earliest date in the file. Raises RecordingError where no table has a time and a signal.
+    Dates count from the earliest date in the file. Raises RecordingError if no table has a time and a signal.
     """
     faults: list[Problem] = []
     tables: list[RawTable] = []
@@ -75,7 +75,7 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
 def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
     """Table of each joint that the column `name` names row by row, and the prefix of its columns' names, such as `elbow.`.
 
-    Without a name the table itself, with the prefix "". Raises RecordingError if there is no such column, or if it names too
+    Without a name, the whole table with the prefix "". Raises RecordingError if there is no such column, or if it names too
     many joints, as a column of numbers does.
     """
     if name is None:
@@ -118,7 +118,7 @@ def is_named_time(column: RawColumn) -> bool:
 
 
 def unit_of_time(column: RawColumn) -> Unit | None:
-    """Unit that the header of a time column states, or its name (`nanosec`), or the digits of its Unix times; else None."""
+    """Unit of a time column, from its header, its name (`nanosec`) or the number of digits of its Unix times; else None."""
     plain, unit = split_header(column.name)
     unit = unit or find_unit(re.split(r"[./]", plain)[-1])
     if unit is not None and unit.si == "s":
@@ -152,7 +152,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
-        # A flag may stand before the time.
+        # A flag column may precede the time column.
         second = next((place for place in named if place > places[0]), named[0])
         _check_second_time(names, places[0], second, findings)
     alone = len(places) == 1
@@ -166,9 +166,8 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """The first column with the name of a time, and the next one if both are seconds and parts of a second of one stamp.
-
-    A flag, which has two values at most, is not taken as the time if another column has more values.
+    """The first column with the name of a time, and the next column if the two contain the seconds and the fraction of a second
+    of one stamp. A flag (at most two different values) is not taken as the time if another column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
@@ -251,7 +250,7 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
 
 
 def _median(values: Array) -> float:
-    """Middle one of the values that are numbers; 0 without a number."""
+    """Median of the values that are numbers; 0 without a number."""
     known = values[np.isfinite(values)]
     return float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
 
@@ -260,7 +259,7 @@ def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[
     """Report time steps that are implausible in the stated unit. Raises RecordingError if no unit is stated for them."""
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     if len(steps) and np.median(steps) == 0.0:
-        return  # the stamps repeat, which is reported of all samples
+        return  # the stamps repeat, which is reported for all samples together
     step = float(np.median(steps[steps > 0])) * (unit.factor if unit else 1.0) if steps.any() else SLOWEST
     if FASTEST <= step <= SLOWEST:
         return
@@ -273,7 +272,9 @@ def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[
 
 
 def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, float] | None:
-    """Step of a clock, s, and mean rate of the samples, Hz, if many samples repeat the stamp before, but not its values."""
+    """Step of a clock, s, and mean rate of the samples, Hz, if many samples repeat the previous stamp, but not the previous
+    values.
+    """
     stamps, firsts = np.unique(np.round(table.time[np.isfinite(table.time)], _DIGITS), return_index=True)
     if len(repeated) <= max(2, _COARSE * len(table.time)) or len(stamps) < 2:
         return None
@@ -289,14 +290,14 @@ def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, f
 def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     """Table with the samples whose times strictly increase. Removed samples and gaps are reported.
 
-    Of samples with equal stamps the first is kept. Raises RecordingError where many samples are removed or the time jumps far,
-    as with two time bases or two recordings in one file.
+    Of samples with equal stamps the first is kept. Raises RecordingError if many samples are removed or the time jumps far, as
+    with two time bases or two recordings in one file.
     """
     time, name = table.time, table.name or str(one_or_more(table.clock.get("column", "time"))[0])
     keep = np.ones(len(time), dtype=bool)
 
     def leave_out(bad: NDArray[np.intp], noun: str, code: str, most: float, why: str) -> None:
-        """Remove the samples `bad`. Raises RecordingError where more than the fraction `most` of all samples is bad.
+        """Remove the samples `bad`. Raises RecordingError if more than the fraction `most` of all samples is bad.
 
         noun: Name of one bad sample, for messages.
         """
@@ -320,7 +321,9 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     if (coarse := _coarse_clock(table, repeated)) is not None:
         step, rate = coarse
         message = f"counts in steps of {step:g} s, and {len(repeated)} of {len(valid)} samples have the stamp of the one before"
-        hint = f"For even samples state their rate, --rate {rate:.3g}; if the rows of several joints take turns, `joint: name`"
+        hint = (
+            f"For even samples state their rate, --rate {rate:.3g}; if the rows alternate between several joints, `joint: name`"
+        )
         raise RecordingError(message, key=name, line=table.line(repeated[0]), hint=hint, code="coarse-clock")
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)

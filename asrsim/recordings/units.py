@@ -74,7 +74,8 @@ counts     1.0                   counts count ticks pulses increments inc lsb ad
 """
 """Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks. Upper and lower
 case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the user states
-the size of a count."""
+the size of a count.
+"""
 UNITS = {
     spelling: Unit(spelling, si, float(factor))
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
@@ -84,11 +85,11 @@ UNITS = {
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _UNSURE = {"grad": ("deg", "gon"), "grads": ("deg", "gon"), "grad/s": ("deg/s", "gon/s")}
-"""Units that a spelling may mean. German writes Grad for degrees; elsewhere, grad is 1/400 of a turn."""
+"""Units that a spelling may mean. In German, Grad means degrees; elsewhere, grad is 1/400 of a turn."""
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
-"""Patterns of the gap between a name and its unit, of a word, of a name with its gap, and of one more word."""
+"""Patterns for headers: a name with the gap before its unit, and a further word."""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
@@ -128,14 +129,16 @@ def find_unit(text: str) -> Unit | None:
 
 
 def _in_lower_case(text: str) -> Unit | None:
-    """Unit with this spelling in lower case; None for M (mega) where only m (milli) is known, and where it may be two units."""
+    """Unit with this spelling in lower case; None for M (mega) if only m (milli) is known, and if the spelling may mean two
+    units.
+    """
     unit = _LOWER.get(text.lower())
     mega = unit is not None and text[0] == "M" and unit.symbol[0] == "m" and unit.symbol[1:] in UNITS and unit.si != "s"
     return None if mega or text.lower() in _UNSURE else unit
 
 
 def unsure_units(text: str) -> tuple[str, ...]:
-    """Units that a unit, or one in a header, may mean, if it may mean several, such as `grad`; else none."""
+    """All meanings of an ambiguous unit, such as `grad`, or of an ambiguous unit in a header; empty if it is unambiguous."""
     known = find_unit(text) is not None or split_header(text)[1] is not None
     words = () if known else re.findall(r"[^\W\d_]+(?:/s)?", text.lower())
     return next((_UNSURE[word] for word in words if word in _UNSURE), ())
@@ -154,7 +157,9 @@ def parse_unit(text: str) -> Unit:
 
 @lru_cache(maxsize=8192)
 def split_header(header: str) -> tuple[str, Unit | None]:
-    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if not stated."""
+    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if the header states
+    none.
+    """
     text = header.strip(' "')
     for pattern in _HEADERS:
         found = pattern.fullmatch(text)

@@ -49,7 +49,8 @@ WORDS = _table(
     }
 )
 """Word for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?" for words that
-suggest a quantity of a joint, but may mean something else."""
+suggest a quantity of a joint, but may mean something else.
+"""
 KINDS = _table(
     {
         "position": "position equilibrium",
@@ -64,7 +65,9 @@ KINDS = _table(
         "stiffness": "stiffness stiff",
     }
 )
-"""Physical kind of a command for each word that states one; `i` and `iq` are currents beside a word for a command only."""
+"""Physical kind of a command for each word that states one; `i` and `iq` mean currents only together with a word for a
+command.
+"""
 LETTERS = {
     "u": ("voltage", "torque", "current", "force", "PWM duty"), "v": ("voltage", "velocity"), "w": ("velocity", "power"),
     "id": ("current",), "theta": ("position",), "th": ("position",), "phi": ("position",), "eff": ("torque",),
@@ -93,11 +96,11 @@ BODIES = {
     "tool", "tcp", "ee", "eef", "effector", "endeffector", "base", "body", "trunk", "torso", "pelvis", "com", "imu", "gyro",
     "pose", "poses", "twist", "odom", "odometry", "camera", "marker", "world", "cartesian", "wrench",
 }  # fmt: skip
-"""Words for bodies in space and their sensors. A number in the name of their position counts directions, not joints."""
+"""Words for bodies in space and their sensors. In their names, a number counts directions, not joints."""
 JOINTS = {"joint", "joints", "motor", "motors"}
-"""Words with which a number counts joints, even beside a body: `cartesian_controller.joint_position[1]`."""
+"""Words after which a number counts joints, even if a body is also named: `cartesian_controller.joint_position[1]`."""
 TAKEN = ("position", "torque", "force", "current", "voltage")
-"""Kinds of commands that an operation mode takes; a force only on a prismatic joint."""
+"""Kinds of commands that some operation mode accepts; a force is accepted only on a prismatic joint."""
 
 
 def one_of(kinds: Sequence[str]) -> str:
@@ -117,28 +120,28 @@ def tokens_of(name: str) -> list[str]:
 
 
 def spellings_of(tokens: Sequence[str]) -> list[str]:
-    """Words of a name as it spells them; words that it writes together, as in `tauref`, are separated."""
+    """Words of a name in their original spelling; joined words, as in `tauref`, are separated."""
     return [part for token in tokens for part in _parts(token)]
 
 
 def words_of(tokens: Sequence[str]) -> list[str]:
-    """Words of a name in one spelling each, without words that have no effect on the meaning."""
+    """Words of a name in standard spelling, without words that have no effect on the meaning."""
     return [word for part in spellings_of(tokens) if (word := WORDS.get(part, part))]
 
 
 def kind_of_word(spelling: str) -> str:
-    """Kind that a word in the name of a command states; "" for a word that states none for certain."""
+    """Kind that a word in the name of a command states; "" for a word that does not state a kind unambiguously."""
     return KINDS.get(spelling) or KINDS.get(WORDS.get(spelling, ""), "")
 
 
 def is_known(spelling: str) -> bool:
-    """Whether a spelling is a word, or words written together, with a meaning in the name of a column."""
+    """Whether a spelling is a word, or joined words, with a known meaning in the name of a column."""
     return any(part in WORDS or part in KINDS or part in LETTERS for part in _parts(spelling))
 
 
 @lru_cache(maxsize=8192)
 def _parts(token: str) -> tuple[str, ...]:
-    """Words that a token writes together, as `tauref` or `cmdpos`: a word for a command and one of a kind."""
+    """Words that are joined in one token, as in `tauref` or `cmdpos`: a word for a command and a word for a kind."""
     if token in WORDS:
         return (token,)
     for word in (spelling for spelling, meant in WORDS.items() if meant == REFERENCE):

@@ -23,8 +23,9 @@ MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 def read_blocks(
     root: Any, joints: Sequence[Joint], findings: Findings, locked: Sequence[str] = ()
 ) -> tuple[tuple[ActuatorBlock, ...], frozenset[str]]:
-    """Blocks of all known actuators, and joints whose actuator or mode is invalid. Plugins of other programs, and those of
-    locked joints, are ignored."""
+    """Blocks of all known actuators, and joints whose actuator or mode is invalid. Plugins of other programs, and plugins on
+    locked joints, are ignored.
+    """
     blocks: dict[str, ActuatorBlock] = {}
     unread: set[str] = set()
     known = {joint.name: joint for joint in joints}
@@ -58,14 +59,14 @@ def read_blocks(
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """Actuator of a plugin if asrsim knows it; otherwise the joints in a block that was clearly meant for an actuator."""
+    """Actuator of a plugin if asrsim knows it; otherwise the joints in a block that was clearly intended as an actuator."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""
     tags = elements(plugin)
     given, shown = {tag.tag for tag in tags}, plugin.get("name") or filename or "plugin"
     if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
-        return None, set()  # no search for installed actuators is needed
+        return None, set()  # the search for installed actuators is skipped
     if name not in ACTUATORS:
         if not {"joint", "operation_mode"} <= given:
             return None, set()
@@ -85,7 +86,7 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
 
 
 def is_block(plugin: Any) -> bool:
-    """Whether a plugin is read as the block of an actuator, or reported as one with an unknown actuator."""
+    """Whether a plugin is read as the block of an actuator, or reported as a block with an unknown actuator."""
     match = _FILENAME.fullmatch(name_of(plugin, "filename"))
     given = {tag.tag for tag in elements(plugin)}
     name = match.group("name") if match else ""
@@ -129,7 +130,7 @@ class _Tags:
         known = (*BLOCK_TAGS, *tag_parameters(actuator))
         for name, tag in self.by_name.items():
             if name not in known:
-                # The user did not mean a tag that the block already has.
+                # A tag that the block already has is not suggested.
                 close = nearest(name, [one for one in known if one not in self.by_name])
                 hint = f"Did you mean <{close}>?" if close else None
                 message = f"unknown tag <{name}>; it has no effect"

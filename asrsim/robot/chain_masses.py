@@ -1,4 +1,4 @@
-"""Mass matrix of a robot at one posture, as loops over its bodies, for programs that need it thousands of times in a second.
+"""Mass matrix of a robot at one posture, as loops over its bodies, for programs that need it thousands of times per second.
 
 The equations are those of `asrsim.robot.dynamics.RobotModel.mass_matrix`, which takes many postures at once. The loops run as
 Python or compiled.
@@ -13,8 +13,9 @@ import numpy as np
 
 
 class Chain(NamedTuple):
-    """A robot on a fixed base, whose n joints follow no other joint, and work space. Joint k moves body k + 1; body 0 stands
-    still."""
+    """A robot on a fixed base without coupled joints (n joints), and its work space. Joint k moves body k + 1; body 0 stands
+    still.
+    """
 
     parents: Any
     """Body that carries each joint's body, (n,); it precedes this body."""
@@ -23,7 +24,7 @@ class Chain(NamedTuple):
     slides: Any
     """Whether each joint slides, (n,)."""
     origins: Any
-    """Pose (n, 4, 4) of each joint in the body that carries it."""
+    """Pose (n, 4, 4) of each joint in the frame of the body that carries it."""
     twists: Any
     """Twist (n, 4, 4) of each joint's body at unit velocity."""
     squares: Any
@@ -35,9 +36,9 @@ class Chain(NamedTuple):
     poses: Any
     """Work space (n + 1, 4, 4): pose of each body; the first is the base's."""
     turned: Any
-    """Work space (n, 4, 4): twist of each joint in the world."""
+    """Work space (n, 4, 4): twist of each joint in the world frame."""
     carried: Any
-    """Work space (n, 4, 4): pseudo-inertia in the world of all that each joint carries."""
+    """Work space (n, 4, 4): pseudo-inertia, in the world frame, of all bodies that each joint carries."""
     room: Any
     """Work space (4, 4)."""
 
@@ -99,7 +100,7 @@ def multiply(first: Any, second: Any, product: Any) -> None:
 
 
 def turn_twist(pose: Any, twist: Any, room: Any, turned: Any) -> None:
-    """Write the twist in the world of a body whose twist along its own axes is given: pose twist pose^-1."""
+    """Write the twist of a body in the world frame, from its twist in the body frame: pose twist pose^-1."""
     multiply(pose, twist, room)
     for a in range(4):
         for b in range(3):
@@ -115,7 +116,7 @@ def turn_twist(pose: Any, twist: Any, room: Any, turned: Any) -> None:
 
 
 def add_turned(pose: Any, inertia: Any, room: Any, target: Any) -> None:
-    """Add the pseudo-inertia in the world of a body: pose inertia pose^T."""
+    """Add the pseudo-inertia of a body in the world frame: pose inertia pose^T."""
     multiply(pose, inertia, room)
     for a in range(4):
         for b in range(4):

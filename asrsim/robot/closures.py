@@ -1,7 +1,7 @@
 """Reads the joints of a robot file that close loops: `<loop_joint>`, and joints of SDF in `<gazebo>`.
 
-A ball closes a loop at one point, a hinge at two points of its axis, a fixed joint at three points. Where one point of a hinge
-suffices, as in planar loops, its axis follows.
+A ball closes a loop at one point, a hinge at two points of its axis, a fixed joint at three points. If one point of a hinge
+suffices, as in planar loops, the loop itself determines the axis.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
     closures = [*_loop_joints(findings, root, robot), *_sdf_joints(findings, root, robot)]
     while closures:
         for points in (1, 3):
-            # A fixed joint of three points never needs fewer.
+            # A fixed joint always needs its three points.
             parts = [closure.loops(points=3 if closure.points == 3 else points) for closure in closures]
             closed = replace(robot, loops=tuple(loop for part in parts for loop in part))
             found = assembly_of(closed).errors
@@ -74,7 +74,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
 
 
 def _together(robot: Robot, number: int) -> Sequence[int]:
-    """Loops of the linkage of a loop."""
+    """All loops in the linkage of a loop."""
     try:
         return next((linkage.loops for linkage in linkages_of(robot) if number in linkage.loops), (number,))
     except RobotError:
@@ -87,7 +87,7 @@ def _loop_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closur
         ends = [tag for tag in elements(element) if tag.tag in ("link1", "link2")]
         name = name_of(element) or "loop_joint"
         if len(ends) != 2:
-            findings.warn("has not two links, so it closes nothing", element, name, code="loop")
+            findings.warn("does not have two links, so it closes no loop", element, name, code="loop")
             continue
         poses = [HERE.then(*(findings.vector(tag, key, name, default=ZERO) for key in ("xyz", "rpy"))) for tag in ends]
         axis = elements(element, "axis")
@@ -97,17 +97,17 @@ def _loop_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closur
 
 
 def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure]:
-    """Closures by joints of SDF in `<gazebo>`. Their pose is given in the frame of the child, and holds at the zero posture."""
+    """Closures by joints of SDF in `<gazebo>`. Their pose is stated in the frame of the child link, at the zero posture."""
     places = link_poses(robot)
     for gazebo in elements(root, "gazebo"):
         for element in elements(gazebo, "joint"):
             tags = {tag.tag: tag for tag in elements(element)}
             name = name_of(element) or "joint"
             if not {"parent", "child"} <= set(tags):
-                findings.warn("<gazebo> changes it by SDF's words; this has no effect here", element, name, code="left-out")
+                findings.warn("<gazebo> changes it by elements of SDF; this has no effect here", element, name, code="left-out")
                 continue
             parent, child = (text_of(tags[key]) or name_of(tags[key], "link") for key in ("parent", "child"))
-            # The world carries the root of a robot, whose base the scenario fixes.
+            # A joint to the world only carries the root of the robot; the scenario decides whether the base is fixed.
             links = [robot.root.name if link == WORLD and link not in places else link for link in (parent, child)]
             if links[1] == robot.root.name and parent == WORLD:
                 continue
@@ -138,7 +138,7 @@ def _closure(
     """The closure, if its links exist and its type can be simulated."""
     name, names = name_of(element) or "loop", {link.name for link in robot.links}
     missing = [link for link in links if link not in names]
-    reason = f"there is no link '{missing[0]}'" if missing else f"a joint of type '{kind}' cannot close it"
+    reason = f"there is no link '{missing[0]}'" if missing else f"a joint of type '{kind}' cannot close a loop"
     if missing or kind not in POINTS:
         findings.warn(f"the loop stays open: {reason}", element, name, code="loop", choices=() if missing else tuple(POINTS))
     elif not any(axis):

@@ -1,4 +1,4 @@
-"""Couplings of joints: a joint that mimics another one follows it exactly, q = multiplier q_master + offset; the joints of a
+"""Couplings of joints: a joint that mimics another joint follows it exactly, q = multiplier q_master + offset; the joints of a
 closed chain follow its master with a ratio that depends on the positions (`asrsim.robot.loops`).
 
 The motion of a coupled robot is determined by the joints that follow no other joint. With the positions z of these joints, the
@@ -28,7 +28,7 @@ class Couplings:
     """
 
     master: NDArray[np.int64]
-    """Index of the joint that each joint follows, (n,); its own index for a joint that follows none."""
+    """Index of the joint that each joint follows, (n,); the joint's own index if it follows none."""
     ratio: Array
     """Velocity of each joint per velocity of its master, (n,); 1 for the joints of closed chains, see `ratios`."""
     offset: Array
@@ -45,7 +45,7 @@ class Couplings:
         return bool((self.master != np.arange(len(self.master))).any())
 
     def expand(self, positions: ArrayLike) -> Array:
-        """Positions (..., n) in which the followers stand where their masters put them."""
+        """Positions (..., n) in which the followers follow their masters."""
         q = np.asarray(positions, dtype=float)
         return closed(self.linkages, self.ratio * q[..., self.master] + self.offset) if self else q
 
@@ -59,12 +59,12 @@ class Couplings:
         return found
 
     def expand_rates(self, rates: ArrayLike, q: Array) -> Array:
-        """Velocities (..., n) in which the followers move as their masters make them."""
+        """Velocities (..., n) in which the followers follow their masters."""
         v = np.asarray(rates, dtype=float)
         return self.ratios(q) * v[..., self.master] if self else v
 
     def expand_accelerations(self, accelerations: ArrayLike, v: Array, q: Array) -> Array:
-        """Accelerations (..., n) in which the followers move as their masters make them, at the velocities v (..., n)."""
+        """Accelerations (..., n) in which the followers follow their masters, at the velocities v (..., n)."""
         found = self.expand_rates(accelerations, q)
         for linkage in self.linkages:
             joints = list(linkage.joints)
@@ -73,28 +73,32 @@ class Couplings:
         return found
 
     def spread(self, q: Array) -> Array:
-        """Matrix (..., n, n): velocity of each joint per velocity of each joint that follows none; 0 in the columns of
-        followers."""
+        """Matrix (..., n, n): velocity of each joint per velocity of each joint that follows no other joint; 0 in the columns
+        of followers.
+        """
         return self.ratios(q)[..., None] * np.eye(len(self.master))[self.master]
 
     def fold(self, torques: ArrayLike, q: Array) -> Array:
-        """Torques (..., n) on the joints that follow none, equivalent to the given torques; 0 for followers."""
+        """Torques (..., n) on the joints that follow no other joint, equivalent to the given torques; 0 for followers."""
         values = np.asarray(torques, dtype=float)
         return _fold(values, self.spread(q)) if self else values
 
     def fold_sizes(self, torques: ArrayLike, q: Array) -> Array:
-        """Bounds (..., n) of the torques on the joints that follow none, from bounds of the torques on all joints."""
+        """Bounds (..., n) of the torques on the joints that follow no other joint, from bounds of the torques on all joints."""
         values = np.asarray(torques, dtype=float)
         return _fold(values, np.abs(self.spread(q))) if self else values
 
     def fold_gains(self, gains: ArrayLike, q: Array) -> Array:
-        """Stiffnesses or dampings (..., n) that act on the joints that follow none, equivalent to those of all joints; 0 for
-        followers."""
+        """Stiffnesses or dampings (..., n) that act on the joints that follow no other joint, equivalent to those of all
+        joints; 0 for followers.
+        """
         values = np.asarray(gains, dtype=float)
         return _fold(values, np.square(self.spread(q))) if self else values
 
     def fold_matrix(self, matrix: Array, q: Array) -> Array:
-        """Mass matrix (..., n, n) of the joints that follow none; the rows of followers are those of the unit matrix."""
+        """Mass matrix (..., n, n) of the joints that follow no other joint; the rows of followers are rows of the identity
+        matrix.
+        """
         if not self:
             return matrix
         spread = self.spread(q)
@@ -109,13 +113,14 @@ def _fold(values: Array, spread: Array) -> Array:
 
 
 def uncoupled(count: int) -> Couplings:
-    """Couplings of joints of which none follows another."""
+    """Couplings of joints that are not coupled."""
     return Couplings(master=np.arange(count), ratio=np.ones(count), offset=np.zeros(count))
 
 
 def couplings_of(robot: Robot) -> Couplings:
-    """Couplings of the moving joints of a robot, whose masters follow no other joint. Raises RobotError for loops that nothing
-    can close."""
+    """Couplings of the moving joints of a robot, whose masters follow no other joint. Raises RobotError for loops that no joint
+    can close.
+    """
     moving, linkages = robot.moving_joints, linkages_of(robot)
     index = {joint.name: j for j, joint in enumerate(moving)}
     mimics = [bool(joint.mimic) for joint in moving]

@@ -34,20 +34,23 @@ WIDE = 100.0
 UNUSUAL = 1e4
 """Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
 ROTORS = 0.05
-"""Relative difference of the file's rotor and the actuator's motors above which they contradict each other."""
+"""Relative difference between the rotor inertia in the file and the inertia of the actuator's motors above which they
+contradict each other.
+"""
 EXCHANGED = 1.5
-"""Smallest distance of two exchanged parameters from their defaults, powers of ten."""
+"""Smallest distance of two parameters from their defaults, in powers of ten, at which they may have been exchanged."""
 GAINS = ("proportional", "integral", "derivative")
 
 
 def warnings_of(robot: Robot) -> tuple[Problem, ...]:
-    """Warnings about the robot's file, and about links, joints and actuators whose values are probably mistakes. The latter are
-    left out for a file with errors."""
+    """Warnings about the robot's file, and about links, joints and actuators whose values are probably mistakes. Values are not
+    checked in a file with errors.
+    """
     return robot.findings if robot.faults else (*robot.findings, *_doubts(robot))
 
 
 def _doubts(robot: Robot) -> Iterator[Problem]:
-    """Warnings about values. The key of a warning about a parameter that a scenario gives is a key of the scenario."""
+    """Warnings about values. If the scenario states a parameter, the key of its warning is a key of the scenario."""
     for check in ROBOT_CHECKS:
         yield from check(robot)
     for block in robot.actuators:
@@ -103,7 +106,7 @@ def _no_inertial(robot: Robot) -> Iterator[Problem]:
     """Warnings about links without `<inertial>`, except the root: PyBullet would assume a mass of 1 kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
-            message = "link has no <inertial>: taken as massless (PyBullet by itself would make it 1 kg)"
+            message = "link has no <inertial>: taken as massless (PyBullet alone would assume 1 kg)"
             yield _about(message, robot, link, code="no-inertial")
 
 
@@ -177,7 +180,9 @@ def _of_joint(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
 
 
 def _left_rotor(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
-    """Warning about the file's rotor behind a spring, unless the motors have its inertia or the scenario gives `armature`."""
+    """Warning about the rotor inertia in the file behind a spring, unless the motors have this inertia or the scenario states
+    `armature`.
+    """
     mode, rotor = MODES[block.mode], joint.rotor_inertia
     own = sum(value for name, value in block.values().items() if name.startswith("motor_") and name.endswith("_inertia"))
     if not mode.spring or joint.armature or rotor <= 0.0 or (mode.motor and abs(own - rotor) <= ROTORS * rotor):
@@ -207,7 +212,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
         motor = name[: len("motor_1")]
         friction, largest = f"{motor}_friction_torque", f"{motor}_max_torque"
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
-            message = "the motor's friction is at least its largest torque: it never turns"
+            message = "the motor's friction is not below its largest torque: the motor never turns"
             yield Problem(message, key=name, code="stuck-motor", value=f"{values[friction]:g} N m")
         # Usual values in N m/rad do not apply to values in N/m.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
@@ -218,7 +223,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
 
 
 def _idle_stages(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
-    """Warnings about stages whose parameters are set, and that do not act in this mode."""
+    """Warnings about stages whose parameters are set, but that do not act in this mode."""
     mode, values, motors = MODES[block.mode], block.values(), ACTUATORS.get(block.actuator).motors
     for stage in STAGES.loaded():
         first, *_ = stage.parameters
@@ -230,7 +235,7 @@ def _idle_stages(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
 
 
 def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
-    """Warning about a block that sets the gains of motor 1 only: motor 2 keeps the defaults."""
+    """Warning about a block that sets only the gains of motor 1, so that motor 2 keeps the default gains."""
     mode = MODES[block.mode]
     differing = []
     for name, value in block.parameters.items() if mode.motor and mode.controller else ():
@@ -242,7 +247,9 @@ def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
 
 
 def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
-    """Warning about two spring parameters that are far from their defaults, but would be near them with each other's values."""
+    """Warning about two spring parameters that are far from their defaults, but would be near their defaults if they were
+    exchanged.
+    """
     declared = {one.name: one.default for one in ACTUATORS.get(block.actuator).parameters}
     given = {
         name: one.value

@@ -7,7 +7,7 @@ The equations are those of Legnani et al. (1996), Mechanism and Machine Theory 3
     inertia J   pseudo-inertia of a body: the integral of x x^T over its mass, where x = (position, 1)
     load        (V' + V V) J: the integral of acceleration times x^T
 
-The torque that a body demands of a joint is the sum of the products of the elements of its load and of the twist that the joint
+The torque that a body requires from a joint is the sum of the elementwise products of its load and the twist that the joint
 causes at unit velocity.
 """
 
@@ -32,7 +32,7 @@ BASE = 6
 
 
 class Surroundings(Protocol):
-    """What the motion of a robot depends on besides the robot itself, such as a `Scenario`."""
+    """Base and gravity of a robot; a `Scenario` provides them."""
 
     @property
     def base_position(self) -> Vector:
@@ -52,7 +52,7 @@ class Surroundings(Protocol):
 
 
 def robot_model(surroundings: Surroundings, robot: Robot) -> RobotModel:
-    """Rigid-body model of the robot on the base, and under the gravity, of a scenario, without the objects of the world."""
+    """Rigid-body model of the robot with the base and gravity of a scenario, without the objects of the world."""
     return RobotModel(
         robot,
         base_position=surroundings.base_position,
@@ -67,7 +67,7 @@ class RobotModel:
     postures.
 
     Coupled joints follow their masters; entries of the arrays for coupled joints are ignored. Torques, Jacobians and mass
-    matrices are those of the masters: 0 for the joints that follow, and rows of the unit matrix in the mass matrix.
+    matrices refer to the masters: entries of coupled joints are 0, and rows of the identity matrix in the mass matrix.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class RobotModel:
         return self.couplings.fold_matrix(own, self.couplings.expand(positions))
 
     def chain(self) -> Chain | None:
-        """The robot for `asrsim.robot.chain_masses.find_masses`; None if its base floats or if joints follow others."""
+        """The robot for `asrsim.robot.chain_masses.find_masses`; None if its base floats or if it has coupled joints."""
         if self._free or self.couplings:
             return None
         return Chain(
@@ -183,17 +183,18 @@ class RobotModel:
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
-        # The general equations without velocities and accelerations.
+        # The general equations, without terms of velocity and acceleration.
         rises = self._rises(steps, backs, self._gravity)
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
 
     def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
         """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n): the second derivative of the
-        potential energy, N m/rad. For robots without coupled joints."""
+        potential energy, N m/rad. For robots without coupled joints.
+        """
         bodies = np.stack(self._bodies(positions)[1:], axis=-3)
         twists = bodies @ self._twists @ np.linalg.inv(bodies)
-        # A joint turns the first moment of all that it carries; its own axis is turned by the joints that carry it.
+        # A joint turns the first moment of all bodies that it carries; the joints that carry it turn its axis.
         moments = bodies @ (self._inertias - self._floats)[1:, :, 3, None]
         pushes = twists @ (self._carries @ moments[..., 0])[..., None]
         down = np.append(self._gravity, 0.0)
@@ -234,7 +235,7 @@ class RobotModel:
         return everything
 
     def _steps(self, positions: Array) -> Array:
-        """Pose of each body in the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
+        """Pose of each body in the frame of the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
         first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
         # The square of a sliding joint's twist is 0.
         second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
@@ -249,7 +250,8 @@ class RobotModel:
 
     def _all_masses(self, bodies: Array) -> Array:
         """Mass matrix (..., joints, joints) of all joints, for poses (..., joints, 4, 4) of the bodies that they move. A joint
-        moves all bodies that it carries as one composite body."""
+        moves all bodies that it carries as one composite body.
+        """
         turned, flat = np.swapaxes(bodies, -1, -2), (*bodies.shape[:-2], 16)
         twists = bodies @ self._twists @ np.linalg.inv(bodies)
         carried = self._carries @ (bodies @ self._inertias[1:] @ turned).reshape(flat)
@@ -288,7 +290,7 @@ class RobotModel:
         return rises
 
     def _gathered(self, steps: Array, loads: list[Array]) -> Array:
-        """Torques (..., joints) with which the joints give the bodies their loads."""
+        """Torques (..., joints) that produce the loads of the bodies."""
         torques = np.zeros((*np.broadcast_shapes(steps.shape[1:], *(load.shape for load in loads))[:-2], len(steps)))
         for k in range(len(steps) - 1, -1, -1):
             torques[..., k] = np.sum(self._twists[k] * loads[k + 1], axis=(-2, -1))
@@ -297,8 +299,9 @@ class RobotModel:
 
 
 def with_base_joints(robot: Robot) -> Robot:
-    """Robot on a fixed base, with six joints in the place of the floating base of `robot`: the root link moves along the axes
-    of its frame, then turns about them."""
+    """Robot on a fixed base, with six joints instead of the floating base of `robot`: the root link moves along the axes
+    of its frame, then turns about them.
+    """
     # XML does not allow the character 0, so no link of a file has these names.
     names = [f"\0base {k}" for k in range(BASE)]
     joints = (

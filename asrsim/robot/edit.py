@@ -27,11 +27,11 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
     """UTF-8 text of the file with new numbers.
 
     changes: joint or link -> name -> value, as for `asrsim.robot.vary.varied_robot`. For a number that the file omits, a tag is
-    added. Raises RobotError if the text has no place for a number.
+    added. Raises RobotError if the text has no element for a number.
     """
     root = parse_xml(data, robot.path)
     lacking = [
-        Problem("the file has no place for it", file=robot.path, key=f"{owner}.{name}", code="no-place")
+        Problem("the file has no element that could contain it", file=robot.path, key=f"{owner}.{name}", code="no-place")
         for owner, values in changes.items()
         for name, value in values.items()
         if not _put(root, robot, owner, name, f"{value:.9g}")
@@ -63,10 +63,10 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
             gazebo = _added(root, "gazebo")
             gazebo.set("reference", owner)
             tags = [_added(gazebo, tag)]
-        _set_text(tags[-1], value)  # of several equal tags, the last counts
+        _set_text(tags[-1], value)  # if a tag is repeated, the last counts
         return True
     if name == "armature" and joint is not None:
-        # The file's rotors are the sum of the armature and the rotors of transmissions; behind a spring they do not count.
+        # The file's rotors are the sum of the armature and the rotors of transmissions; behind a spring these have no effect.
         dynamics = next(iter(elements(joint, "dynamics")), None)
         own = float(dynamics.get("armature") or 0.0) if dynamics is not None else 0.0
         rest = float(value) - (robot.joint(owner).rotor_inertia - own)

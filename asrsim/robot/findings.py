@@ -64,7 +64,7 @@ class Findings:
         self.errors.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
     def warn(self, message: str, at: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
-        """Add a warning. The message does not repeat the name in `key`, so that equal messages can be merged."""
+        """Add a warning. The message must not repeat the name in `key`, so that equal messages can be merged."""
         self.warnings.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
     def origin(self, element: Any, name: str) -> tuple[Vector, Vector]:

@@ -1,8 +1,8 @@
 """Writes joints of two or three freedoms as joints of one freedom each, with massless links between them.
 
 Planar joints are those of URDF: two slides in the plane and a hinge about its normal, the joint's axis. Spherical joints, which
-PyBullet and MuJoCo read beside those of URDF, are three hinges about the axes x, y and z of the joint's frame. The second hinge
-cannot turn by 90 degrees, where the axes of the others coincide; a limit stops it before.
+URDF lacks but PyBullet and MuJoCo read, are three hinges about the axes x, y and z of the joint's frame. At 90 degrees of the
+second hinge, the axes of the other two hinges would coincide; a limit stops it before.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _divide(findings: Findings, joint: Any) -> None:
         kinds, parts = ("prismatic", "prismatic", "continuous"), "two slides and a hinge"
     else:
         axes, kinds = np.eye(3), ("continuous", "revolute", "continuous")
-        parts = f"hinges about x, y and z; that about y stops at {STEEPEST:g} rad, before the axes of the others coincide"
+        parts = f"hinges about x, y and z; the hinge about y stops at {STEEPEST:g} rad, before the axes of the others coincide"
     message = f"has several freedoms: simulated as joints {names[0]}, {names[1]}, {names[2]}, which are {parts}"
     limits, dynamics, origin = (elements(joint, tag)[:1] for tag in ("limit", "dynamics", "origin"))
     if any(number_of(tag.get(key, "0")) for tag in limits for key in ("lower", "upper")):

@@ -20,8 +20,8 @@ def inertia_tensor(link: Link) -> np.ndarray:
 def principal_axes(link: Link) -> tuple[Vector, Vector]:
     """Principal moments in kg m^2, at least 0, and roll, pitch, yaw of their axes in the link's frame, rad.
 
-    Engines diagonalise a full tensor with their own tolerances (PyBullet: relative errors of 1e-10 in the mass matrix of a
-    robot of 50 links), but use a diagonal tensor unchanged.
+    Engines diagonalise a full tensor with limited accuracy (PyBullet: relative errors of 1e-10 in the mass matrix of a robot
+    with 50 links), but use a diagonal tensor unchanged.
     """
     tensor = tensor_of(link.inertia or (0.0,) * 6)
     if not (tensor - np.diag(np.diag(tensor))).any():
@@ -34,7 +34,7 @@ def principal_axes(link: Link) -> tuple[Vector, Vector]:
 
 
 def tensor_of(inertia: Iterable[float]) -> np.ndarray:
-    """Inertia tensor (3, 3) of its six numbers, in the order of `asrsim.robot.model.INERTIAS`."""
+    """Inertia tensor (3, 3) from its six numbers, in the order of `asrsim.robot.model.INERTIAS`."""
     xx, xy, xz, yy, yz, zz = inertia
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 

@@ -1,9 +1,9 @@
 """Closed chains of one freedom: points of links coincide with points of other links.
 
-A linkage is a group of joints that one joint, the master, moves: the joints of a loop, of the loops that share joints with it,
-and the joints that are coupled to these. J is the Jacobian of the gaps of its loops and couplings, with columns J_m of the
-master and J_f of the followers. At unit velocity of the master, the followers have the velocities `ratio`: J_f ratio = -J_m.
-At constant velocity of the master, they have the accelerations `gamma`: J_f gamma = -dJ/dt v. Both are solved by least
+A linkage is a group of joints that one joint, the master, moves: the joints of a loop, the joints of further loops that share
+joints with it, and all joints coupled to these joints. J is the Jacobian of the gaps of its loops and couplings, with columns
+J_m of the master and J_f of the followers. At unit velocity of the master, the followers have the velocities `ratio`: J_f ratio
+= -J_m. At constant velocity of the master, they have the accelerations `gamma`: J_f gamma = -dJ/dt v. Both are solved by least
 squares, since a planar loop has fewer equations than the three of its gap.
 """
 
@@ -28,9 +28,11 @@ Array = NDArray[np.float64]
 OPEN = 1e-9
 """Largest gap of a closed loop, m."""
 ROUNDED = 1e-4
-"""Largest gap that counts as rounding of a file's numbers, where the followers cannot reduce it, m: that of CAD exports."""
+"""Largest gap, if the followers cannot reduce it, that counts as rounding of the numbers in the file, m; chosen for CAD
+exports.
+"""
 GROWN = 0.99 * ROUNDED
-"""Gap above which the range of a linkage ends because of its gap, m."""
+"""Gap at which the range of a linkage ends, m."""
 DEAD = 1e-6
 """Smallest ratio of the singular values of a linkage's Jacobian: below, the master stands at a dead centre."""
 ROUNDS = 25
@@ -38,11 +40,15 @@ ROUNDS = 25
 STRIDE = 0.15
 """Largest motion of a joint between two postures of a traced linkage, rad."""
 SHORTEST = 1e-7
-"""Motion of the master below which a linkage that does not close counts as being at its dead centre, as a fraction of 1 rad."""
+"""A linkage that does not close counts as being at its dead centre if the step of the master is smaller than this value, as a
+fraction of 1 rad.
+"""
 POSTURES = 4000
 """Largest number of postures of a traced linkage in one direction."""
 TRIALS, ENOUGH = 200, 8
-"""Random postures from which closed postures are sought, and number of these among which the nearest is chosen."""
+"""Number of random postures from which closed postures are searched for; number of closed postures from which the nearest is
+chosen.
+"""
 SLACK = 1e-7
 """Largest distance beyond a limit at the start that counts as rounding, rad (m)."""
 
@@ -56,7 +62,8 @@ class Loop:
     """Points in the frames of the links, m."""
     master: str = ""
     """Joint that the other joints of the loop follow; empty: the first of the loop's joints that has an actuator, else the
-    first joint."""
+    first joint.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +76,13 @@ class LoopPath:
     """Number of joints on the first side."""
     slides: tuple[bool, ...]
     origins: tuple[Array, ...]
-    """Position (3,) of each joint's frame behind the previous joint, m."""
+    """Position (3,) of each joint's frame relative to the previous joint, m."""
     turns: tuple[Array, ...]
-    """Rotation (3, 3) of each joint's frame behind the previous joint."""
+    """Rotation (3, 3) of each joint's frame relative to the previous joint."""
     axes: tuple[Array, ...]
     """Axis (3,) of each joint in its frame."""
     ends: Array
-    """Points (6,) that coincide, behind the last joints of both sides, m."""
+    """Points (6,) that coincide, in the frames after the last joints of both sides, m."""
 
     def equations(self, q: Array) -> tuple[Array, Array, Array]:
         """Gap (..., 3) in m, its derivatives (..., 3, k) by the positions of `joints`, and the axes (..., 3, k)."""
@@ -133,7 +140,9 @@ def _cross(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class MimicJoint:
-    """A joint of a linkage that mimics another one: its position is `ratio` times that of the other one, plus `offset`."""
+    """A joint of a linkage that mimics another joint: its position is `ratio` times the position of the other joint, plus
+    `offset`.
+    """
 
     follower: int
     leader: int
@@ -154,7 +163,9 @@ class Linkage:
     size: float
     """Typical length, m: weight of the couplings among the equations."""
     start: Array
-    """Positions (n,) of all joints from which the linkage moves; closed, if positions near the stated ones close it."""
+    """Positions (n,) of all joints from which the linkage moves; the loops are closed if positions near the stated positions
+    close them.
+    """
     stops: Array
     """Lower and upper limits (n, 2) of all joints, rad or m."""
     slides: NDArray[np.bool_]
@@ -198,12 +209,14 @@ class Linkage:
         return np.concatenate([np.zeros((*q.shape[:-1], 1)), followers[..., 0]], axis=-1)
 
     def close(self, q: Array, *, first: int = 1) -> Array:
-        """Positions (..., n) in which the joints of the linkage from number `first` on close its loops, near those given."""
+        """Closed positions (..., n) near the given ones: the joints of the linkage from index `first` on are moved to close its
+        loops.
+        """
         q, moved = q.copy(), list(self.joints[first:])
         for _ in range(ROUNDS):
             gap, jacobian = self.equations(q)
             step = -(np.linalg.pinv(jacobian[..., first:], rcond=1e-9) @ gap[..., None])[..., 0]
-            # A posture far away is approached in short steps, so that the search does not jump to another branch.
+            # A distant posture is approached in short steps, so that the search does not jump to another branch.
             q[..., moved] += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, keepdims=True), 1e-300))
             # The next step of Newton's method would be smaller than rounding.
             if not np.abs(step).max(initial=0.0) > 1e-9:
@@ -215,21 +228,26 @@ class Linkage:
         return float(np.abs(self.equations(q)[0]).max())
 
     def closes(self, q: Array) -> bool:
-        """Whether the loops are closed at the positions q (n,), but for rounding that no motion of the followers reduces."""
+        """Whether the loops are closed at the positions q (n,), up to rounding errors that no motion of the followers
+        reduces.
+        """
         gaps, jacobian = self.equations(q)
         gap, followers = np.abs(gaps).max(), jacobian[:, 1:]
         if not OPEN <= gap < ROUNDED:
             return bool(gap < OPEN)
-        # A stretched chain cannot reduce its gap either: there the followers stand at a dead centre.
+        # A fully stretched chain cannot reduce its gap either: its followers are at a dead centre.
         reducible = followers @ np.linalg.pinv(followers) @ gaps
         return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
 
     def fault(self, q: Array) -> str:
-        """Why the master does not move the linkage at the positions q (n,); empty if it does."""
+        """Reason why the master does not move the linkage at the positions q (n,); empty if it moves it."""
         if not self.closes(q):
-            return f"no positions of its joints close it; a gap of {self.gap(q):.3g} m is left: give other `initial` positions"
+            return (
+                f"no positions of its joints close the loop; a gap of {self.gap(q):.3g} m is left: give other `initial` "
+                "positions"
+            )
         if not _determined(self.equations(q)[1][:, 1:]):
-            return "does not determine the motion of its joints there: a dead centre, or several freedoms"
+            return "does not determine the motion of its joints there: this is a dead centre, or the loop has several freedoms"
         return ""
 
     @cached_property
@@ -238,7 +256,7 @@ class Linkage:
         return Trace(self)
 
     def follow(self, positions: Array) -> Array:
-        """Positions (..., n) in which the followers stand where the master puts them; their given positions do not matter."""
+        """Positions (..., n) in which the followers follow the master; the given positions of followers are ignored."""
         return self.close(self.trace.guess(positions))
 
 
@@ -267,7 +285,7 @@ class Trace:
         self.ignored = tuple(j for j in others if not stops[j, 0] - SLACK <= start[j] <= stops[j, 1] + SLACK)
         self._limited = [j for j in others if j not in self.ignored and np.isfinite(stops[j]).any()]
         self._turn: Array | None = None
-        """Change of all positions in a turn of the master; None: it does not turn."""
+        """Change of all positions in a turn of the master; None: the master does not turn freely."""
         rows, ends, dead = [start], [low, high], [False, False]
         for side, sign in enumerate((-1.0, 1.0)):
             found, ends[side], dead[side] = self._walk(sign, float(stops[master, side]))
@@ -305,7 +323,7 @@ class Trace:
                     break
                 stride *= 0.5
             else:
-                # Where the gap grows beyond rounding, the range ends without a dead centre.
+                # If the gap grows beyond rounding, the range ends without a dead centre.
                 return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)
@@ -329,15 +347,16 @@ class Trace:
         return rows[1:], float(rows[-1][master]), False
 
     def _hit(self, here: Array, there: Array, rates: Array, slopes: Array) -> Array | None:
-        """First posture between two neighbours at which a follower reaches its limit; None if none does. rates, slopes: ratios
-        at both."""
+        """First posture between two neighbouring postures at which a follower reaches its limit; None if no follower does.
+        rates, slopes: ratios at both.
+        """
         own, master = self._linkage, self._linkage.master
         if not self._limited:
             return None
         candidates = [there]
         for j in self._limited:
             k = own.joints.index(j)
-            # A follower that turns back in between may pass its limit there.
+            # A follower that reverses between the two postures may exceed its limit there.
             if rates[k] * slopes[k] < 0.0:
                 candidates.append(self._between(here, there, rates[k] / (rates[k] - slopes[k])))
         beyond = [row for row in candidates if self._excess(row) > 0.0]
@@ -379,7 +398,7 @@ class Trace:
 
 
 def linkages_of(robot: Robot) -> tuple[Linkage, ...]:
-    """Linkages of the robot, from the start positions of its joints. Raises RobotError for loops that nothing can close."""
+    """Linkages of the robot, from the start positions of its joints. Raises RobotError for loops that no joint can close."""
     if not robot.loops:
         return ()
     return _linkages(robot.loops, robot.joints, tuple(block.joint for block in robot.actuators))
@@ -409,7 +428,7 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
         inside = [number for number, path in enumerate(paths) if path.joints[0] in members]
         masters = {loops[number].master for number in inside if loops[number].master}
         if len(masters) > 1:
-            message = f"has two masters, {' and '.join(sorted(masters))}: loops that share joints have one"
+            message = f"has two masters, {' and '.join(sorted(masters))}: loops that share joints must have the same master"
             raise RobotError(message, key=f"loops.{inside[0]}", code="loop")
         names = [moving[j].name for number in inside for j in paths[number].joints]
         own = next((name for name in names if name in driven), names[0])
@@ -435,7 +454,7 @@ def _linkages(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
 
 
 def _path(loop: Loop, above: dict[str, Joint], order: dict[str, int]) -> tuple[LoopPath | None, str]:
-    """Path between the links of a loop; or None, and why there is none."""
+    """Path between the links of a loop; or None, and the reason."""
     chains = [_upwards(above, link) for link in loop.links]
     while chains[0] and chains[1] and chains[0][0] is chains[1][0]:
         chains = [chain[1:] for chain in chains]
@@ -451,7 +470,7 @@ def _path(loop: Loop, above: dict[str, Joint], order: dict[str, int]) -> tuple[L
         ends.append(pose.position + pose.rotation @ point)
     members = [*sides[0], *sides[1]]
     if len(members) < 2:
-        return None, "no joints lie between its links, so nothing can close it"
+        return None, "no joints lie between its links, so no motion can close it"
     path = LoopPath(
         joints=tuple(order[joint.name] for joint, _ in members),
         split=len(sides[0]),
@@ -474,7 +493,7 @@ def _upwards(above: dict[str, Joint], link: str) -> Sequence[Joint]:
 
 
 def _groups(paths: Sequence[LoopPath], moving: Sequence[Joint], order: dict[str, int]) -> Iterator[set[int]]:
-    """Joints of each linkage: those of loops that share joints, and the joints that are coupled to them."""
+    """Joints of each linkage: the joints of loops that share joints, and the joints coupled to them."""
     looped = {j for path in paths for j in path.joints}
     ties = [{j, order[joint.mimic]} for j, joint in enumerate(moving) if joint.mimic]
     groups: list[set[int]] = []
@@ -517,8 +536,8 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
             linkage = replace(linkage, start=_nearest(linkage, np.array([joint.start or 0.0 for joint in moving])))
             if not linkage.fault(linkage.start):
                 places = ", ".join(f"{moving[j].name}: {linkage.start[j]:.4g}" for j in linkage.joints)
-                message = "the chain is open or at a dead centre at the usual start: it starts elsewhere"
-                hint = "`initial` in the scenario states the start"
+                message = "the chain is open or at a dead centre at the default start: it starts at another posture"
+                hint = "State another start under `initial` in the scenario"
                 warnings.append(Problem(message, key=names[0], value=places, hint=hint, code="loop-start"))
         if fault := linkage.fault(linkage.start):
             subject = "" if fault.startswith("no positions") else f"joint '{names[0]}' "
@@ -530,7 +549,8 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
 
 def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
     """Robot whose joints start where the loops are closed, and whose masters stop where the limits of their followers are; and
-    warnings about the loops."""
+    warnings about the loops.
+    """
     moving, warnings = robot.moving_joints, [*assembly.warnings]
     changed: dict[str, Joint] = {}
     for linkage in assembly.linkages:
@@ -547,19 +567,19 @@ def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
                 message += "; the joint stops where the gap would be larger"
             warnings.append(Problem(message, key=master.name, value=f"up to {1e3 * trace.gap:.2g} mm", code="loop-gap"))
         for j in trace.ignored:
-            message = "starts outside its limits, where its loop puts it: they are not enforced"
+            message = "starts outside its limits, at the position that its loop requires: these limits are not enforced"
             warnings.append(Problem(message, key=moving[j].name, value=f"{linkage.start[j]:.4g}", code="loop-limits"))
         for end, dead in zip((trace.low, trace.high), trace.dead, strict=True):
             if dead:
-                message = "stands at a dead centre of its loop there: a run that takes it there ends with an error"
-                hint = f"Another master may pass it: {listed([moving[j].name for j in linkage.joints[1:]], 5)}"
+                message = "is at a dead centre of its loop there: a run that moves the joint there ends with an error"
+                hint = f"Another master may pass this dead centre: {listed([moving[j].name for j in linkage.joints[1:]], 5)}"
                 warnings.append(Problem(message, key=master.name, value=f"{end:.4g}", hint=hint, code="dead-centre"))
     joints = tuple(changed.get(joint.name, joint) for joint in robot.joints)
     return replace(robot, joints=joints), warnings
 
 
 def _nearest(linkage: Linkage, stated: Array) -> Array:
-    """Closed posture near the stated positions; the stated ones if none is found."""
+    """Closed posture near the stated positions; the stated positions if no closed posture is found."""
     generator, joints = np.random.default_rng(0), list(linkage.joints)
     reach = np.where(linkage.slides, linkage.size, np.pi)
     low, high = np.maximum(linkage.stops[:, 0], -reach), np.minimum(linkage.stops[:, 1], reach)
@@ -581,7 +601,7 @@ def _nearest(linkage: Linkage, stated: Array) -> Array:
 
 
 def closed(linkages: Sequence[Linkage], positions: ArrayLike) -> Array:
-    """Positions (..., n) in which the followers of all linkages stand where their masters put them."""
+    """Positions (..., n) in which the followers of all linkages follow their masters."""
     q = np.asarray(positions, dtype=float)
     for linkage in linkages:
         q = linkage.follow(q)

@@ -17,7 +17,7 @@ from asrsim.robot.mounting import with_rotors
 SINGULAR = 1e-12
 """Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
 NEAR = 0.1
-"""Smallest coupling in this matrix of joints that a warning names."""
+"""Smallest coupling in this matrix at which a warning names two joints together."""
 
 
 def carries_mass(robot: Robot, joint: Joint) -> bool:
@@ -32,7 +32,9 @@ def carries_mass(robot: Robot, joint: Joint) -> bool:
 
 
 def springable_joints(robot: Robot) -> tuple[str, ...]:
-    """Joints that follow no other joint, and move mass even if their rotors move with the motors of springs."""
+    """Joints that follow no other joint, and that move mass even without the inertia of their rotors, which a spring would
+    separate from the link.
+    """
     bare = replace(robot, joints=tuple(replace(joint, rotor_inertia=0.0) for joint in robot.joints))
     idle = {joint.name for joint in _idle_joints(bare, ())}
     return tuple(
@@ -46,8 +48,8 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     """Robot in which joints that move no mass are fixed, since their motion is undefined: the motion of the other joints does
     not depend on them.
 
-    Such a joint is an error if it has an actuator, and where no other joint moves. A rotor gives a joint inertia, and so do the
-    joints that follow it; a joint that follows another one moves with it.
+    Such a joint is an error if it has an actuator, or if no other joint moves. A rotor gives a joint inertia, and so do the
+    joints that follow it; a joint that follows another joint moves with it.
     """
     driven = {block.joint for block in robot.actuators}
     light = [joint for joint in robot.moving_joints if not (joint.rotor_inertia > 0.0 or carries_mass(robot, joint))]
@@ -58,7 +60,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     names = {joint.name for joint in massless}
     held = held if any(joint.name not in names and joint.mimic not in names for joint in robot.moving_joints) else []
     for joint in massless:
-        message = "nothing behind this joint has mass or inertia, so its motion is not defined"
+        message = "no link behind this joint has mass or inertia, so its motion is not defined"
         hint = f"Give link '{joint.child}' an <inertial>, or fix the joint in the scenario: `locked: [{joint.name}]`"
         if joint in held:
             findings.warn(f"{message}: it is fixed", joint.line, joint.name, code="massless-joint", hint=hint)
@@ -66,7 +68,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
     robot = _fixed(robot, held)
     idle = _idle_joints(robot, driven) if robot.moving_joints and not findings.errors else {}
-    # Where no other joint moves, the run says in an error what it lacks.
+    # If no other joint moves, an error of the run states what is missing.
     if len(idle) == len(robot.moving_joints):
         return robot
     for joint, message in idle.items():
@@ -99,7 +101,7 @@ def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
     idle: dict[Joint, str] = {}
     stays = [j for j, joint in enumerate(joints) if j in coupled or joint.name in driven]
     if stays and not (heavy[stays].all() and _regular(scaled, stays)):
-        return {}  # these joints move no mass whatever is fixed
+        return {}  # these joints move no mass, whichever joints are fixed
     for j in sorted({*range(len(joints))} - {*stays}, key=lambda j: joints[j].stops[0] - joints[j].stops[1]):
         if heavy[j] and _regular(scaled, [*stays, j]):
             stays.append(j)
@@ -107,7 +109,7 @@ def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
             near = listed([f"'{joints[k].name}'" for k in stays if abs(scaled[j, k]) > NEAR], 3)
             idle[joints[j]] = f"this joint and {near} can move against each other without moving any mass"
         else:
-            idle[joints[j]] = "what this joint moves has no inertia about its axis"
+            idle[joints[j]] = "the links behind this joint have no inertia about its axis"
     return idle
 
 

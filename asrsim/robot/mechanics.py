@@ -1,6 +1,6 @@
-"""Reads words of a robot file about the mechanics of its drives: couplings of joints, rotors, gravity, start positions.
+"""Reads the elements of a robot file about the mechanics of its drives: couplings of joints, rotors, gravity, start positions.
 
-These words belong to several dialects: URDF, transmissions of ROS, Drake, Gazebo and ros2_control.
+These elements belong to several dialects: URDF, transmissions of ROS, Drake, Gazebo and ros2_control.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _number(findings: Findings, tag: Any, key: str, default: float) -> float:
 
 
 def _coupled(findings: Findings, joints: tuple[Joint, ...]) -> tuple[Joint, ...]:
-    """Joints whose masters follow no joint, with limits that fit together. A joint whose master does not move is fixed."""
+    """Joints coupled to masters that follow no joint, with consistent limits. A joint whose master does not move is fixed."""
     named = {joint.name: joint for joint in joints}
     found = {joint.name: _resolved(findings, joint, named) for joint in joints}
     for joint in list(found.values()):
@@ -96,7 +96,7 @@ def _coupled(findings: Findings, joints: tuple[Joint, ...]) -> tuple[Joint, ...]
 
 
 def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> Joint:
-    """The joint, coupled to the joint at the end of its chain of masters; uncoupled if it follows no joint."""
+    """The joint, coupled to the last joint in its chain of masters; uncoupled if it follows no joint."""
     if not joint.mimic or not joint.moves:
         return replace(joint, mimic="")
     ratio, offset, at, seen = 1.0, 0.0, joint, {joint.name}
@@ -110,7 +110,7 @@ def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> J
                 return replace(joint, mimic="")
             break
         if master.name in seen:
-            message = "mimics itself, by other joints or directly"
+            message = "mimics itself, directly or through other joints"
             findings.error(message, joint.line, joint.name, code="mimic-loop", value=" -> ".join([*seen, master.name]))
             return replace(joint, mimic="")
         seen.add(master.name)
@@ -142,19 +142,19 @@ def _narrowed(findings: Findings, master: Joint, follower: Joint) -> Joint:
     least, most = max(low, ends[0]), min(high, ends[1])
     slack = 1e-6 * (1.0 + min(abs(least), abs(most)))
     if least + slack >= most:
-        message = f"leaves joint '{master.name}' no range by its limits: they are not enforced"
+        message = f"has limits that leave joint '{master.name}' no range: these limits are not enforced"
         value = f"{master.name} from {ends[0]:g} to {ends[1]:g}"
         findings.warn(message, follower.line, follower.name, code="mimic-limits", value=value)
         return master
     if least > low + slack or most < high - slack:
-        message = f"narrows the range of joint '{master.name}' by its limits"
+        message = f"has limits that narrow the range of joint '{master.name}'"
         findings.warn(message, follower.line, follower.name, code="mimic-limits", value=f"{least:g} to {most:g}")
         return _with_stops(master, least, most)
     return master
 
 
 def _limited(follower: Joint, master: Joint) -> Joint:
-    """The follower with the range in which its master moves it."""
+    """The follower with the range that its master's range gives."""
     return _with_stops(follower, *sorted(follower.multiplier * stop + follower.offset for stop in master.stops))
 
 
@@ -189,7 +189,7 @@ def _of_transmission(findings: Findings, transmission: Any) -> Iterator[tuple[st
         # ROS 1 writes the reduction in the actuator, ros2_control in the joint, files before ROS 1.0 in the transmission.
         places = (actuator, joints[0], transmission)
         inertia = _first(findings, places, ROTOR, name, 0.0)
-        # A ratio without an inertia changes nothing, and files leave texts of their templates there.
+        # A ratio without an inertia has no effect, and some files still contain template text there.
         ratio = _first(findings, places, RATIO, name, 1.0) if inertia else 1.0
         if inertia < 0.0:
             message = "the inertia of a motor must not be negative"
@@ -212,7 +212,7 @@ def _first(findings: Findings, parents: Sequence[Any], names: tuple[str, ...], k
 
 
 def _gravity(findings: Findings, root: Any, links: Container[str]) -> Iterator[tuple[str, bool]]:
-    """Link, and whether its gravity is off, for each word about it; of several words the last counts."""
+    """Link, and whether its gravity is off, for each element about gravity; if there are several, the last counts."""
     words: dict[str, bool] = {}
     uses = [
         (name_of(one, "reference"), tag) for one in elements(root, "gazebo") for tag in elements(one) if tag.tag in _GRAVITY
@@ -232,7 +232,7 @@ def _gravity(findings: Findings, root: Any, links: Container[str]) -> Iterator[t
 
 
 _GRAVITY = {"turnGravityOff": True, "gravity": False}
-"""Words about gravity, and the value that switches it off."""
+"""Elements about gravity, and the value that switches gravity off."""
 
 
 def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:

@@ -48,7 +48,7 @@ def _late_declaration(data: bytes) -> tuple[bytes, str, int] | None:
 
 
 def _version(data: bytes) -> tuple[bytes, str, int] | None:
-    """A declaration whose version is not that of XML, such as `<?xml version="1"?>`."""
+    """A declaration whose version is not an XML version, such as `<?xml version="1"?>`."""
     declaration = _DECLARATION.match(data)
     version = _VERSION.search(declaration.group()) if declaration else None
     if declaration is None or version is None or version[2] in (b"1.0", b"1.1"):

@@ -20,19 +20,19 @@ class LinkPlacement:
     """Position of a link of the file in the merged robot."""
 
     body: str
-    """Merged link that contains the link. Its name is that of the root, or of the link that a moving joint carries."""
+    """Merged link that contains the link. It is named after the root, or after the link that a moving joint carries."""
     pose: Pose
     """Pose of the link's frame in the body's frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MergedRobot:
-    """Robot without fixed joints, and the places of the file's links in this robot."""
+    """Robot without fixed joints, and the placement of the file's links in this robot."""
 
     robot: Robot
     """Robot whose links are the bodies and whose joints are the moving joints, in file order."""
     places: Mapping[str, LinkPlacement]
-    """Places of the file's links in the merged robot, by name of the link."""
+    """Placement of the file's links in the merged robot, by name of the link."""
 
 
 def merge_for_engine(robot: Robot, *, fixed_base: bool) -> tuple[MergedRobot, Vector]:
@@ -57,7 +57,7 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
     return replace(merged, robot=replace(robot, links=merged.robot.links, joints=merged.robot.joints, loops=merged.robot.loops))
 
 
-# A run needs the merged robot when the robot is read, for the dynamics, and for the engine.
+# Cached, since a run needs the merged robot three times: when the robot is read, for the dynamics, and for the engine.
 @lru_cache(maxsize=2)
 def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: tuple[Loop, ...], origin: Vector) -> MergedRobot:
     robot = Robot(name="", path=Path(), text="", actuators=(), links=all_links, joints=all_joints, loops=loops)
@@ -80,7 +80,7 @@ def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: t
 
 
 def _carried(loop: Loop, places: Mapping[str, LinkPlacement]) -> Loop:
-    """The loop between the bodies that contain its links."""
+    """The loop, stated for the bodies that contain its links."""
     first, second = (places[link] for link in loop.links)
     a, b = (_vector(one.pose.position + one.pose.rotation @ at) for one, at in zip((first, second), loop.points, strict=True))
     return replace(loop, links=(first.body, second.body), points=(a, b))

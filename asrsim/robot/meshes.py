@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MESH_FORMATS = (".stl", ".obj", ".dae")
 FLATTEST = 1e-9
-"""Smallest area of a mesh, relative to the square of its size. A mesh that is a line would crash PyBullet."""
+"""Smallest area of a mesh, relative to the square of its size. A mesh that degenerates to a line would crash PyBullet."""
 MAX_BYTES = 256 * 1024 * 1024
 """Largest size of a mesh file, bytes."""
 
@@ -81,7 +81,7 @@ def _cure(mesh: str, fault: str) -> str | None:
     name = package_name(mesh)
     if name is None or not fault.endswith("is not known"):
         return None
-    return f"Say where it is: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
+    return f"State its folder: --package {name}=FOLDER, in a scenario robot: {{file: ..., packages: {{{name}: FOLDER}}}}"
 
 
 def mesh_fault(path: Path) -> str | None:
@@ -144,7 +144,7 @@ def convex_hull(path: Path, scale: Vector) -> Trimesh:
     from trimesh.convex import convex_hull as hull_of
 
     points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
-    # With the mean, a single triangle has the four points that a hull needs.
+    # With its centre as a further point, a single triangle has the four points that a hull needs.
     with np.errstate(invalid="ignore"):
         hull: Trimesh = hull_of(np.vstack([points, points.mean(axis=0)]))
     return hull

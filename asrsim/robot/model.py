@@ -20,7 +20,7 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""Value of a parameter whose problem is already reported. It is compared by identity, as other NaNs are possible."""
+"""Value of a parameter whose problem is already reported. It is compared by identity, since other NaNs are possible."""
 STRIBECK_VELOCITY = 0.1
 """Velocity limit of a joint where the file has none, rad/s (m/s)."""
 Inertia = tuple[float, float, float, float, float, float]
@@ -145,7 +145,7 @@ class Joint:
     stribeck_friction: float = 0.0
     """Static friction minus Coulomb friction, N m or N, which fades with speed (`<stribeckFriction>`)."""
     stribeck_velocity: float = STRIBECK_VELOCITY
-    """Speed at which 37 % of the static excess remain, rad/s or m/s (`<stribeckVelocity>`)."""
+    """Speed at which 37 % of the static excess remains, rad/s or m/s (`<stribeckVelocity>`)."""
     load_friction: float = 0.0
     """Additional Coulomb friction as a fraction of the torque through the joint's drive (`<loadFriction>`)."""
     spring_stiffness: float = 0.0
@@ -153,19 +153,22 @@ class Joint:
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
     mimic: str = ""
-    """Joint that this joint follows: its position is `multiplier` times that joint's, plus `offset`; empty for other joints.
-    The followed joint follows no other joint."""
+    """Joint that this joint follows: its position is `multiplier` times the position of that joint, plus `offset`; empty: the
+    joint follows no other joint. The followed joint follows no other joint.
+    """
     multiplier: float = 1.0
     offset: float = 0.0
-    """Position of this joint where the joint that it follows is at 0, rad or m."""
+    """Position of this joint if the joint that it follows is at 0, rad or m."""
     rotor_inertia: float = 0.0
     """Inertia of the rotors that the file states for the joint, as felt at the joint: times the square of the gear ratio,
-    kg m^2 (kg)."""
+    kg m^2 (kg).
+    """
     armature: float = 0.0
-    """Inertia of rotors that moves with the link, kg m^2 (kg): the scenario's `armature`; without it, `rotor_inertia`, but 0
-    behind a spring, where the actuator's motors have inertias of their own."""
+    """Inertia of rotors that moves with the link, kg m^2 (kg): `armature` of the scenario; if the scenario states none,
+    `rotor_inertia`, or 0 behind a spring, where the motors of the actuator have separate inertias.
+    """
     start: float | None = None
-    """Position at the start that the file states, rad or m; in closed chains, the one that closes them."""
+    """Start position that the file states, rad or m; in closed chains, the position that closes them."""
     line: int | None = None
 
     @property
@@ -215,7 +218,7 @@ class Robot:
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     contact_words: tuple[str, ...] = ()
-    """Words of the file that only act where bodies touch; asrsim does not read them."""
+    """Elements of the file that act only in contacts; asrsim does not read them."""
     locked: tuple[str, ...] = ()
     """Names of the joints that the scenario fixes; `*` stands for any text."""
     loops: tuple[Loop, ...] = ()
@@ -238,13 +241,15 @@ class Robot:
 
     @cached_property
     def followers(self) -> frozenset[str]:
-        """Joints that follow another joint: those that mimic one, and those of closed chains but their masters."""
+        """Joints that follow another joint: joints that mimic another joint, and the joints of closed chains except their
+        masters.
+        """
         couplings, moving = self.couplings, self.moving_joints
         return frozenset(joint.name for j, joint in enumerate(moving) if couplings.master[j] != j)
 
     @property
     def inertials(self) -> tuple[object, ...]:
-        """Links and rotors: robots with equal inertials have equal mass matrices."""
+        """Inertias of links and rotors; robots with equal inertials have equal mass matrices."""
         return self.links, tuple(joint.armature for joint in self.joints)
 
     @cached_property

@@ -77,7 +77,8 @@ def mounted(
     unread = set(robot.unread)
     blocks = []
     for name in names:
-        # The drive of a joint moves the joints that follow it: only an entry of its own gives a follower an actuator.
+        # The drive of a joint also moves the joints that follow it, so a follower gets an actuator only by an entry with its
+        # name.
         entry = types.get(name, None if name in robot.followers else types.get("*"))
         if entry is not None and entry[0] in kinds:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
@@ -93,7 +94,9 @@ def mounted(
 
 
 def _unmoved(robot: Robot, name: str, moving: tuple[str, ...]) -> Problem:
-    """Error about an actuator on a joint that does not move or exist; a warning of the file may say why it does not move."""
+    """Error about an actuator on a joint that does not move or exist; a warning about the file may state why it does not
+    move.
+    """
     hint = did_you_mean(name, moving) or 'For all joints write "*"'
     message = "the robot has no such moving joint"
     if name in {joint.name for joint in robot.joints}:
@@ -112,13 +115,15 @@ def _key(key: str) -> str:
 
 
 def sprung_joints(robot: Robot) -> frozenset[str]:
-    """Joints behind the spring of an actuator, whose motors have inertias of their own."""
+    """Joints behind the spring of an actuator, whose motors have separate inertias."""
     return frozenset(block.joint for block in robot.actuators if MODES[block.mode].spring)
 
 
 def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
-    """Robot whose rotors move with the links: by the file, except behind a spring, where the motors of the actuator have
-    inertias of their own. armature: inertias in kg m^2 (kg) in place of the file's, by joint; `"*"` stands for all joints."""
+    """Robot with the rotor inertias that move with the links: those of the file, except behind a spring, where the motors of
+    the actuator have separate inertias. armature: inertias in kg m^2 (kg) that replace those of the file, by joint; `"*"`
+    stands for all joints.
+    """
     sprung = sprung_joints(robot)
     common = armature.get("*")
 
@@ -156,9 +161,9 @@ def with_overrides(
 ) -> Robot:
     """Robot with other modes and parameters for joints. `"*"` stands for all joints; a joint's own entry takes precedence.
 
-    Parameters have our names or the toolbox's tags. Under `"*"`, parameters that an actuator lacks are ignored if another
-    actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError with all
-    problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
+    Parameters have the names of asrsim or the tags of the toolbox. Under `"*"`, parameters that an actuator lacks are ignored
+    if another actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError
+    with all problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
     """
     changed, problems = overridden(robot, modes or {}, parameters or {})
     problems += block_faults(changed, robot)
@@ -215,8 +220,8 @@ def overridden(
 
 
 def block_faults(robot: Robot, before: Robot) -> list[Problem]:
-    """Problems of inconsistent values in actuator blocks. A problem that the block in `before` also has is attributed to the
-    robot file.
+    """Problems of inconsistent values in actuator blocks. A problem is attributed to the robot file if the block in `before`
+    also has it.
     """
     earlier = {block.joint: block for block in before.actuators}
     found = []

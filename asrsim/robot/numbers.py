@@ -43,7 +43,8 @@ def plain_number(text: str) -> float:
 
 
 def read_number(text: str) -> tuple[float, bool]:
-    """Value of the text, and whether the text is arithmetic; of arithmetic, the toolbox reads only the leading number.
+    """Value of the text, and whether the text is arithmetic; the toolbox reads only the leading number of an arithmetic
+    expression.
 
     A comment after `#` is ignored. Raises ValueError with the reason, a phrase that follows the key.
     """

@@ -49,7 +49,7 @@ class Packages:
         return any(resolved.is_relative_to(root) for root in self.roots)
 
     def resolve(self, filename: str) -> Path | str:
-        """Existing file for a name (package://, file://, absolute or relative), or the reason why there is none."""
+        """Existing file for a name (package://, file://, absolute or relative), or the reason why no file is found."""
         if "\0" in filename:
             return "is not a file name"
         scheme, separator, rest = filename.partition("://")

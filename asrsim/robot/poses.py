@@ -26,7 +26,7 @@ class Pose:
     """Rotation matrix (3, 3)."""
 
     def then(self, position: Vector, rpy: Vector) -> Pose:
-        """Pose of a frame with `position` (m) and `rpy` (rad) relative to this pose, in this pose's parent frame."""
+        """Pose, in the parent frame of this pose, of a frame with `position` (m) and `rpy` (rad) relative to this pose."""
         return Pose(position=self.position + self.rotation @ position, rotation=self.rotation @ rotation_matrix(rpy))
 
     @property
@@ -69,7 +69,8 @@ def roll_pitch_yaw(rotation: Array) -> Vector:
     """Roll, pitch, yaw in rad, the inverse of `rotation_matrix`; accurate also at a pitch of 90 degrees, where yaw is
     arbitrary.
 
-    Yaw is computed first. Roll and pitch follow from the rotation without this yaw, so the three angles always fit together.
+    Yaw is computed first. Roll and pitch are computed from the rotation without this yaw, so the three angles are always
+    consistent.
     """
     yaw = atan2(rotation[1, 0], rotation[0, 0])
     c, s = cos(yaw), sin(yaw)
@@ -92,7 +93,7 @@ def rotation_of(quaternion: Sequence[float]) -> Array:
 
 
 def link_poses(robot: Robot) -> dict[str, Pose]:
-    """Link -> its pose in the root's frame at the zero pose; parents before children."""
+    """Pose of each link in the root's frame at the zero posture, by name of the link; parents precede children."""
     poses = {robot.root.name: HERE}
     for joint in robot.outward_joints:
         poses[joint.child] = poses[joint.parent].then(joint.origin, joint.rpy)

@@ -26,7 +26,7 @@ from asrsim.robot.xmlfile import elements, parse_xml, read_bytes
 MAX_LINKS = 2000
 """Largest number of links, and of joints, of a robot."""
 MAX_MOVING = 121
-"""Largest number of moving joints: PyBullet's state has 128 places, 7 of them for the base. With more
+"""Largest number of moving joints: PyBullet's state has 128 entries, 7 of them for the base. With more
 joints, PyBullet silently confuses positions and velocities.
 """
 OTHER_FORMATS = {
@@ -49,8 +49,8 @@ def load_robot(
     """Robot from a `.urdf` or `.xacro` file, which may be hostile.
 
     `xacro_arguments` are values for `<xacro:arg>`; `package_paths` (name -> folder) resolve `$(find name)` and
-    `package://name`. `locked` names joints that are fixed at 0, whatever the file says of their motion; `*` stands for any
-    text. Problems have lines of the file, except in expanded xacro files. Raises RobotError with all problems of the file.
+    `package://name`. `locked` names joints that are fixed at 0, even if they move in the file; `*` stands for any
+    text. Problems state the line in the file, except for expanded xacro files. Raises RobotError with all problems of the file.
     Whether the parameters and mode of an actuator fit together is checked later, with the scenario's values.
     """
     robot = read_robot(path, xacro_arguments=xacro_arguments, package_paths=package_paths, locked=locked)

@@ -110,8 +110,8 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Rgb
 
 
 def _shapes(findings: Findings, element: Any, tag: str, name: str, colours: Mapping[str, Rgba]) -> tuple[Shape, ...]:
-    """Collisions or visuals of a link. A collision with invalid numbers is an error, as contacts would be lost; a collision
-    without a body (no shape, or a size of 0) and an invalid visual are left out.
+    """Collisions or visuals of a link. A collision with invalid numbers is an error, since contacts would be lost. A collision
+    without volume (no shape, or a size of 0) and an invalid visual are left out.
     """
     shapes = []
     for shape in elements(element, tag):
@@ -186,14 +186,14 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
         if mass > 0.0:
             findings.warn("inertia is zero: the link is a point mass", tag, name, code="zero-inertia")
     elif np.diag(matrix).min() < -max(ROUNDED * scale, NEGLIGIBLE * largest):
-        message = "inertia has a negative moment, which no body has"
+        message = "inertia has a negative moment, which is impossible"
         findings.error(message, tag, name, code="negative-inertia", value=shown)
     elif moments[0] < -1e-9 * scale:
         # The integrals of x^2, y^2 and z^2 over the mass, along the principal axes, are not negative for any body.
         spreads = np.maximum(0.5 * moments.sum() - moments, 0.0)
         nearest: np.ndarray = axes * (spreads.sum() - spreads) @ axes.T
         message = (
-            "inertia has a negative principal moment, which no body has: the nearest possible inertia, "
+            "inertia has a negative principal moment, which is impossible: the nearest possible inertia, "
             f"with {_listed(spreads.sum() - spreads)} kg m^2, is used"
         )
         findings.warn(message, tag, name, code="impossible-inertia", value=shown)
@@ -352,7 +352,7 @@ def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tup
             if not text and tag.get("value") is not None:
                 text = str(tag.get("value"))
                 findings.warn(
-                    "states its number as an attribute 'value'; Gazebo reads it, too", tag, key, code="value-attribute"
+                    "states its number as an attribute 'value'; Gazebo also reads this form", tag, key, code="value-attribute"
                 )
             value = findings.value(text, text, tag, key)
             if field not in _SIGNED and (value < 0.0 or (value == 0.0 and field == "stribeck_velocity")):

@@ -1,8 +1,8 @@
-"""Names of parameters and the toolbox's tags for them.
+"""Names of parameters, and the tags of the toolbox for these parameters.
 
 The toolbox calls the parameters of one-motor actuators `mot_*` and `ctrl_*`, and those of two-motor actuators `mot_1_*`,
-`mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. The spring parameters of a user's
-actuator, and the parameters of stages, have their own names as tags.
+`mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. For the spring parameters of a user's
+actuator, and for the parameters of stages, the tag is the name of the parameter.
 """
 
 from __future__ import annotations
@@ -82,13 +82,13 @@ BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 
 def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
-    own: Any = actuator  # mypy takes classes as not hashable
+    own: Any = actuator  # mypy regards classes as not hashable
     return _tags(own, STAGES.loaded())
 
 
 @lru_cache
 def _tags(actuator: Any, stages: tuple[Any, ...]) -> Mapping[str, str]:
-    """Tags by parameter. stages: all stages, to whose parameters the tags of stages belong."""
+    """Tags by parameter. stages: all stages, whose parameters have tags too."""
     springs = SPRING_TAGS.get(actuator.name, {})
     own = {parameter.name for parameter in actuator.parameters}
     of_stages = {parameter.name for stage in stages for parameter in stage.parameters}

@@ -11,7 +11,7 @@ from asrsim.robot.model import Joint, Link
 def without_floating_root(
     findings: Findings, links: tuple[Link, ...], joints: tuple[Joint, ...], driven: Collection[str]
 ) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links and joints without a massless root and its floating joint, by which files state that the robot may float.
+    """Links and joints without a massless root and its floating joint, with which a file states that the robot may float.
 
     The scenario decides whether the robot floats. Other floating joints are errors. driven: joints that plugins name.
     """
@@ -22,7 +22,7 @@ def without_floating_root(
         empty = above is not None and not (above.mass or above.collisions or above.visuals)
         alone = sum(other.parent == joint.parent for other in joints) == 1
         if joint.kind == "floating" and above is not None and empty and alone and joint.name not in driven:
-            message = f"the robot floats on this joint: it is left out, with link '{above.name}'"
+            message = f"the robot floats on this joint: the joint and link '{above.name}' are left out"
             hint = "`base: {fixed: false}` in the scenario lets the robot float"
             findings.warn(message, joint.line, joint.name, code="floating-root", hint=hint)
             links, joints = tuple(link for link in links if link is not above), tuple(one for one in joints if one is not joint)
@@ -37,7 +37,10 @@ def check_tree(findings: Findings, links: Sequence[Link], joints: Sequence[Joint
     parents: dict[str, Joint] = {}
     for joint in joints:
         if joint.child in parents:
-            message = f"link '{joint.child}' is the child of joint '{parents[joint.child].name}' already: a link has one parent"
+            message = (
+                f"link '{joint.child}' is already the child of joint '{parents[joint.child].name}': a link can have only one "
+                "parent"
+            )
             findings.error(message, joint.line, joint.name, code="two-parents")
         else:
             parents[joint.child] = joint

@@ -1,4 +1,6 @@
-"""Warns about the words of a robot file that asrsim does not read: one warning for each word and file."""
+"""Warns about the words (elements and attributes) of a robot file that asrsim does not read: one warning for each word and
+file.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ SEVERAL = {
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPEN = ("ros2_control joint", "command_interface", "gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")
-"""Elements with the words of other programs, which may repeat words."""
+"""Elements with words of other programs; words may be repeated in them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +36,7 @@ class _Use:
 def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
     """Warn about words that are unknown, repeated, or left out although they would change the motion.
 
-    Returns the words that only act where bodies touch, and have no effect here.
+    Returns the words that act only in contacts, and have no effect here.
     """
     uses: dict[tuple[str, str], list[_Use]] = {}
     contact: dict[str, None] = {}
@@ -103,7 +105,7 @@ def _add_words(found: list[_Known], findings: Findings, element: Any, kind: str,
 
 
 def _word(kind: str, name: str) -> Word | None:
-    """Word with this name below its parent, or that of all names with its prefix; None if there is none."""
+    """Word with this name below its parent, or the word for all names with its prefix; None if there is none."""
     return WORDS[kind].get(name) or WORDS[kind].get(f"{name.partition(':')[0]}:*")
 
 
@@ -115,7 +117,8 @@ def _place(element: Any, name: str, kind: str, place: str) -> str:
 
 def _plugin(element: Any) -> Word | None:
     """Word of a plugin that moves or couples bodies in Gazebo, or that is unknown; None for plugins without physics, and for
-    blocks of actuators."""
+    blocks of actuators.
+    """
     filename = name_of(element, "filename").lower().replace("-", "_")
     acts = next((word for parts, word in PLUGINS if any(part in filename for part in parts)), None)
     silent = acts or SILENT_PLUGINS.search(filename) or is_block(element)
@@ -143,7 +146,7 @@ def _unknown(findings: Findings, element: Any, what: str, name: str, kind: str, 
 
 
 def _local(element: Any, name: str) -> str:
-    """Name as the file writes it: with the prefix of its name space."""
+    """Name as in the file, with the prefix of its name space."""
     if not name.startswith("{"):
         return name
     space, _, local = name[1:].partition("}")

@@ -1,4 +1,4 @@
-"""Values of an actuator block: their defaults, their changes, and whether they can be used in calculations."""
+"""Values of an actuator block: defaults, changes, and checks whether calculations with the values are possible."""
 
 from __future__ import annotations
 
@@ -89,7 +89,9 @@ def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) ->
 
 
 def unknown_parameter(place: str, key: str, known: set[str]) -> Problem:
-    """Problem of a parameter that no actuator in question has. place: dotted key in the scenario; known: valid names."""
+    """Problem of a parameter that none of the concerned actuators has. place: dotted key in the scenario; known: valid
+    names.
+    """
     names = tuple(sorted(known))
     return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")
 
@@ -134,7 +136,7 @@ def law_fault(block: ActuatorBlock) -> str | None:
 
 
 def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
-    """Problems of a block's values that are valid alone but do not fit together."""
+    """Problems of a block's values that are valid separately but contradict each other."""
     for index in range(1, ACTUATORS.get(block.actuator).motors + 1):
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:

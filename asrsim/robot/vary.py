@@ -118,8 +118,8 @@ def _with_inertial(link: Link, name: str, value: float) -> Link:
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
-    """Changes of inertias, with further changes that keep the tensor physical: no principal moment exceeds the sum of the
-    others.
+    """Changes of inertias, completed by changes that keep the tensor physical: no principal moment may exceed the sum of the
+    other two.
 
     Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.
     """

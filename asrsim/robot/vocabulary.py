@@ -1,8 +1,8 @@
 """Every word (element or attribute) of a robot file that asrsim knows, and what asrsim does with it.
 
 The table `WORDS` is the only list of these words. A word is read, or has no physics, or acts only where bodies touch, or is
-left out: then the file gets one warning that says what the word would do, with its number. A value that changes nothing (0,
-false) gets no warning. To add a word, add it to its parent in `WORDS`; the documentation's page follows.
+left out: one warning for the file then states what the word would do, with its number. A value that changes nothing (0, false)
+gets no warning. To add a word, add it to its parent in `WORDS`; the documentation's page follows.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ class Effect(NamedTuple):
 
     text: str
     size: float = 0.0
-    """Size of its number: of several uses in a file, the warning shows the largest."""
+    """Magnitude of its number; if a file uses the word several times, the warning shows the largest number."""
 
 
 ROTOR = ("motorInertia", "motor_inertia", "rotor_inertia", "rotorInertia")
 """Words for the inertia of a motor in a transmission, kg m^2."""
 RATIO = ("mechanicalReduction", "mechanical_reduction", "gear_ratio")
-"""Words for the ratio of a transmission: that of ROS 1, of ros2_control, and of Drake."""
+"""Words for the ratio of a transmission, in ROS 1, ros2_control and Drake."""
 
 EffectReader = Callable[[Any, str], Effect | None]
 """Function of an element and the text of its value: effect of the word, or None if this value changes nothing."""
@@ -51,7 +51,7 @@ class Word:
     """Parent under which the children and attributes of this element stand in `WORDS`; None: they are not examined."""
 
 
-READ, SILENT, CONTACT = Word(use="read"), Word(use="no physics"), Word(use="contacts", doc="acts where bodies touch")
+READ, SILENT, CONTACT = Word(use="read"), Word(use="no physics"), Word(use="contacts", doc="acts in contacts")
 
 
 def number_of(text: str) -> float | None:
@@ -85,7 +85,7 @@ def _words(word: Word, names: str) -> dict[str, Word]:
 
 
 def _within(*parents: str) -> dict[str, Word]:
-    """Elements that are read, and whose parts are examined as those of a parent with the same name."""
+    """Elements that are read; their children are listed under a parent with the same name."""
     return {parent: Word(use="read", inside=parent) for parent in parents}
 
 
@@ -103,8 +103,9 @@ def _soft_limits(tag: Any, _text: str) -> Effect | None:
 
 
 def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
-    """Inertia of a motor in a transmission of several joints, as it acts on a joint: the motor's, times the square of the
-    reduction. `asrsim.robot.mechanics` reads that of one joint."""
+    """Inertia of a motor in a transmission of several joints, as it acts on a joint: motor inertia times the square of the
+    reduction. `asrsim.robot.mechanics` reads transmissions of a single joint.
+    """
     if len(elements(actuator.getparent(), "joint")) == 1:
         return None
     inertia = _of_actuator(actuator, ROTOR) or 0.0
@@ -132,11 +133,11 @@ def _traits(tag: Any, _text: str) -> Effect | None:
 
 
 def _from_shapes(_compiler: Any, text: str) -> Effect | None:
-    return Effect("MuJoCo computes masses from shapes; asrsim uses those of the file") if text == "true" else None
+    return Effect("MuJoCo computes masses from shapes; asrsim uses the masses in the file") if text == "true" else None
 
 
 def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
-    """Plugins with other words than those that `asrsim.robot.mechanics` reads."""
+    """Plugins with words that `asrsim.robot.mechanics` does not read."""
     if {"joint", "mimicJoint"} <= {tag.tag for tag in elements(plugin)}:
         return None
     return Effect("the plugin couples joints; here they move freely")
@@ -150,13 +151,13 @@ def _joint_of(tag: Any) -> Any:
 
 
 def _coupling(tag: Any, text: str) -> Effect | None:
-    """Contradictions of ros2_control and the joint about whether it follows another one."""
+    """Contradictions between ros2_control and the joint about whether it follows another joint."""
     joint, said = _joint_of(tag), text.lower()
     if joint is None or (tag.tag == "param" and name_of(tag) != "mimic"):
         return None
     coupled = bool(elements(joint, "mimic"))
     if said in ("false", "0") and coupled:
-        return Effect("ros2_control does not couple this joint; here it follows another one by its <mimic>")
+        return Effect("ros2_control does not couple this joint; here it follows another joint because of its <mimic>")
     if said in ("true", "1") and not coupled:
         return Effect("ros2_control couples this joint, but its <joint> has no <mimic>; here it moves freely")
     return None
@@ -176,8 +177,9 @@ def _command_range(interface: Any, _text: str) -> Effect | None:
 
 
 def _range_of(joint: Any, kind: str) -> tuple[float, float]:
-    """Range of a joint's `position`, `velocity` or `effort`. What has no limit in the file has an empty range, which is within
-    every other."""
+    """Range of a joint's `position`, `velocity` or `effort`. A quantity without limits in the file has an empty range, which
+    lies within every other range.
+    """
     nothing = math.inf, -math.inf
     if joint is None or kind not in ("position", "velocity", "effort"):
         return nothing
@@ -205,8 +207,8 @@ _SPRING = special(
 )
 _DRIVE = _words(READ, " ".join((*ROTOR, *RATIO, "drake:rotor_inertia", "drake:gear_ratio")))
 _STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
-_MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses those of the file"
-_SDF = left("<gazebo> changes it by SDF's words; this has no effect here", neutral=None)
+_MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses them unchanged"
+_SDF = left("<gazebo> changes it by elements of SDF; this has no effect here", neutral=None)
 
 WORDS: Mapping[str, Mapping[str, Word]] = {
     "robot": {
@@ -260,7 +262,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "safety_controller": special(_soft_limits, "soft limits are not enforced: the joint moves up to its <limit>"),
         "limits_soft": left("soft limits are not enforced: the joint moves up to its <limit>", neutral=None),
         "joint_properties": Word(use="read", inside="joint_properties"),
-        "drake:screw_thread_pitch": left("the pitch {} of the screw joint is left out: the joint turns without a shift"),
+        "drake:screw_thread_pitch": left("the pitch {} of the screw joint is left out: the joint turns without translation"),
     },
     "origin": _words(READ, "@xyz @rpy"),
     "parent": _words(READ, "@link"),
@@ -293,7 +295,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
                          " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
         **_DRIVE,
         "actuator": replace(
-            special(_rotor_inertia, "of one joint: read; of several: the inertia of its rotors is left out"), inside="actuator"
+            special(_rotor_inertia, "of one joint: read; of several joints: its rotor inertia is left out"), inside="actuator"
         ),
     },
     "transmission joint": {
@@ -309,16 +311,16 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "ros2_control joint": {
         **_words(READ, "@name state_interface"), **_words(SILENT, "@type xacro:* properties"),
-        "@mimic": special(_coupling, "a coupling that contradicts the joint's <mimic>: the joint's counts"),
-        "param": special(_coupling, "a coupling that contradicts the joint's <mimic>: the joint's counts"),
+        "@mimic": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> counts"),
+        "param": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> counts"),
         "command_interface": replace(
             special(_command_range, "`min` and `max` inside of the joint's limits have no effect"), inside="command_interface"
         ),
-        "limits": special(_limits_off, "limits that are switched off act here"),
+        "limits": special(_limits_off, "limits that ros2_control switches off act here"),
     },
     "command_interface": {
         **_words(SILENT, "@name @data_type @size param"),
-        "limits": special(_limits_off, "limits that are switched off act here"),
+        "limits": special(_limits_off, "limits that ros2_control switches off act here"),
     },
     "mujoco": {
         **_words(SILENT, "size visual asset statistic"), **_within("compiler"),
@@ -327,7 +329,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "compiler": {
         **_words(left(_MASS), "@boundmass @boundinertia"), "@settotalmass": left(_MASS, neutral=-1.0),
-        "@inertiafromgeom": special(_from_shapes, "MuJoCo computes masses from shapes; asrsim uses those of the file"),
+        "@inertiafromgeom": special(_from_shapes, "MuJoCo computes masses from shapes; asrsim uses the masses in the file"),
         **_words(SILENT, "@angle @autolimits @balanceinertia @coordinate @convexhull @discardvisual @eulerseq @exactmeshinertia"
                          " @fitaabb @fusestatic @meshdir @texturedir @assetdir @strippath @usethread @alignfree @saveinertial"
                          " @inertiagrouprange @name lengthrange"),
@@ -353,8 +355,9 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         "joint": READ, **_words(_SDF, "inertial axis limit link model"),
     },
 }  # fmt: skip
-"""Words by parent and name; `@` marks attributes. Parts of another program's name space have its prefix (`drake:capsule`);
-`sensor:*` means all of them."""
+"""Words by parent and name; `@` marks attributes. Words in the name space of another program have its prefix (`drake:capsule`);
+`sensor:*` means all of them.
+"""
 
 PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
     (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),
@@ -374,10 +377,10 @@ SILENT_PLUGINS = re.compile(
     "|thermal|battery|mavlink|bag|prosilica|projector|label|display|audio|sound|physics|user_commands|scene|touch|tactile|skin"
     "|rfid|radar|uwb|ultrasonic|encoder|clock|yarp|rosbridge|tf_"
 )
-"""Pattern of a part of the names of plugins that publish, measure or control, which has no physics of its own."""
+"""Pattern in the names of plugins that publish, measure or control, and so have no physics."""
 UNKNOWN_PLUGIN = special(
     lambda plugin, _text: Effect(
-        f"the plugin '{plugin.get('filename', '')}' is unknown: what it does in Gazebo has no effect here"
+        f"the plugin '{plugin.get('filename', '')}' is unknown: its effect in Gazebo does not exist here"
     ),
     "a plugin that is neither an actuator of asrsim nor a known plugin of Gazebo: it has no effect",
 )

@@ -2,9 +2,9 @@
 
 Reads a JSON request on stdin, writes a JSON answer on stdout. This script imports nothing of asrsim.
 
-The file cannot: reach an attribute of a Python object (attribute access is a guarded call that
+The file cannot reach an attribute of a Python object (attribute access is a guarded call that
 knows xacro's name spaces, YAML tables and a few string methods), define functions, see `type` or `vars`, read files
-outside the allowed folders, read environment variables, write files, or run for ever.
+outside the allowed folders, read environment variables, write files, or run forever.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class _Guards:
 
     def environment(self, name: str) -> str:
         raise RefusedError(
-            f"environment variable {name} is not given to a robot file", code="xacro-refused", hint="Use a xacro argument"
+            f"a robot file must not read the environment variable {name}", code="xacro-refused", hint="Use a xacro argument"
         )
 
     def evaluate(self, expression: str, context: dict[str, Any]) -> str:

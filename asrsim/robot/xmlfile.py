@@ -43,7 +43,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False, notes: list[Probl
     hostile XML.
 
     Files that ROS and Gazebo read are mended where they are not well-formed. large: texts of more than 10 MB are valid, as in
-    meshes. notes: list to which warnings are added about what was mended.
+    meshes. notes: list to which warnings about mended faults are added.
     """
     # PyBullet's tools write the XML version 0.0, which does not exist.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
@@ -82,7 +82,7 @@ def _parsed(data: bytes, path: Path, *, large: bool) -> Any:
 
 
 def _without_default_space(root: Any, path: Path) -> list[Problem]:
-    """Take the names of a robot's elements out of the default name space. Returns a warning if there is one."""
+    """Remove the names of a robot's elements from the default name space. Returns a warning if there is one."""
     space = root.nsmap.get(None)
     if space is None or root.tag != f"{{{space}}}robot":
         return []
@@ -100,7 +100,7 @@ def _declares(path: Path, line: int | None) -> RobotError:
         file=path,
         line=line,
         code="xml-declarations",
-        hint="Take the <!DOCTYPE ...> out",
+        hint="Remove the <!DOCTYPE ...>",
     )
 
 
@@ -126,7 +126,7 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
     except _RootReachedError:
         return
     except (LookupError, ValueError) as error:
-        # Python has encodings (UTF-7, multi-byte encodings) that its XML parser cannot use; the types of the errors differ.
+        # Python supports encodings (UTF-7, multi-byte encodings) that its XML parser does not; the types of the errors differ.
         message = "the XML declaration names an encoding that cannot be read"
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error

@@ -14,7 +14,7 @@ from asrsim.scenario.load import PLUGINS
 
 
 def missing_plugins(attachments: Iterable[str]) -> tuple[str, ...]:
-    """Names of the plugin files among the attachments of a log, without those that have run here."""
+    """Names of the plugin files among the attachments of a log that have not run here."""
     here = {PurePath(file).name for file in Registry.plugin_files()}
     carried = (PurePosixPath(name).name for name in attachments if name.startswith(PLUGINS))
     return tuple(name for name in carried if name not in here)
@@ -37,7 +37,7 @@ def advising(attachments: Iterable[str]) -> Iterator[None]:
 
 
 def unknown_actuators(joints: Iterable[JointInfo], attachments: Iterable[str]) -> list[Problem]:
-    """A note for each actuator of a run that is not known here, so that quantities derived from its laws are missing."""
+    """A note for each actuator of a run that is unknown here: quantities that are derived from its laws are missing."""
     own: dict[str, list[str]] = {}
     for joint in joints:
         if joint.actuator != "rigid" and joint.actuator not in ACTUATORS:

@@ -75,7 +75,8 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
 
 def loop_warnings(scenario: Scenario, source: Robot, robot: Robot) -> list[Problem]:
     """Warnings about the closed chains of a robot with the scenario's changes. source: robot of the file, whose joints have the
-    starts and limits of the file."""
+    starts and limits of the file.
+    """
     stated = replace(robot, joints=source.joints)
     return [*map(scenario.placed, assembled(stated, _assembly(scenario, stated))[1])] if robot.loops else []
 
@@ -129,13 +130,14 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
 
 
 def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the closed chains of its file and of the scenario, and their problems. Of two chains between the same links,
-    that of the scenario counts."""
+    """Robot with the closed chains of its file and of the scenario, and their problems. If both state a chain between the same
+    links, the scenario's chain counts.
+    """
     names = {link.name for link in robot.links}
     own = tuple(
         Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
         for loop in scenario.loops
-        if names.issuperset(loop.links)  # others are reported as unknown links
+        if names.issuperset(loop.links)  # unknown links are reported elsewhere
     )
     if not own:
         return robot, []
@@ -156,7 +158,7 @@ def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
 
 
 def _fields(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: numbers, vectors and choices that a file could not contain. Code can set them by `dataclasses.replace`."""
+    """Errors: numbers, vectors and choices that are invalid in a file, but that code can set by `dataclasses.replace`."""
     reading = DocumentReading()
     keys = {field.name: field.metadata["key"] for field in fields(Scenario) if field.name in PLAIN_FIELDS}
     for name, key in keys.items():
@@ -234,7 +236,9 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: starts that lack a value for a motor of the joint. An entry for all joints applies only to joints with motors."""
+    """Errors: starts without a value for each motor of the joint. An entry for all joints applies only to joints with
+    motors.
+    """
     blocks = {block.joint: block for block in robot.actuators}
     tables = {"motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities}
     for joint in robot.moving_joints:
@@ -266,7 +270,7 @@ def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
 
 
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors of references and ranges that do not exist in the mode of the joint, or, under `*`, in the mode of any joint."""
+    """Errors: references and ranges that do not exist in the mode of the joint, or, under `*`, in the mode of any joint."""
     blocks = {block.joint: block for block in robot.actuators}
     for section, tables in (("references", scenario.references), ("reference_ranges", scenario.reference_ranges)):
         more = ("external_torque",) if section == "reference_ranges" else ()
@@ -311,7 +315,7 @@ def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             time, sigma = over_run(scenario, signal)
             largest = float(sigma.max())
             if np.isfinite(sigma).all() and largest >= length:
-                message = f"sigma of '{block.joint}' reaches the lever's length L = {length:g} m at {time[sigma.argmax()]:g} s"
+                message = f"sigma of '{block.joint}' reaches the lever length L = {length:g} m at {time[sigma.argmax()]:g} s"
                 hint, key = "The stiffness is infinite there: choose a reference below L", reference_key(scenario, block, name)
                 yield Problem(message, key=key, value=largest, hint=hint, code="sigma-limit")
 

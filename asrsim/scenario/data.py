@@ -94,7 +94,7 @@ class Scenario:
     locked: tuple[str, ...] = declare(
         ListOf(of=Text()),
         default=(),
-        doc="joints that are fixed at 0, whatever the robot file says of their motion; `*` stands for any text: `[gripper_*]`",
+        doc="joints that are fixed at 0, even if they move in the robot file; `*` stands for any text: `[gripper_*]`",
     )
     base_position: Vector = declare(
         POSITION, key="base.position", default=ORIGIN, unit="m", doc="position of the robot's root in the world"
@@ -105,32 +105,35 @@ class Scenario:
     actuators: Mapping[str, GivenActuator] = declare(
         MapOf(of=block_of(GivenActuator, "actuator", main="type"), bare=True),
         default={},
-        doc="actuators of joints, in place of those in the robot file",
+        doc="actuators of joints, in place of the actuators in the robot file",
         shown="the robot file's",
     )
     modes: Mapping[str, int] = declare(
-        MapOf(of=MODE, bare=True), default={}, doc="operation modes that replace the URDF's, for all joints or a joint"
+        MapOf(of=MODE, bare=True),
+        default={},
+        doc="operation modes that replace those in the URDF, for all joints or for single joints",
     )
     parameters: Mapping[str, Mapping[str, float]] = declare(
         MapOf(of=PARAMETERS),
         default={},
-        doc="actuator parameters that replace the URDF's, by asrsim's name or the toolbox's tag",
+        doc="actuator parameters that replace those in the URDF, by the name in asrsim or the tag of the toolbox",
     )
     armature: Mapping[str, float] = declare(
         MapOf(of=NOT_NEGATIVE, bare=True),
         default={},
         unit="kg m^2",
-        shown="the robot file's, except behind springs",
-        doc="inertia of rotors that moves with the link, as felt at the joint: the rotor's times the square of the gear ratio",
+        shown="from the robot file, except behind springs",
+        doc="inertia of rotors that moves with the link, as felt at the joint: rotor inertia times the square of the gear "
+        "ratio",
     )
     weightless: tuple[str, ...] = declare(
-        ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if something carried them"
+        ListOf(of=LINK), default=(), doc="links on which gravity does not act, as if they were supported"
     )
     loops: tuple[LoopClosure, ...] = declare(
         ListOf(of=block_of(LoopClosure, "loop")),
         default=(),
-        doc="closed chains of one freedom, such as four-bar fingers, beside those of the robot file; between the same links, "
-        "in place of the file's",
+        doc="closed chains of one freedom, such as four-bar fingers, in addition to the chains of the robot file; a chain "
+        "between the same links replaces the chain in the file",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -138,8 +141,8 @@ class Scenario:
         spread=True,
         default={},
         unit="rad",
-        doc="the start: link positions, or states; motors stand where their link does, so springs are undeflected and a "
-        "loaded link first sags. `equilibrium`: at rest under the first references, springs loaded",
+        doc="the start: link positions, or states. By default motors start at the position of their link, so springs are "
+        "undeflected and a loaded link first sags. `equilibrium`: at rest under the first references, with loaded springs",
         shown="0",
     )
     initial_velocities: Mapping[str, float] = field(default_factory=dict)
@@ -177,15 +180,18 @@ class Scenario:
         default=None,
         shown="auto",
         field_default=default_engine,
-        doc="of the links' motion; `auto`: bullet where it is installed; bench: the links' motion is prescribed",
+        doc="physics engine that moves the links; `auto`: bullet if it is installed; bench: the motion of the links is "
+        "prescribed",
     )
     stepping: str = declare(
         Choice(tuple(STEPPINGS)),
         default="leapfrog",
         doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
     )
-    substeps: int | None = declare(_COUNT, default=None, doc="world steps in each step", shown="auto")
-    motor_substeps: int | None = declare(_COUNT, default=None, doc="motor-and-spring steps in each world step", shown="auto")
+    substeps: int | None = declare(_COUNT, default=None, doc="substeps of the links in each step", shown="auto")
+    motor_substeps: int | None = declare(
+        _COUNT, default=None, doc="substeps of motors and springs in each substep of the links", shown="auto"
+    )
     max_substeps: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
     compiled: bool | None = declare(Either((Null("auto"), Boolean())), default=None, doc="the compiled loop", shown="auto")
     velocity_cutoff: bool | None = declare(
@@ -193,10 +199,15 @@ class Scenario:
         key="velocity_limit_cutoff",
         default=None,
         shown="auto",
-        doc="cut off a torque that accelerates a joint beyond its velocity limit, as Gazebo does; `auto`: in toolbox stepping",
+        doc="set a torque to 0 that accelerates a joint beyond its velocity limit, as Gazebo does; `auto`: only in toolbox "
+        "stepping",
     )
     motion: Mapping[str, Signal] = declare(
-        SIGNALS_BY_JOINT, default={}, unit="rad", shown="locked", doc="bench: link positions; a CSV by `playback`"
+        SIGNALS_BY_JOINT,
+        default={},
+        unit="rad",
+        shown="locked",
+        doc="for the engine bench: link positions, for example a CSV file by `playback`",
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(
@@ -213,7 +224,7 @@ class Scenario:
     references: Mapping[str, Mapping[str, Signal]] = declare(
         MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)),
         default={},
-        doc="the actuators' references, by the names of their mode; a missing reference stays at its start",
+        doc="references of the actuators; their names follow from the mode; a missing reference stays at its start value",
     )
     inverse_dynamics: Mapping[str, bool] = declare(
         MapOf(of=Boolean(), bare=True),
@@ -230,9 +241,9 @@ class Scenario:
     reference_ranges: Mapping[str, Mapping[str, tuple[float, float]]] = declare(
         MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
-        doc="[least, largest] of references, or `external_torque`, that are set from outside while it runs (`asrsim live`, the "
-        "library): beyond, they are clamped; substeps are chosen for them",
-        shown="live: the robot's limits",
+        doc="[smallest, largest] value of references, or of `external_torque`, that are set from outside during the run "
+        "(`asrsim live`, the library): values outside are clamped, and the number of substeps is chosen for this range",
+        shown="in live runs: the limits of the robot",
     )
     external_torques: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT, default={}, unit="N m", doc="external torques on the links, about the joints"
@@ -274,7 +285,7 @@ class Scenario:
     as_read: Scenario | None = field(default=None, compare=False, repr=False)
     """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
     states_engine: bool = field(default=False, compare=False, repr=False)
-    """Whether the engine was stated, and not chosen for the scenario."""
+    """Whether the scenario states the engine; False: the engine was chosen automatically."""
     lines: Mapping[str, int] = field(default_factory=dict, compare=False, repr=False)
     """Line in the file for each dotted key, for messages of later checks."""
 
@@ -367,5 +378,5 @@ VARIANTS = Key(
     name="variants",
     kind=MapOf(of=VARIANT, noun="name", star=False),
     default={},
-    doc="named variants: what each changes, merged into the rest; `null` removes a key",
+    doc="named variants: the keys that each variant changes; they are merged into the common keys, and `null` removes a key",
 )

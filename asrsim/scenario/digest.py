@@ -1,4 +1,4 @@
-"""Hashes of all inputs of a result: what must be unchanged where a result is continued or repeated."""
+"""Hashes of all inputs of a result. The hashes must be unchanged when a result is continued or repeated."""
 
 from __future__ import annotations
 

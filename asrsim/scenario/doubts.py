@@ -51,7 +51,7 @@ def _gravity_and_step(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         message = "points upwards: z points up, so weight is negative in z"
         yield Problem(message, key="gravity", value=f"{scenario.gravity[2]:g}", code="gravity")
     if not STEPS[0] <= scenario.step <= STEPS[1]:
-        message = f"is unusual: steps of simulated robots are {STEPS[0]:g} to {STEPS[1]:g} s"
+        message = f"is unusual: time steps of robot simulations are {STEPS[0]:g} to {STEPS[1]:g} s"
         yield Problem(message, key="step", value=f"{scenario.step:g} s", code="odd-step")
 
 
@@ -207,7 +207,7 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """Whether a Cartesian task or learning computes the joint's reference."""
+    """Whether a Cartesian task or iterative learning computes the joint's reference."""
     if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
         return True
     return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
@@ -218,7 +218,7 @@ def made_elsewhere(scenario: Scenario, joint: str) -> bool:
 
 def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for key in shadowed_entries(scenario, robot):
-        message = "has no effect: every joint that it could apply to has an entry of its own"
+        message = "has no effect: every joint that it could apply to has a separate entry"
         yield Problem(message, key=key, code="unused-entry")
     for name, damping in scenario.link_damping.items():
         if damping.ratio and not damping.inertia:

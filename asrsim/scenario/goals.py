@@ -1,4 +1,4 @@
-"""Keys of a scenario about what the robot shall do: a Cartesian task, a motion to learn."""
+"""Keys of a scenario that state the goal of the robot: a Cartesian task, or a motion to learn."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class CartesianTask:
     )
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="the point on the path, in the link's frame")
     joints: tuple[str, ...] = declare(
-        ListOf(of=JOINT), default=(), doc="joints that move", shown="all actuated ones between base and link"
+        ListOf(of=JOINT), default=(), doc="joints that move", shown="all actuated joints between base and link"
     )
     gain: float = declare(POSITIVE, default=10.0, unit="1/s", doc="gain of the closed loop")
     damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="damping of the least squares")
@@ -53,12 +53,15 @@ class CartesianTask:
     gravity_compensation: bool = declare(
         Boolean(), default=False, doc="add the springs' deflection under gravity to the equilibrium"
     )
-    motor_droop: bool = declare(Boolean(), default=False, doc="compensate the motors' steady-state error under load too")
+    motor_droop: bool = declare(Boolean(), default=False, doc="also compensate the motors' steady-state error under load")
     preset: Mapping[str, float] = declare(
         MapOf(of=NUMBER, bare=True), default={}, unit="rad", doc="stiffness preset of the joints, where `references` give none"
     )
     tolerance: float = declare(
-        POSITIVE, default=1e-3, unit="m", doc="largest distance from the path; beyond, the path is unreachable"
+        POSITIVE,
+        default=1e-3,
+        unit="m",
+        doc="largest distance from the path; at a larger distance the path counts as unreachable",
     )
 
     def __post_init__(self) -> None:
@@ -101,18 +104,18 @@ class Learning:
         MapOf(of=POSITIVE, star=False), default={}, unit="1", doc="gains that replace `gain`"
     )
     filter: Filter | None = declare(
-        block_of(Filter, "zero-phase filter"), default=None, doc="zero-phase filter on what is learned", shown="none"
+        block_of(Filter, "zero-phase filter"), default=None, doc="zero-phase filter of the learned input", shown="none"
     )
     first_guess: FirstGuess | None = declare(
         Choice(("zero", "reference", "inverse_dynamics")),
         default=None,
         doc="first input: zero, the trajectory, or inverse dynamics through the springs",
-        shown="law auto: inverse_dynamics; else zero",
+        shown="inverse_dynamics for the law auto, else zero",
     )
-    tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is within it")
+    tolerance: float = declare(POSITIVE, unit="rad", doc="stop when the largest error of every joint is at most this value")
     max_iterations: int = declare(Integer(minimum=1, maximum=100_000), default=50, doc="largest number of iterations")
     patience: int = declare(
         Integer(minimum=1),
         default=3,
-        doc="stop when the error has grown, or there was no progress, for this number of iterations in a row",
+        doc="stop after this number of iterations in a row with a larger error or without progress",
     )

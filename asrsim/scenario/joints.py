@@ -59,7 +59,7 @@ class Imperfections:
         NOT_NEGATIVE,
         default=0.0,
         unit="signal's",
-        doc="standard deviation of Gaussian noise, a new draw each tick (or step), by the scenario's seed",
+        doc="standard deviation of Gaussian noise; a new value is drawn at each tick (or step), from the scenario's seed",
     )
 
     @property
@@ -72,7 +72,7 @@ class Imperfections:
 class LinkDamping:
     """Link damping as a function of the stiffness: c(k) = constant + ratio * 2 sqrt(inertia * k), off by default."""
 
-    constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="damping in addition to the URDF's")
+    constant: float = declare(NOT_NEGATIVE, default=0.0, unit="N m s/rad", doc="damping in addition to the damping in the URDF")
     ratio: float = declare(NOT_NEGATIVE, default=0.0, unit="1", doc="damping ratio at `inertia` and the present stiffness")
     inertia: float = declare(NOT_NEGATIVE, default=0.0, unit="kg m^2", doc="inertia for which `ratio` is defined")
 
@@ -86,7 +86,9 @@ class GivenActuator:
         doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")
-    parameters: Mapping[str, float] = declare(PARAMETERS, default={}, doc="by name or the toolbox's tag; others by default")
+    parameters: Mapping[str, float] = declare(
+        PARAMETERS, default={}, doc="by name, or by tag of the toolbox; other parameters keep their defaults"
+    )
 
 
 IMPERFECTIONS_BY_JOINT = MapOf(of=block_of(Imperfections, "imperfections"))
@@ -112,15 +114,15 @@ START: Block[Keys] = Block(
             kind=_MOTORS,
             default=None,
             unit="rad",
-            doc="of each motor, link side",
-            shown="the link's, springs undeflected",
+            doc="of each motor, on the link side of its gear",
+            shown="position of the link, so that springs are undeflected",
         ),
         Key(
             name="motor_velocities",
             kind=_MOTORS,
             default=None,
             unit="rad/s",
-            doc="of each motor, link side",
+            doc="of each motor, on the link side of its gear",
             shown="at rest",
         ),
     ),
@@ -147,5 +149,5 @@ class StartTables(Either):
         return tables
 
 
-_AT_REST = Choice((EQUILIBRIUM,), missing="A mapping from joint to state is valid too")
+_AT_REST = Choice((EQUILIBRIUM,), missing="A mapping from joint to state is also valid")
 INITIAL = StartTables((_AT_REST, MapOf(of=START)))

@@ -1,4 +1,4 @@
-"""Kinds of values that several keys of a scenario share, and what follows from its engine and its stepping."""
+"""Kinds of values that several keys of a scenario share, and properties that follow from its engine and its stepping."""
 
 from __future__ import annotations
 

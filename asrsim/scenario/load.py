@@ -62,10 +62,10 @@ def read_scenarios(
     robot: str | Path | None = None,
     plugins: Sequence[str | Path] = (),
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:
-    """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A given scenario is its
-    only variant. The plugin files become attachments, so that the log of a run contains them.
+    """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A scenario object counts as
+    its only variant. The plugin files become attachments, so that the log of a run contains them.
 
-    Raises ScenarioError where the file is not a mapping, or lacks the variant; also if a given scenario comes with overrides,
+    Raises ScenarioError if the file is not a mapping, or lacks the variant; also if a scenario object comes with overrides,
     another variant or another robot file.
     """
     load_plugin_files(plugins)
@@ -194,7 +194,7 @@ def distinct(problems: Iterable[Problem]) -> list[Problem]:
 MAX_STEPS = 10**10
 """Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
 _ROUNDING = 1e-9
-"""Largest relative error of a ratio that counts as a whole number, as decimal numbers are rounded."""
+"""Largest relative error of a ratio that counts as a whole number, since decimal numbers are rounded."""
 
 
 def whole(ratio: float) -> int | None:

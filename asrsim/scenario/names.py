@@ -31,9 +31,9 @@ TABLES = {
     "reference_ranges": "reference_ranges",
     "link_damping": "link_damping",
 }
-"""Fields of the scenario that code may set, with their keys in a file; their names are checked also without a file."""
+"""Fields of the scenario that code may set, with their keys in a file; their names are checked even without a file."""
 BY_NAME = ("references", "parameters")
-"""Tables in which the entry for all joints completes the entry of a joint."""
+"""Tables in which the entry for all joints supplies values that the entry of a joint lacks."""
 
 
 def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -64,7 +64,7 @@ def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
-    """Whether a path of keys contains an entry for all joints without effect, because every joint has an entry.
+    """Whether a path of keys contains an entry for all joints that has no effect, because every joint has a separate entry.
 
     robot: Robot with the scenario's modes.
     """

@@ -37,7 +37,8 @@ Overrides: TypeAlias = "Sequence[str] | Mapping[str, Any]"
 
 def apply_overrides(root: Node, overrides: Overrides, robot: str | Path | None = None) -> Node:
     """Document with all overrides set in order, and with another robot file, if one is given. A null value, or an empty text,
-    removes the key. Raises ScenarioError."""
+    removes the key. Raises ScenarioError.
+    """
     if isinstance(overrides, Mapping):
         values = [(str(key).strip(), node_from_data(value)) for key, value in overrides.items()]
     else:
@@ -51,7 +52,7 @@ def apply_overrides(root: Node, overrides: Overrides, robot: str | Path | None =
 
 
 def override_texts(overrides: Overrides) -> tuple[str, ...]:
-    """Overrides as texts `key=value`. Raises ScenarioError where they are neither a mapping nor texts."""
+    """Overrides as texts `key=value`. Raises ScenarioError if they are neither a mapping nor texts."""
     if isinstance(overrides, Mapping):
         return tuple(f"{key}={json.dumps(value)}" for key, value in overrides.items())
     texts = (overrides,) if isinstance(overrides, str) else overrides

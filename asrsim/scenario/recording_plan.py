@@ -19,11 +19,13 @@ from asrsim.robot.mounting import overridden, reference_names
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
 LATEST, SOON = 1.0, 0.05
-"""Latest start of a recording on its own clock, s, if the scenario commands a joint, and if it commands none. Recordings that
-start later, or before 0, are played from 0. Samples up to the time `SOON` show the initial state.
+"""Latest start of a recording on its clock, s: if the scenario commands a joint, and if it commands none. A recording that
+starts later, or before 0, is shifted to 0. Samples up to the time `SOON` show the initial state.
 """
 STAIRS = 0.5
-"""Fraction of changes that follow directly on a change. Commands below this fraction are piecewise constant, others smooth."""
+"""Fraction of changes that directly follow another change. Commands below this fraction are piecewise constant, others
+smooth.
+"""
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Recorded quantity that is the command in each mode if no column is called a command."""
 FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "motor_1_current", "motor_1_torque")
@@ -61,13 +63,13 @@ class RecordingPlan:
     compared: tuple[tuple[str, Column], ...]
     """Pairs (joint of the robot, column) for the recorded quantities that are not commands."""
     lag: float
-    """Time by which the recording's clock is ahead of the simulation's, s."""
+    """Time by which the recording's clock is ahead of the simulation's clock, s."""
     duration: float
     """Duration of the simulation, s."""
     initial: Mapping[str, float]
     """First recorded positions other than 0, by joint."""
     initial_motors: Mapping[str, tuple[float, ...]]
-    """First recorded positions of motors with dynamics, by joint; only joints of which all motors were recorded."""
+    """First recorded positions of motors with dynamics, by joint; only for joints whose motors were all recorded."""
     remarks: tuple[str, ...] = ()
 
     @property
@@ -91,7 +93,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     }
     _require_units(robot, recording, columns)
     slides = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
-    # A name such as `tau_cmd` or `pos_cmd` says torque or angle, which are a force and a path on a prismatic joint.
+    # A name such as `tau_cmd` or `pos_cmd` means a torque or an angle; on a prismatic joint, a force or a displacement.
     columns = {
         key: replace(c, unit=PRISMATIC_UNITS.get(c.unit, c.unit)) if key[0] in slides and not c.stated else c
         for key, c in columns.items()
@@ -106,8 +108,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
             mode = _mode(block, command, others)
             if mode != block.mode:
                 modes[block.joint] = mode
-                why = "its motors stand where they were recorded" if mode == 2 else "which cannot take this command"
-                remarks.append(f"{block.joint}: mode {mode} in the place of {block.mode}, {why}")
+                why = "its motors take their recorded positions" if mode == 2 else "which cannot take this command"
+                remarks.append(f"{block.joint}: mode {mode} instead of {block.mode}, {why}")
             slots = len(reference_names(replace(block, mode=mode)))
             commands = enumerate([command, *others][:slots])
             played += [_played(block.joint, slot, one) for slot, one in commands if one is not None]
@@ -186,18 +188,18 @@ def _command(
         if column is None or not np.isfinite(column.values).any():
             continue
         if idle is not None and column.unit in ("V", "A") and column.unit != mode.units[0]:
-            remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not take")
+            remarks.append(f"{block.joint}: {column.source} is in {column.unit}, which mode {block.mode} does not accept")
             continue
         if quantity != "reference_1":
-            remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played in its place")
+            remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played instead")
         return column
     if idle is None and any(joint == block.joint for joint, _ in columns):
-        remarks.append(f"{block.joint}: no column is its command; it rests where it starts")
+        remarks.append(f"{block.joint}: no column is its command; it stays at its start")
     return None
 
 
 def _others(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock, command: Column) -> list[Column | None]:
-    """Columns of the references after the command; None for each that was not recorded."""
+    """Columns of the further references; None for each reference that was not recorded."""
     numbers = range(2, ACTUATORS.get(block.actuator).positions() + 1)
     if command.quantity == "motor_1_position":
         return [columns.get((block.joint, f"motor_{i}_position")) for i in numbers]
@@ -218,7 +220,8 @@ def _motors(columns: Mapping[tuple[str, str], Column], block: ActuatorBlock) -> 
 
 def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]) -> int:
     """Mode of the block if this mode accepts the command, else the nearest mode that accepts the command. others: columns of
-    the other references."""
+    the other references.
+    """
     mode, actuator = MODES[block.mode], ACTUATORS.get(block.actuator)
     complete = None not in others
     single = actuator.motors == 1 and not actuator.adjuster
@@ -273,8 +276,8 @@ def _initial(
 def _initial_motors(
     robot: Robot, columns: Mapping[tuple[str, str], Column], remarks: list[str]
 ) -> dict[str, tuple[float, ...]]:
-    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded, behind their
-    gears.
+    """First recorded positions of the motors of each joint whose motors have dynamics and were all recorded, on the link side
+    of their gears.
     """
     found = {}
     for block in robot.actuators:
@@ -303,9 +306,9 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
     """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
     if undriven:
         return RecordingError(
-            f"it has a command of {', '.join(undriven)}, which has no actuator in the robot",
+            f"it has a command for {', '.join(undriven)}, which has no actuator in the robot",
             file=recording.path,
-            hint=f"Put one there: --actuator {undriven[0]}=NAME",
+            hint=f"Add an actuator: --actuator {undriven[0]}=NAME",
             choices=ACTUATORS.names(),
             code="no-actuator",
         )

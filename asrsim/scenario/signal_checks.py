@@ -65,8 +65,9 @@ def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
 def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
     """Warnings: signals that change faster than the substeps sample them; the robot follows a slower motion.
 
-    Between two samples a sine of frequency f leaves the straight line by at most tan(pi f h / 2) / 2 of the largest change in a
-    substep h, which is half of this change at half the sampling rate. Corners of slower signals stay below this limit.
+    In a substep h, a sine of frequency f deviates from the straight line between two samples by at most the fraction tan(pi f h
+    / 2) / 2 of its largest change in a substep. A signal counts as undersampled above this deviation at half the sampling rate:
+    half of the change. Corners of slower signals stay below this limit.
     """
     length = scenario.step / substeps
     numbers = np.arange(POINTS)

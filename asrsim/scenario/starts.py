@@ -1,4 +1,4 @@
-"""Start positions of the joints: those of the scenario, else those of the robot's file, else 0."""
+"""Start positions of the joints: from the scenario, else from the robot's file, else 0."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def stated_start(scenario: Scenario, joint: Joint) -> float:
 
 
 def start_positions(scenario: Scenario, robot: Robot) -> dict[str, float]:
-    """Start position of each moving joint; coupled joints stand where their masters put them, rad or m."""
+    """Start position of each moving joint; coupled joints follow their masters, rad or m."""
     moving = robot.moving_joints
     stated = robot.couplings.expand([stated_start(scenario, joint) for joint in moving])
     return dict(zip((joint.name for joint in moving), stated.tolist(), strict=True))

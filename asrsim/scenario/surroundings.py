@@ -1,4 +1,4 @@
-"""Keys of a scenario about what acts on the robot: wrenches, closures of chains, ground and objects."""
+"""Keys of a scenario about the surroundings of the robot: wrenches, closures of chains, ground and objects."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class LoopClosure:
     master: str | None = declare(
         Either((Null(), JOINT)),
         default=None,
-        shown="its driven joint, or the first",
+        shown="the driven joint of the loop, or its first joint",
         doc="the joint that the other joints of the loop follow",
     )
 
@@ -83,11 +83,14 @@ class WorldObject:
         ListOf(of=POSITIVE, names=("xx", "yy", "zz")),
         default=None,
         unit="kg m^2",
-        doc="principal moments; default: those of the solid shape; a mesh that moves needs them; the centre of mass is the "
-        "shape's middle, of a mesh its origin",
+        doc="principal moments of inertia; default: those of the solid shape; required for a mesh that moves. The centre of "
+        "mass is the centre of the shape; for a mesh, its origin",
     )
     friction: float = declare(
-        NOT_NEGATIVE, default=0.5, unit="1", doc="Coulomb coefficient; that of a contact is the product of both"
+        NOT_NEGATIVE,
+        default=0.5,
+        unit="1",
+        doc="Coulomb coefficient; the coefficient of a contact is the product of the coefficients of both bodies",
     )
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
@@ -143,16 +146,20 @@ class World:
     """Surroundings of the robot: ground and objects."""
 
     ground: bool = declare(
-        Either((_GROUND, Boolean())), default=False, doc="`true`: a level ground at height 0; or its friction and height"
+        Either((_GROUND, Boolean())),
+        default=False,
+        doc="`true`: a level ground at height 0; or a mapping with friction and height",
     )
     ground_friction: float = 1.0
     ground_height: float = 0.0
     """Height z of the ground's surface, m."""
-    objects: tuple[WorldObject, ...] = declare(_OBJECTS, default={}, doc="bodies beside the robot", field_default=tuple)
+    objects: tuple[WorldObject, ...] = declare(
+        _OBJECTS, default={}, doc="objects in addition to the robot", field_default=tuple
+    )
 
     @property
     def empty(self) -> bool:
-        """Whether the world has neither ground nor objects to collide with."""
+        """Whether the world has neither ground nor objects."""
         return not self.solids
 
     @property

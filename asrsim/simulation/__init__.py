@@ -1,1 +1,1 @@
-"""From data to samples: a scenario made ready, the steppings, the loop and its checks."""
+"""Simulation of scenarios: preparation, time stepping, the loop over substeps, and its checks."""

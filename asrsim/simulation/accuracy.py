@@ -32,18 +32,20 @@ BLOCK = 500
 """Number of logged samples after which all runs are compared."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
-is reported, and the estimate of the error uses the measured order. A higher order is not reported."""
+is reported, and the estimate of the error uses the measured order. A higher order is not reported.
+"""
 RESOLVED = 1e-12
 """Differences below this value, in rad or N m, are rounding errors; no order of convergence is computed from such
-differences."""
+differences.
+"""
 LIMIT = 1e-8
-"""Largest difference in rad (m) at which engines agree on motion without contacts (differences of about 1e-12 were
-measured)."""
+"""Largest difference in rad (m) between engines that count as equal, for motion without contacts (measured: about 1e-12)."""
 NUDGE = 1e-12
 """Change of the start positions in rad (m) by which the sensitivity of the motion is measured."""
 SENSITIVE = 100.0
 """Allowed difference between engines, as a multiple of the effect of `NUDGE`: engines round in every step, not only at the
-start."""
+start.
+"""
 
 
 class RunDifferences:
@@ -68,7 +70,8 @@ class RunDifferences:
     @property
     def measures(self) -> Array:
         """Differences (pairs, joints, `MEASURES`) between the first and each later run, then between the second and each later
-        run, and so on."""
+        run, and so on.
+        """
         both = np.stack([self._largest, np.sqrt(self._squares / self._samples)], axis=-1)
         return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
 
@@ -76,7 +79,7 @@ class RunDifferences:
 def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
     """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError.
 
-    substeps: number of substeps of all runs that are compared, from which the loop is chosen.
+    substeps: total number of substeps in the compared runs, from which a Python loop or a compiled loop is chosen.
     """
     length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
     with Simulation(prepared, record=True, names=COMPARED, expected_substeps=substeps) as simulation:
@@ -113,7 +116,7 @@ def certify(
             return {}
     joints: dict[str, dict[str, float | None]] = {}
     warnings = []
-    # Differences of the run from the run with half the step and from that with a quarter, and of these from each other.
+    # Differences between the runs with the whole step, half the step and a quarter of the step, in pairs.
     for joint, half, quarter, finest in zip(run.robot.moving_joints, *comparison.measures, strict=True):
         order = math.log2(half[1] / finest[1]) if min(half[1], finest[1]) > RESOLVED else math.nan
         low = order < stepping.order - ORDER_TOLERANCE
@@ -145,8 +148,9 @@ def _finer(plan: Plan, run: Run, finer: int) -> Plan:
 
 
 def other_engine(engine: str, *, required: bool = False) -> str | None:
-    """Name of the first installed engine with dynamics other than `engine`; None if there is none, or `engine` has no dynamics.
-    required: raise SimulationError instead."""
+    """Name of the first installed engine with dynamics, except `engine`; None if there is none, or if `engine` has no dynamics.
+    required: raise SimulationError instead.
+    """
     entries = ((name, ENGINES.get(name)) for name in ENGINES.names() if name != engine)
     others = [name for name, entry in entries if entry.available and not entry.prescribed]
     if others and not ENGINES.get(engine).prescribed:
@@ -201,13 +205,13 @@ def cross_check(
             sensitivity = float(_differences(own, _nudged(own), "sensitivity", progress)[:, 0].max())
         if difference[worst] <= SENSITIVE * sensitivity:
             note = (
-                f"the motion multiplies differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
+                f"the motion amplifies small differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
                 f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
             )
         else:
             finding = (
                 f"joint '{names[worst]}': {scenario.engine} and {other} differ by {difference[worst]:.2g} rad though nothing "
-                f"touches (at most {LIMIT:g} is rounding): one of them is wrong"
+                f"touches (rounding explains at most {LIMIT:g} rad): one of them is wrong"
             )
     values = {name: map(finite_or_none, row) for name, row in zip(names, found.tolist(), strict=True)}
     joints = {name: dict(zip(MEASURES, row, strict=True)) for name, row in values.items()}

@@ -1,6 +1,6 @@
-"""The arguments of the kernel's loop (`asrsim.simulation.kernel.run`), one named tuple for each idea.
+"""The arguments of the kernel's loop (`asrsim.simulation.kernel.run`), grouped in named tuples.
 
-Compiled code takes the tables as arrays; in plain Python lists and records stand in the place of some of them. The inputs are
+Compiled code takes the tables as arrays; plain Python uses lists and records instead of some arrays. The inputs are
 `asrsim.simulation.inputs.Given`.
 """
 
@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 
 
 class Stretch(NamedTuple):
-    """What one call advances."""
+    """The worlds and substeps that one call advances."""
 
     which: Any
-    """A row (m, 4) for each world to advance: index of the world, of its inputs and references, of its part of the recorded
-    values, and of its wrenches, lengths and cuts."""
+    """A row (m, 4) for each world to advance: indices of the world, of its inputs and references, of its recorded values, and
+    of its wrenches, lengths and cuts.
+    """
     first: int
     """First row of the inputs."""
     substeps: int
@@ -22,7 +23,7 @@ class Stretch(NamedTuple):
 
 
 class Tables(NamedTuple):
-    """What belongs to each world."""
+    """Tables with an entry for each world."""
 
     states: Any
     """States of the joints: table S (worlds, joints, ...) of `asrsim.simulation.fields`."""
@@ -38,11 +39,12 @@ class Tables(NamedTuple):
     """Last recorded row (worlds, joints, columns)."""
     strides: Any
     """Of each world (worlds, 3): stride in which it moves, number of steps for which a longer stride has been possible, and
-    whether its stride may change: 0 no, 1 yes, 2 yes with other parameters; see `asrsim.simulation.strides`."""
+    whether its stride may change: 0 no, 1 yes, 2 yes with other parameters; see `asrsim.simulation.strides`.
+    """
 
 
 class Common(NamedTuple):
-    """What all worlds have in common."""
+    """Tables that all worlds share."""
 
     kinds: Any
     """Kinds of the joints: table K (joints, ...)."""
@@ -55,11 +57,11 @@ class Common(NamedTuple):
     stiffest: Any
     """Largest stiffness (s, joints) of the springs of each joint in each stride, N m/rad."""
     shares: Any
-    """Length (s, s) of the kick between two strides, as a fraction of the second one."""
+    """Length (s, s) of the kick between two strides, as a fraction of the second stride."""
 
 
 class EngineCall(NamedTuple):
-    """The engine as one call of the loop uses it; threads use different ones."""
+    """The engine for one call of the loop; each thread has a separate `EngineCall`."""
 
     step: Any
     """Address of the engine's step function."""
@@ -70,7 +72,7 @@ class EngineCall(NamedTuple):
 
 
 class RowSelection(NamedTuple):
-    """What is recorded."""
+    """Quantities and rows that are recorded."""
 
     every: int
     """Number of substeps between recorded rows."""
@@ -87,7 +89,8 @@ class Corrections(NamedTuple):
 
     measured: Any
     """Positions (m, steps, joints, 1 + motors) of links and motors at whole steps, rad or m; NaN: not measured. The loop
-    replaces them by the errors before the correction."""
+    replaces them by the errors before the correction.
+    """
     gains: Any
     """Changes (2,) of the position and of the velocity (1/s) per error."""
     coordinates: Any

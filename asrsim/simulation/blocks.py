@@ -1,4 +1,4 @@
-"""The steps of many worlds: their inputs, block by block, and the threads that advance them."""
+"""Advances many worlds: samples their inputs in blocks, and distributes the worlds among threads."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ class InputBlock:
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
     """Indices (m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths
-    and cuts."""
+    and cuts.
+    """
     given: Given
     end: int
     """Number of rows."""
@@ -39,21 +40,23 @@ class InputBlock:
 
 
 class Blocks:
-    """Advances worlds through blocks of inputs. Equal calls use a block again, as long as only the values that callers set
-    differ."""
+    """Advances worlds through blocks of inputs. Calls of equal length reuse a block while only the values that callers set
+    differ.
+    """
 
     def __init__(self, core: Core, inputs: Sequence[Inputs], *, chunk: int, threads: int) -> None:
         """inputs: input signals of each world; chunk: largest number of substeps whose inputs are sampled in one call; threads:
-        number of threads, if the whole loop is machine code."""
+        number of threads, if the whole loop is machine code.
+        """
         self._core, self._inputs, self._chunk = core, list(inputs), chunk
         self._substeps = core.prepared.resolution.substeps
         self._places = np.arange(len(self._inputs))
         self._equal_inputs: bool | None = None
-        """Whether all worlds have the same inputs; None: not known since a change."""
+        """Whether all worlds have the same inputs; None: unknown after a change."""
         self._block: InputBlock | None = None
-        """Inputs of the next substeps; None after a change from outside, but for values that were set."""
+        """Inputs of the next substeps; None after a change of times, signals or states."""
         self._renewed = True
-        """Whether `_block` contains the values that were set."""
+        """Whether `_block` contains the values that callers have set."""
         self._threads = threads if core.native else 1
         self._pool = ThreadPoolExecutor(threads) if self._threads > 1 else None
 
@@ -62,11 +65,11 @@ class Blocks:
         self._inputs[world], self._equal_inputs = inputs, None
 
     def discard(self) -> None:
-        """Make the inputs anew before the next step, since times, signals or states have changed."""
+        """Discard the sampled inputs, since times, signals or states have changed."""
         self._block = None
 
     def renew(self) -> None:
-        """Take over, before the next step, the values that callers have set."""
+        """Before the next step, copy the values that callers have set into the block."""
         self._renewed = False
 
     def close(self) -> None:
@@ -114,7 +117,8 @@ class Blocks:
 
     def _is_ready(self, block: InputBlock, length: int) -> bool:
         """Whether a block contains the inputs of the next substeps. Controllers make equal calls again and again, in which only
-        the values that they set differ: then the rows are used again."""
+        the values that they set differ: the rows are then reused.
+        """
         if block.steady is not None and length <= block.end and int(self._core.done[block.numbers[0]]) + length <= block.until:
             if not self._renewed:
                 block.steady.renew(block.given, self._core.held, block.numbers)
@@ -124,7 +128,8 @@ class Blocks:
 
     def _make_block(self, numbers: NDArray[np.int64], length: int) -> InputBlock:
         """Inputs of the next substeps. Each block has more substeps than the block before, until the caller sets a
-        reference."""
+        reference.
+        """
         if self._renewed and self._block is not None and self._block.numbers is numbers:
             ends = (chunk_at(substep, self._chunk)[1] - substep for substep in set(self._core.done[numbers].tolist()))
             length = max(length, min(2 * self._block.end, *ends))
@@ -148,7 +153,7 @@ class Blocks:
         return block
 
     def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
-        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and places in `numbers`."""
+        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and indices in `numbers`."""
         done, first = self._core.done[numbers], self._inputs[numbers[0]]
         substep = int(done[0])
         if self._equal_inputs is None:

@@ -35,7 +35,7 @@ class BoundEngine:
         """Number of the world whose state the engine contains; None if this state belongs to no world."""
 
     def borrow(self, pieces: int) -> EngineCall:
-        """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
+        """Arguments of the engine for one call of the kernel. pieces: largest number of pieces of a kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
@@ -102,7 +102,7 @@ class CalledEngine(BoundEngine):
         self._raised: BaseException | None = None
 
     def borrow(self, pieces: int) -> EngineCall:
-        """What one call of the kernel receives. pieces: largest number of pieces of a kick."""
+        """Arguments of the engine for one call of the kernel. pieces: largest number of pieces of a kick."""
         super().borrow(pieces)
         return EngineCall(step=self._address, records=NO_RECORD, exchange=self._exchange)
 
@@ -142,7 +142,7 @@ class NativeEngine(BoundEngine):
         """Calls that are free for the next thread."""
 
     def borrow(self, pieces: int) -> EngineCall:
-        """What one call of the kernel receives; each call gets its own, since threads may call in parallel."""
+        """Arguments of the engine for one call of the kernel; parallel threads get separate arguments."""
         call = self._calls.pop() if self._calls else None
         if call is not None and len(call.exchange) >= pieces:
             return call

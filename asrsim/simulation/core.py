@@ -37,7 +37,7 @@ SECONDS_WHEN_LOADED = 0.05
 
 
 UNOBSERVED = Corrections(np.zeros((0, 0, 0, 0)), np.zeros(2), np.zeros((3, 0), dtype=np.int64))
-"""Corrections of no observer."""
+"""Empty corrections, for worlds without an observer."""
 
 
 def is_worth_compiling(joints: int, substeps: int) -> bool:
@@ -60,7 +60,8 @@ class Core:
         strides: Strides = ALWAYS_ALL,
     ) -> None:
         """engine: engine of the prepared scenario, which `close` closes. watch: function that is called before each step of the
-        engine. Raises SimulationError if compiled code is requested and not available."""
+        engine. Raises SimulationError if compiled code is requested and not available.
+        """
         self.prepared, self.compiled, self._watch, self._strides = prepared, compiled, watch, strides
         drives = prepared.drives
         self._scheme = scheme_of(prepared)
@@ -86,13 +87,15 @@ class Core:
         self.done = np.zeros(worlds, dtype=np.int64)
         """Number of completed substeps of each world, (worlds,)."""
         self.strides = np.zeros((worlds, 3), dtype=np.int64)
-        """Stride of each world, and what decides on the next one; see `asrsim.simulation.arguments.Tables`."""
+        """Stride of each world, and the numbers from which its next stride is chosen; see
+        `asrsim.simulation.arguments.Tables`.
+        """
         self.fault = np.zeros((worlds, 2), dtype=np.int64)
         """Health of each world (`asrsim.simulation.layout.HEALTH`) and number of the joint at fault, (worlds, 2)."""
         self.corrections = UNOBSERVED
         """Corrections by an observer."""
         self._world_tables: Tables | None = None
-        """What the compiled kernel receives of the worlds; None after a change of a table's size."""
+        """Tables of the worlds for the compiled kernel; None after the size of a table has changed."""
         self._pieces = 1
         """Largest number of pieces of a kick so far."""
         self._states: Array | None = None
@@ -115,8 +118,8 @@ class Core:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
             if stepping.released:
                 kind.joint_step = self._address(bound_step(released_step))
-        # For the Python loop the kinds are records with functions instead of addresses, and sizes are numbers of Python: a
-        # counter that is NumPy's makes every index slower.
+        # For the Python loop the kinds are records with functions instead of addresses, and sizes are Python integers: a NumPy
+        # integer as a counter slows every index.
         table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
         own = self._strides
         sizes: Any = np.array(own.sizes, dtype=np.int64) if self.compiled else own.sizes
@@ -125,7 +128,7 @@ class Core:
         return constants
 
     def _make_room(self, prepared: Prepared) -> None:
-        """Add columns and laws for the stages of other parameters, which the worlds do not have so far."""
+        """Add columns and laws for stages that the new parameters need and that no world has so far."""
         shape = shape_of(prepared.drives, self.shape)
         if shape == self.shape:
             return
@@ -161,7 +164,7 @@ class Core:
     # -- engines ----------------------------------------------------------------------------------------------------
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
-        """Adapter for the engine, after the engine has started a run: the engine offers its compiled step only from then on."""
+        """Adapter for the engine. The engine has started a run before, since it offers its compiled step only from then on."""
         self._start_engine(engine, prepared)
         native = engine.native if self.compiled else None
         if native is None or self._watch is not None:
@@ -226,10 +229,11 @@ class Core:
 
     def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
         """Set the complete state of a world, and the parameters of this state. Continuing from this state gives bitwise
-        identical results."""
+        identical results.
+        """
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            # A state may be older than the columns of stages.
+            # The state may have been saved before columns for further stages were added.
             table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)
@@ -244,7 +248,7 @@ class Core:
         return self._engines[world].engine
 
     def look(self, world: int) -> Engine:
-        """The engine of a world, set to the state of this world."""
+        """The engine of a world, after the world's state has been loaded into it."""
         self._engines[world].enter(world)
         return self._engines[world].engine
 
@@ -261,7 +265,8 @@ class Core:
 
     def run(self, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
         """Advance worlds by `count` substeps with the inputs `given`, and record rows in `out`. which, first: see
-        `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on."""
+        `asrsim.simulation.kernel.run`. Exceptions of laws and of the engine are passed on.
+        """
         bounds = [self._engines[world] for world in which[:, 0].tolist()]
         if isinstance(bounds[0], NativeEngine) and bounds.count(bounds[0]) == len(bounds):
             self._call(bounds[0], which, given, first, count, out)
@@ -307,7 +312,7 @@ class Core:
 
 
 def _widened(table: Array, columns: int) -> Array:
-    """The table (..., k) with zeros in further columns: stages do not act there."""
+    """The table (..., k) with further columns of zeros, in which no stage acts."""
     wide = np.zeros((*table.shape[:-1], columns))
     wide[..., : table.shape[-1]] = table
     return wide

@@ -49,12 +49,13 @@ class EnergyGuard:
             self._start = float(self._model.energy(prepared.initial_positions, prepared.initial_velocities))
 
     def forget_links(self) -> None:
-        """Check the actuators only from now on."""
+        """From now on, check the energy balance of the actuators only."""
         self._model = None
 
     def look(self, state: Array) -> tuple[str, str] | None:
         """Joint with a violated energy balance and a description of the fault; None if there is none. state: (joints,
-        columns)."""
+        columns).
+        """
         if not self._active:
             return None
         model = self._model
@@ -63,7 +64,7 @@ class EnergyGuard:
         )
         worst = int(excess.argmax())
         if excess[worst] > FLOOR:
-            change = "vanished in" if residual[worst] > 0.0 else "came from nowhere in"
+            change = "vanished in" if residual[worst] > 0.0 else "appeared without a source in"
             return self._joints[worst].name, f"{abs(residual[worst]):.3g} J {change} its actuator"
         if model is None:
             return None
@@ -71,7 +72,7 @@ class EnergyGuard:
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         kinetic, potential = model.energies(positions, velocities)
         created = float(kinetic + potential - self._start - given.sum() - residual.sum())
-        # The kinetic energy belongs to a time half a step late, so that a conversion of potential energy looks like a gain.
+        # The kinetic energy is that of half a step later, so that a conversion of potential energy looks like a gain.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return self._joints[int(turnover.argmax())].name, f"the links have gained {created:.3g} J without a source"

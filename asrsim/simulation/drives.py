@@ -44,7 +44,7 @@ class SteppedJoint:
     stepping: Stepping
     initial_position: float
     stated_position: float = 0.0
-    """Start position that scenario or file state, which references without a signal hold, rad (m)."""
+    """Start position from the scenario or the robot's file, at which references without a signal stay, rad (m)."""
     initial_velocity: float = 0.0
     motor_positions: tuple[float, ...] = ()
     """Start positions of the motors in rad; empty: the positions at which springs are unloaded, so that runs begin smoothly."""
@@ -87,7 +87,8 @@ class SteppedJoint:
     @property
     def link_brake(self) -> float:
         """Derivative gain of the link's controller (mode 1) in N m s/rad; the loop applies this gain implicitly, like
-        damping."""
+        damping.
+        """
         if self.mode is None or self.mode.number != 1 or self.stepping.released:
             return 0.0
         return self.values["controller_1_derivative"]
@@ -139,7 +140,7 @@ class SteppedJoint:
 
     @property
     def placed(self) -> int:
-        """Number of motors and adjusters whose positions act on springs."""
+        """Number of motors and adjusters whose positions deflect springs."""
         return self.actuator.motors + self.actuator.adjuster if self.actuator and self.mode and self.mode.spring else 0
 
     @property
@@ -149,7 +150,8 @@ class SteppedJoint:
 
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
         """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
-        of the controller (in units of the command). Motors start at the link's position; in the released order, at 0."""
+        of the controller (in units of the command). Motors start at the link's position; in the released order, at 0.
+        """
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
         positions = (*self.motor_positions, *[at] * count)[:count]
         velocities = (*self.motor_velocities, *[0.0] * count)[:count]
@@ -195,7 +197,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
         imperfections, sensor = for_joint(scenario.sensor_imperfections, drive.name), None
         if imperfections is not None and imperfections.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
-            # The numbers below MOST_MOTORS are those of the commands.
+            # Noise generators with numbers below MOST_MOTORS belong to the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
                 imperfections=imperfections,
@@ -216,15 +218,15 @@ def command_delays(drives: Sequence[SteppedJoint]) -> list[float]:
 def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoint:
     """The joint with other delays in s, by name (`DELAYS`). Raises InputError.
 
-    The memory of the sensors is that of the scenario: a delay can be shorter than the scenario's, and not longer.
+    The size of the sensors' memory follows from the scenario, so that a delay cannot be longer than the scenario's delay.
     """
     for name, value in delays.items():
         commands = name == COMMAND_DELAY
         imperfections = drive.command_imperfections if commands else drive.sensor.imperfections if drive.sensor else None
         longest = imperfections.delay if imperfections else 0.0
         if imperfections is None or not 0.0 <= value <= longest:
-            message, hint = f"must be 0 to {longest:g} s, the delay of the scenario", "State the longest one in the scenario's "
-            hint += f"imperfections.{'commands' if commands else 'sensors'}"
+            message = f"must be 0 to {longest:g} s, the delay of the scenario"
+            hint = f"State the longest delay under imperfections.{'commands' if commands else 'sensors'}"
             raise InputError(message, key=f"{drive.name}.{name}", value=value, hint=hint, code="parameter-range")
         other = replace(imperfections, delay=float(value))
         if commands:

@@ -39,13 +39,14 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     low, high = np.array([drive.joint.stops for drive in drives]).T
 
     def load(positions: Array) -> Array:
-        """Torques (..., joints) in N m that springs hold at rest: those of gravity, 0 for a robot in free fall, without the
-        external ones."""
+        """Torques (..., joints) of gravity in N m that springs carry at rest; 0 for a robot in free fall. External torques are
+        excluded.
+        """
         weight = np.zeros_like(positions) if falls else model.gravity_torques(positions)
         return weight - couplings.fold(sampled[EXTERNAL, :, 0], couplings.expand(positions))
 
     def springs(positions: Array) -> Array:
-        """Torques of the springs on the links (1, k, joints) in N m; those on a follower act on its master."""
+        """Torques of the springs on the links (1, k, joints) in N m; torques on a follower act on its master."""
         positions = couplings.expand(positions)
         torques = np.zeros_like(positions)
         torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
@@ -55,7 +56,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     q = couplings.expand(found[0])
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
-        message = f"joint '{worst}' finds no equilibrium: nothing holds it"
+        message = f"joint '{worst}' has no equilibrium: neither spring, controller nor stop carries its load"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
     loads = load(q).tolist()
     return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
@@ -80,7 +81,8 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
 
 def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple[float, ...]]) -> Array:
     """Torques (joints, n) in N m on links at rest at positions q (joints, n): the torque of spring or controller, clipped to
-    the effort limit, plus the torque of the passive spring."""
+    the effort limit, plus the torque of the passive spring.
+    """
     torques = np.zeros_like(q)
     sprung = {j: own for j, drive in enumerate(drives) if (own := drive.drive) and own.mode.spring}
     rows = [*sprung]
@@ -95,7 +97,8 @@ def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...], stated: float) -> float:
     """Position in rad (m) at which the unloaded joint rests, within its stops; the start position `stated` in the scenario if
-    no spring or controller acts."""
+    no spring or controller acts.
+    """
     own = drive.drive
     if not (_gives_way(drive) or _holds(drive)) or (own is None and drive.joint.spring_stiffness == 0.0):
         return stated

@@ -1,4 +1,4 @@
-"""Examination of a scenario: everything that can be wrong is checked here, once, and all problems are reported together.
+"""Examination of a scenario: all checks run here, once, and all problems are reported together.
 
 Code that receives a `Plan` does not check it again: `prepare` builds the run, `asrsim.runs.execute` simulates, judges and
 writes it.
@@ -51,28 +51,28 @@ class Plan:
     warnings: tuple[Problem, ...] = ()
 
     def on(self, **changes: Any) -> Plan:
-        """This plan with other fields of the scenario that need no examination: engine, step, substeps, sampled signals."""
+        """This plan with other values of scenario fields that need no examination: engine, step, substeps, sampled signals."""
         scenario = replace(self.scenario, **changes)
         model = model_of(scenario, self.robot) if scenario.engine != self.scenario.engine else self.model
         return replace(self, scenario=scenario, model=model)
 
 
 DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
-"""Keys of the scenario that say which joints there are, and what drives them."""
+"""Keys of the scenario that determine the joints and their drives."""
 
 
 Beside = Callable[[Sequence[Scenario]], Iterable[Problem]]
-"""Function that returns further problems of the variants, to be reported beside those found."""
+"""Function that returns further problems of the variants, which are reported together with those of the examination."""
 
 
 class Examined(NamedTuple):
-    """What an examination finds in one variant of a scenario."""
+    """Result of the examination of one variant of a scenario."""
 
     scenario: Scenario
     source: Robot | None
     """Robot of the file; None if it cannot be read."""
     plan: Plan | None
-    """None if there are errors."""
+    """Plan of the variant; None if there are errors."""
     errors: tuple[Problem, ...]
     warnings: tuple[Problem, ...]
 
@@ -91,7 +91,7 @@ def examine(
     Args:
         scenario: Scenario file, or a scenario. A plan is returned as it is: nothing is examined twice.
         robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
-        variant, overrides: Of a scenario's file, as `asrsim.run` takes them.
+        variant, overrides: Variant and overrides of a scenario file, as in `asrsim.run`.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
         beside: Function that returns further problems, such as those of the folder for results, if there are problems at all.
 
@@ -113,7 +113,8 @@ def examine_all(
     beside: Beside | None = None,
 ) -> tuple[Plan, ...]:
     """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
-    reported together."""
+    reported together.
+    """
     found, problems = read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins)
     return _plans(found, problems, robot, beside)
 
@@ -129,11 +130,11 @@ def read(
     one: bool = False,
     propose: bool = False,
 ) -> tuple[list[Examined], tuple[Problem, ...]]:
-    """What is found in each variant, and the problems of the scenario's file; arguments as for `examine`.
+    """Result of the examination of each variant, and the problems of the scenario file; arguments as for `examine`.
 
-    variants: names; None: all. one: whether several variants are a problem. propose: propose parameters for an arm that its
-    springs and motors do not hold, which takes some time. Raises ScenarioError for a file that contains no scenario, or lacks a
-    variant.
+    variants: names; None: all. one: whether a file with several variants is a problem. propose: propose parameters for an arm
+    that its springs and motors cannot carry, which takes some time. Raises ScenarioError for a file that contains no scenario,
+    or lacks a variant.
     """
     given, file = (robot, None) if isinstance(robot, Robot) else (None, robot)
     parts = [read_scenarios(scenario, variant=name, overrides=overrides, robot=file, plugins=plugins) for name in variants]
@@ -243,7 +244,9 @@ def described(scenario: Scenario, drives: Sequence[SteppedJoint]) -> tuple[Joint
 
 
 def _wrong_claims(scenario: Scenario, joints: Sequence[JointInfo] = ()) -> list[Problem]:
-    """Problems of the scenario's claims and their recordings. joints: empty if they are unknown, as the robot has errors."""
+    """Problems of the scenario's claims and their recordings. joints: empty if the robot has errors, so that its joints are
+    unknown.
+    """
     if not scenario.expect:
         return []
     # Most runs have no claims, and start faster without these imports.

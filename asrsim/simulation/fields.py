@@ -29,7 +29,7 @@ class Pushes:
 
 @dataclass(slots=True)
 class Works:
-    """Works of the torques on a motor."""
+    """Work of each torque on a motor."""
 
     drive: float = value("work of the motor's torque", "J")
     loss: float = value("work lost to friction and damping", "J")
@@ -55,16 +55,16 @@ class MotorState:
     row_work: Works = record(Works, "between the last two whole substeps")
     last_kick_position: float = value("position of the motor at the previous kick", "rad")
     kinetic: float = value("kinetic energy of the motor at its mean velocity", "J")
-    at_limit: float = value("number of coming energy balances that a limit affects: 2 after a kick at a limit", "")
+    at_limit: float = value("number of the next energy balances that a limit affects: 2 after a kick at a limit", "")
     current: float = value("current of the winding", "A", log="motor_{}_current")
     voltage: float = value("voltage of the winding", "V", log="motor_{}_voltage")
     last_power: float = value("heat loss of the winding at the previous kick", "W")
     last_velocity: float = value("velocity of the motor before the last kick", "rad/s")
     acceleration: float = value("acceleration in the last kick, for joints with stages", "rad/s^2")
-    end: float = value("position of the spring's end that the motor moves, behind stages in series with the spring", "rad")
+    end: float = value("position of the motor-side end of the spring, after stages in series with the spring", "rad")
     parallel: float = value("part of `pull` that stages parallel to the spring cause", "N m")
     kick_parallel: float = value("torque of the stages parallel to the spring at the kick", "N m")
-    last_kick_parallel: float = value("torque of these stages at the previous kick", "N m")
+    last_kick_parallel: float = value("torque of the stages parallel to the spring at the previous kick", "N m")
     limit: float = value("largest torque of the motor, for joints with stages", "N m")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
     read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")
@@ -111,8 +111,8 @@ class JointState:
     stage_loss: float = value("energy lost in the stages", "J")
     stage_energy: float = value("energy stored in the stages", "J")
     stage_lost: float = value("energy lost in the stages since the previous substep", "J")
-    kick_velocity: float = value("velocity of the link at the kick, as known before the kick, for joints with stages", "rad/s")
-    kick_lead: float = value("time from the velocities of the motors to their kick; in memories, the substep", "s")
+    kick_velocity: float = value("velocity of the link at the kick, estimated before the kick, for joints with stages", "rad/s")
+    kick_lead: float = value("time from the velocities of the motors to their kick; for stages: the substep", "s")
     steady: float = value("number of kicks since an input jumped, at most 2, for joints with stages", "")
     spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
     motor_energy: float = value("kinetic energy of the motors", "J")
@@ -180,7 +180,7 @@ class JointKind:
     controlled: int = constant("flag: 1 if a controller loads the rigid link (mode 1)", "", integer=True)
     direct: int = constant("flag: 1 if the reference is the torque on the link (mode 0)", "", integer=True)
     positions: int = constant("number of positions that the laws of the spring take", "", integer=True)
-    dynamic: int = constant("number of positions with motor dynamics; the others equal their references", "", integer=True)
+    dynamic: int = constant("number of positions with motor dynamics; other positions equal their references", "", integer=True)
     springs: int = constant("number of springs, one for each motor", "", integer=True)
     placed: int = constant("number of positions that change the springs' energy", "", integer=True)
     controllers: int = constant("number of controllers with sensors", "", integer=True)
@@ -193,7 +193,7 @@ class JointKind:
         "address of the function that advances the joint instead of the kernel; 0: none", "", integer=True
     )
     stages: int = constant("number of stages in the joint's law", "", integer=True)
-    places: list[int] = several("place of the state of each of its stages: column of S; in plain Python, index in `stages`")
+    places: list[int] = several("location of the state of each stage: column of S; in plain Python, index in `stages`")
 
 
 @dataclass(slots=True)
@@ -211,7 +211,8 @@ class Scheme:
 
 def joint_of_row(row: Sequence[float], motors: int, sensors: int, stages: Sequence[type[Stage]]) -> JointState:
     """A joint with the numbers of a row of S. motors: number of motors in the row; sensors: number of values in the memory of
-    the sensors; stages: stages in the row."""
+    the sensors; stages: stages in the row.
+    """
     rest = iter(row)
     joint = filled(JointState, rest)
     joint.motors = [filled(MotorState, rest) for _ in range(motors)]
@@ -232,7 +233,8 @@ def link_of_row(
     row: Sequence[float], motors: int, parameters: int, springs: int, stages: Sequence[type[Stage]]
 ) -> JointConstants:
     """Constants of a joint with the numbers of a row of P. motors: number of motors in the row; parameters: number of
-    parameters of the joint's laws; springs: number of motors of the joint; stages: stages of the joint."""
+    parameters of the joint's laws; springs: number of motors of the joint; stages: stages of the joint.
+    """
     rest = iter(row)
     link = filled(JointConstants, rest)
     link.drives = [filled(MotorConstants, rest) for _ in range(motors)]
@@ -250,7 +252,9 @@ def columns_of_stages(stages: Sequence[type[Stage]], motors: int) -> int:
 
 
 def row_of_link(link: JointConstants, stages: Sequence[type[Stage]]) -> list[float]:
-    """Row of P of a joint's constants. Before the constants of a stage at a motor stands 1 if the stage acts there, else 0."""
+    """Row of P of a joint's constants. The constants of a stage at a motor follow a flag: 1 if the stage acts at this motor,
+    else 0.
+    """
     row = [*numbers(link), *(number for drive in link.drives for number in numbers(drive)), *link.law]
     for stage, motors in zip(stages, link.stages, strict=True):
         for own in motors:

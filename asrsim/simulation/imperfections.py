@@ -35,7 +35,7 @@ class Noise:
     deviation: float
 
     def draw(self, index: Array) -> Array:
-        """Random values with the numbers `index` (n,), which are integers stored as floats."""
+        """Random values for the indices `index` (n,), which are integers stored as floats."""
         blocks, places = np.divmod(index.astype(np.int64), _BLOCK)
         values = np.empty(np.shape(index))
         for block in np.unique(blocks).tolist():
@@ -65,7 +65,7 @@ class Imperfect(Signal):
         """Values before they are rounded to the quantum."""
         imperfections = self.imperfections
         period = 1.0 / imperfections.rate if imperfections.rate else self.step
-        # A tick at the time of a sample belongs to this sample, even if rounding makes the tick slightly later.
+        # A tick at the time of a sample belongs to this sample, even if a rounding error makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = rounded(ticks * period) if imperfections.rate else time
         # Before the delay has passed, the delayed signal has its value at t = 0.
@@ -83,7 +83,7 @@ class Imperfect(Signal):
             jumps = np.union1d(jumps, ticks(self.step, start, end))
         if imperfections.quantum:
             jumps = np.union1d(jumps, self._crossings(start, end))
-            # A jump of the signal is a crossing, too.
+            # A jump of the signal also counts as a crossing.
             jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
         return jumps
 
@@ -118,7 +118,8 @@ def ticks(period: float, start: float, end: float) -> Array:
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
     """The encoders of a joint's controllers. An encoder with a rate measures at its ticks and holds the measurements; other
-    encoders measure at all times."""
+    encoders measure at all times.
+    """
 
     imperfections: Imperfections
     step: float
@@ -160,7 +161,8 @@ class Sensor:
     def fill(self, table: Array, begins: Array, margin: float, window: float) -> None:
         """Fill `table` (n, 2 count): whether each encoder takes a sample at the beginning of a piece of a kick, and its noise
         in this piece. begins: times (n,) in s at which the pieces begin. A sample is taken if a tick is at most `margin` s
-        later, and less than `window` s earlier."""
+        later, and less than `window` s earlier.
+        """
         numbers = np.floor((begins + margin) / self._period)
         samples = begins - numbers * self._period < window if self.imperfections.rate else True
         for index, noise in enumerate(self.noises):

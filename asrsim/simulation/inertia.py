@@ -1,4 +1,4 @@
-"""Check that each motion of the joints has an inertia."""
+"""Check that every motion of the joints moves some inertia."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from asrsim.simulation.drives import SteppedJoint
 
 
 def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
-    """Raise RobotError if a motion has no inertia at the start: a joint with a point mass on its axis, or two joints on an axis
-    with no mass between them.
+    """Raise RobotError if a motion moves no inertia at the start: a joint with a point mass on its axis, or two joints on one
+    axis without mass between them.
     """
     mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
         Problem(
-            f"what joint '{drive.name}' moves has no inertia about its axis, so its motion is not defined",
+            f"the links that joint '{drive.name}' moves have no inertia about its axis, so its motion is not defined",
             line=drive.joint.line,
             key=drive.name,
             hint=f"Give link '{drive.joint.child}' an inertia, or fix the joint: `locked: [{drive.name}]`",

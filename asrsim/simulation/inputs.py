@@ -36,29 +36,33 @@ LONGEST_WORK = 10_000_000
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""
 SLACK = 1e-6
-"""Times that differ by less than this part of a substep are equal."""
+"""Times that differ by less than this fraction of a substep count as equal."""
 KEPT = 4
 """Number of chunks that are cached, since worlds may be at different times and return to their start."""
 
 
 class Given(NamedTuple):
     """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split. Worlds with equal inputs share a set
-    of inputs and references; worlds with equal signals and times share a set of the other tables."""
+    of inputs and references; worlds with equal signals and times share a set of the other tables.
+    """
 
     inputs: Array
     """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample at the
     beginning of the piece, and the noise); shape (sets, rows, joints, columns). The row of a substep whose kick is split
-    belongs to the time of the substep."""
+    belongs to the time of the substep.
+    """
     references: Array
     """External torques and references before the reference map, and, if commands have imperfections, the references as they
-    were sent, without imperfections; shape (sets, rows, joints, columns)."""
+    were sent, without imperfections; shape (sets, rows, joints, columns).
+    """
     wrenches: Array
     """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
     """Length of each kick or piece of a kick as a fraction of a substep, 1 for a kick that is not split; shape (sets, rows)."""
     cuts: NDArray[np.int64]
     """Split kicks, shape (sets, c, 4): row of the kick, first row and last row + 1 of its pieces, row of the piece that begins
-    at the time of the substep. Unused entries are -1."""
+    at the time of the substep. Unused entries are -1.
+    """
 
 
 class Inputs:
@@ -86,7 +90,7 @@ class Inputs:
         self._signals = signals_of(scenario, drives)
         listed = [signal for row in (*self._signals, *self._wrenches) for signal in row if type(signal) is not Constant]
         self._jumping: dict[int, Signal | Sensor] = {id(one): one for one in (*listed, *self._sensors) if one is not None}
-        """Signals and sensors that may jump, without repetitions."""
+        """Signals and sensors that may jump; each is listed once."""
         sent = [[signal.of if isinstance(signal, Imperfect) else signal for signal in row[GOALS:]] for row in self._signals]
         affected = any(isinstance(signal, Imperfect) for row in self._signals for signal in row)
         self._duration = scenario.duration
@@ -106,14 +110,16 @@ class Inputs:
 
     def _map(self, inputs: Array, references: Array) -> None:
         """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of
-        the same form."""
+        the same form.
+        """
         for joints, law in self._maps:
             mapped = law(references[:, :, joints, GOALS], references[:, :, joints, GOALS + 1])
             inputs[:, :, joints, GOALS : GOALS + len(mapped)] = mapped.transpose(1, 2, 3, 0)
 
     def _make_chunk(self, first: int, count: int) -> Given:
         """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set). The rows of pieces follow those of the
-        substeps."""
+        substeps.
+        """
         h, now = self.substep, grid(first, count, self.substep)
         begins, ends, cuts = self._pieces(first, count)
         middles = 0.5 * (begins + ends)
@@ -180,7 +186,8 @@ class Inputs:
 
     def renew(self, given: Given, held: Array, worlds: NDArray[np.int64]) -> None:
         """Overwrite the rows of `given`, which are equal, with the values `held` that are not NaN. worlds: row of `held` for
-        each set of `given`."""
+        each set of `given`.
+        """
         fast = renewal_of(self._laws[0]) if len(self._laws) == 1 else None
         if fast is not None:
             fast(given.inputs, given.references, held, worlds, self._mapped, self._goals)
@@ -199,7 +206,8 @@ class Inputs:
     def _pieces(self, first: int, count: int) -> tuple[Array, Array, NDArray[np.int64]]:
         """Pieces of the kicks that are split because inputs or measurements jump in them, and of the first kick of a run: the
         times in s at which they begin and end, and the table `Given.cuts` (c, 4). A kick is also split at the time of its
-        substep; no piece lies before t = 0."""
+        substep; no piece lies before t = 0.
+        """
         h = self.substep
         least, start, end = SLACK * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
         jumping = self._jumping.values() if self.staggered else ()
@@ -208,7 +216,7 @@ class Inputs:
         valid = (least < jumps) & (jumps < end - least) & (first <= at) & (at < first + count)
         jumps, at = jumps[valid], at[valid]
         kicks = np.unique(np.append(at, 0) if first == 0 and self.staggered else at)
-        # A jump near the time of a substep, or near the end of a kick, makes no piece of its own.
+        # A jump near the time of a substep, or near the end of a kick, does not split the kick further.
         away = abs(jumps - at * h)
         inner = (least < away) & (away < 0.5 * h - least)
         now = kicks * h
@@ -226,7 +234,8 @@ class Inputs:
 
 def renew_rows(inputs: Any, references: Any, held: Any, worlds: Any, mapped: Any, goals: int) -> None:
     """Overwrite equal rows of inputs and references (sets, rows, joints, columns) with values (worlds, joints, goals) that are
-    not NaN; see `Inputs.renew`."""
+    not NaN; see `Inputs.renew`.
+    """
     sets, rows, joints, columns = inputs.shape
     sent = references.shape[3] > goals
     for w in range(sets):
@@ -256,8 +265,9 @@ def motor_references(equilibrium: float, preset: float) -> tuple[float, float]:
 
 @cache
 def renewal_of(law: Any) -> Any:
-    """`renew_rows`, compiled for joints with this reference map. None if the law calls functions, whose values for numbers and
-    for arrays may differ in the last bit, and if it is not a plain function or cannot be compiled."""
+    """`renew_rows`, compiled for joints with this reference map. None if the law is not a plain function, cannot be compiled,
+    or calls functions (whose values for numbers and for arrays may differ in the last bit).
+    """
     if not isinstance(law, FunctionType) or law.__code__.co_names or law.__code__.co_freevars:
         return None
     floats, one = np.zeros((1, 1, 1, 1)), np.zeros(1, dtype=np.int64)
@@ -296,8 +306,9 @@ def sampled_signals(scenario: Scenario, drives: Sequence[SteppedJoint], time: Ar
 
 
 def longest_chunk(joints: int, asked: int | None = None, *, motor_substeps: int = 1) -> int:
-    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` overrides this number, but for the limit
-    of the work in a chunk. Raises InputError if `asked` is below 1."""
+    """Largest number of substeps in a chunk for a robot with `joints` joints; `asked` replaces this number, up to the limit of
+    the work in a chunk. Raises InputError if `asked` is below 1.
+    """
     if asked is not None and not asked >= 1:
         raise InputError("must be at least 1 substep", key="chunk", value=asked, code="chunk")
     longest = asked or max(SHORTEST, min(LONGEST, LONGEST_NUMBERS // joints))

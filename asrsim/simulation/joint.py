@@ -1,4 +1,4 @@
-"""The substep of a joint: sensors are read, motors move, their springs load the link, and the link's motion is taken over.
+"""The substep of a joint: sensors are read, motors move, springs load the link, and the link's motion is read from the engine.
 
 If an input jumps, the kick is split into pieces with separate inputs, which act on the link one after the other.
 """
@@ -21,7 +21,7 @@ def load_joint(
     step: int, begin: int, end: int, on_time: int, first: bool, recorded: bool,
 ) -> float:  # fmt: skip
     """Advance motors and springs of joint j by a kick, with the link at its present position, and put its loads into the
-    exchange. Returns the sum of the torques on the link in N m, which is finite in a sound world.
+    exchange. Returns the sum of the torques on the link in N m, which is finite in a healthy world.
 
     inputs, lengths: tables of `asrsim.simulation.inputs.Given`; step: their row of the substep; begin, end: their first row and
     last row + 1 of the pieces of the kick; on_time: row of the piece that begins at the time of the substep, -1 for a kick that
@@ -85,7 +85,8 @@ def settle(
 ) -> None:
     """Compute the values at the time of the substep, after the engine has moved the link. velocity: of the link after the kick,
     rad/s; at_time: its velocity at the time of the substep if the engine has computed it, else NaN; first, jumped: whether
-    the run begins, and whether an input jumps in the kick."""
+    the run begins, and whether an input jumps in the kick.
+    """
     now = 0.5 * (joint.engine_velocity + velocity)
     if first or scheme.staggered == 0.0:
         now = joint.engine_velocity
@@ -120,7 +121,8 @@ def _clear_means(joint: JointState) -> None:
 
 def _add_piece(joint: JointState, link: JointConstants, share: float, late: bool) -> None:
     """Add the torques in a piece of a kick to the means over half kicks. share: length of the piece as a fraction of a half
-    kick; late: whether the piece follows the time of the substep."""
+    kick; late: whether the piece follows the time of the substep.
+    """
     side = joint.following if late else joint.before
     side.applied += share * joint.now.applied
     side.torque += share * joint.now.torque
@@ -233,7 +235,7 @@ def _between(value: float, low: float, high: float) -> float:
 def _kick(
     motor: MotorState, drive: MotorConstants, scheme: Scheme, goal: float, most: float, step: float, before: float, noted: bool
 ) -> None:
-    """Compute the kick of a motor and the drift that follows, and add the works of the torques on the motor. most: largest
+    """Compute the kick of a motor and the drift that follows, and add the work of each torque on the motor. most: largest
     torque of the motor, N m.
 
     The torques act for half a step with the velocity before the kick, and for half a step with the velocity after the kick.
@@ -289,7 +291,8 @@ def push_of(joint: JointState, link: JointConstants, external: float) -> float:
 
 def damping_of(joint: JointState, link: JointConstants) -> float:
     """Viscous damping of the link in N m s/rad. A damping that varies with the stiffness k is c + 2 D sqrt(I k), with constant
-    part c, damping ratio D and inertia I (paper section 4.2.2)."""
+    part c, damping ratio D and inertia I (paper section 4.2.2).
+    """
     if link.damping_ratio == 0.0:
         return link.damping
     return link.damping + 2.0 * link.damping_ratio * math.sqrt(max(link.damping_inertia * joint.stiffness, 0.0))
@@ -304,8 +307,9 @@ def find_state(joint: JointState, link: JointConstants, kind: JointKind) -> None
 
 def friction_of(joint: JointState, link: JointConstants, v: float) -> float:
     """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with Coulomb friction tau_c, load
-    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy
-    at any level."""
+    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy,
+    however large it is.
+    """
     bound: float = link.coulomb + link.share * abs(joint.now.applied - joint.brake * v)
     if link.stribeck > 0.0:
         ratio = v * link.fade

@@ -114,9 +114,9 @@ def run(
 
 def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
     """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a
-    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
+    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which this stride was possible.
 
-    whole: whether the whole step belongs to the call.
+    whole: whether the call contains the whole step.
     """
     longest = len(common.sizes) - 1 if whole else 0
     for j in range(len(common.kinds)):
@@ -148,8 +148,9 @@ def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides:
 def observe(
     states: Any, constants: Any, kinds: Any, scheme: Scheme, x: Any, corrections: Corrections, place: int, step: int
 ) -> None:
-    """Move positions and velocities of a world towards measured positions at a whole step, and replace these by the errors
-    before the correction. x: state of the engine; place: number of the world in the measured positions."""
+    """Move positions and velocities of a world towards measured positions at a whole step, and replace the measured positions
+    by the errors before the correction. x: state of the engine; place: number of the world in the measured positions.
+    """
     measured, gains, coordinates = corrections.measured[place], corrections.gains, corrections.coordinates
     for j in range(len(kinds)):
         joint, _, _ = joint_of(states, constants, kinds, j)

@@ -18,13 +18,15 @@ from asrsim.simulation.fields import JointConstants, JointKind, JointState, Moto
 def spring_law(address: Any, joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
     """Store the torques of a joint's springs and stages in N m in the `pull` of its motors, with the link at q rad and the
     motors at their `theta`. With the task `WHOLE`, also store stiffness in N m/rad and energy in J in `stiffness` and
-    `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`)."""
+    `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`).
+    """
     address(joint, link, kind, q, task)
 
 
 def joint_step(address: Any, joint: JointState, link: JointConstants, kind: JointKind, u: Any, h: float, note: int) -> None:
     """Advance a joint by the function of its stepping, which replaces `asrsim.simulation.joint.advance` and sets the torque of
-    the joint."""
+    the joint.
+    """
     address(joint, link, kind, u, h, note)
 
 
@@ -34,8 +36,9 @@ def engine_step(address: Any, record: Any, x: Any, exchange: Any, wrenches: Any,
 
 
 def put_load(exchange: Any, piece: int, j: int, torque: float, damping: float, friction: float) -> None:
-    """Put the loads of joint j in a piece of a kick into the exchange. The velocity
-    in the middle of the kick has no value, unless the engine writes it."""
+    """Put the loads of joint j in a piece of a kick into the exchange. The velocity in the middle of the kick is NaN until the
+    engine writes it.
+    """
     exchange[piece, j, MIDDLE] = math.nan
     exchange[piece, j, TORQUE] = torque
     exchange[piece, j, DAMPING] = damping
@@ -75,7 +78,8 @@ def memory_of(joint: JointState, kind: JointKind) -> Any:
 def record(out: Any, place: int, kept: int, j: int, joint: JointState, of_state: Any, references: Any, of_inputs: Any) -> None:
     """Write a row of joint j: numbers of its state, then of its references. out, of_state, of_inputs: see
     `asrsim.simulation.kernel.run` and `asrsim.simulation.arguments.RowSelection`; place, kept: number of the world in `out` and
-    of its row."""
+    of its row.
+    """
     _, rows, joints, columns = out.shape
     first = ((place * rows + kept) * joints + j) * columns
     _row(columns).pack_into(out, out.itemsize * first, *of_state(joint), *of_inputs(references))

@@ -1,4 +1,4 @@
-"""The energy balance of a joint, and counts of its limits.
+"""The energy balance of a joint, and counts of the substeps at its limits.
 
 Work is the mean torque times the displacement: the trapezoidal rule, of second order in the step. If an input jumps, there are
 separate means before and after the jump. With the default stepping the residual of the balance thus decreases as h^2. If the
@@ -108,7 +108,7 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
         kinetic += energy
         if not first:
             work += motor.row_work.drive
-            # A limit dissipates the rest of the balance: the energy of the impact, and the work of the torque at the limit.
+            # At a limit, the rest of the balance is dissipated: the energy of the impact, and the work of the torque.
             limited = motor.row_work.drive - motor.row_work.spring - (energy - motor.kinetic)
             lost += limited if motor.at_limit > 0.0 else motor.row_work.loss
         motor.kinetic = energy
@@ -136,7 +136,8 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
 def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before: Pushes, absorbed: float, jump: bool) -> float:
     """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
     positions at their means. If an input jumps, the work is the energy that the springs absorbed (J) plus their work on the
-    link."""
+    link.
+    """
     half = 0.5 * (joint.position - joint.last_position)
     if jump:
         work: float = absorbed + (joint.last.torque + before.torque) * half
@@ -155,7 +156,8 @@ def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before:
 
 def _energy_at(joint: JointState, link: JointConstants, kind: JointKind, q: float, last: bool) -> float:
     """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions, the others at their
-    present positions, or at those of the last kick."""
+    present positions, or at those of the last kick.
+    """
     for i in range(kind.positions):
         motor = motor_of(joint, i)
         half_way = 0.5 * (motor.kick_position + motor.last_kick_position)

@@ -72,7 +72,8 @@ def _record(out: Any, place: int, kept: int, j: int, joint: Any, of_state: Any, 
 
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
     """An actuator's laws and those of the stages of its joint, compiled to a C function; see
-    `asrsim.simulation.interpreted.bound_law`. Raises SimulationError."""
+    `asrsim.simulation.interpreted.bound_law`. Raises SimulationError.
+    """
     first, size = len(columns(JointState)), len(columns(MotorState))
     count = len(actuator.parameters)
     staged = compose(stages, partial(_access, actuator, stages)) if stages else None
@@ -210,7 +211,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
         inner = field.metadata.get("record")
         return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
 
-    # Numba knows no record without numbers.
+    # Numba does not support records without fields.
     return np.dtype([(field.name, of(field)) for field in own_fields(kind)] or [("nothing", np.float64)], align=True)
 
 
@@ -271,7 +272,9 @@ def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: ty
 
 
 def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int, apart: int) -> Any:
-    """Pointer to the number of a row in the column that column `column` of the kind contains, plus `first + apart * i`."""
+    """Pointer to the number of a row in the column that is contained in column `column` of the kind, plus `first + apart *
+    i`.
+    """
     from llvmlite import ir
 
     word = ir.IntType(64)
@@ -283,7 +286,8 @@ def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int
 @cache
 def _part_at(part: Any, column: int, first: int, apart: int) -> Any:
     """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains.
-    part: class of the record; None: a single number instead of a record."""
+    part: class of the record; None: a single number instead of a record.
+    """
     from numba import types
     from numba.extending import intrinsic
 
@@ -331,7 +335,8 @@ def scheme_table(schemes: Sequence[Scheme]) -> NDArray[Any]:
 @cache
 def _pointers() -> dict[str, Any]:
     """Replacements in compiled code for the functions of `asrsim.simulation.laws`, by name. Each replacement calls through a
-    pointer."""
+    pointer.
+    """
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -342,7 +347,8 @@ def _pointers() -> dict[str, Any]:
 
     def passed(*given: Any) -> Any:
         """Numba signature and code generator of a call of the C function whose address is the first argument. Arrays are passed
-        as addresses of their data."""
+        as addresses of their data.
+        """
         signature = kinds.void(*given)
 
         def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

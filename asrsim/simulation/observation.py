@@ -17,7 +17,8 @@ from asrsim.simulation.fields import JOINT, motor_column
 @dataclass(frozen=True, kw_only=True)
 class Observation:
     """The state at a whole step. Arrays are (n,) in the order of the joints, or (N, n) for several worlds; NaN if a joint lacks
-    the quantity."""
+    the quantity.
+    """
 
     time: Any
     """Time in s; for several worlds (N,)."""
@@ -36,7 +37,7 @@ class Snapshot:
     """Complete states of some worlds, from which these worlds can continue."""
 
     owner: object
-    """Token of the worlds and their parameters; a snapshot can only be restored with the same token."""
+    """Token of the worlds and their parameters; only worlds with the same token can restore the snapshot."""
     states: Mapping[int, Any]
     """State of each world, by the number of the world."""
     recording: Any = None
@@ -46,7 +47,8 @@ class Snapshot:
 
 def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: Any) -> Observation:
     """Observation of the states (..., joints, columns) at a whole step, at `time` s. substep: length of the last substep in s,
-    or an array (..., 1)."""
+    or an array (..., 1).
+    """
     dynamic = [drive.dynamic_motors for drive in drives]
     position, velocity = np.full((2, *state.shape[:-1], max(dynamic)), np.nan)
     lag = drives[0].stepping.first_drift * substep
@@ -88,6 +90,6 @@ class Counts:
 
 
 def counts_of(state: Array, substeps: int) -> Counts:
-    """Counts from the state (joints, columns) of a world after the given number of substeps."""
+    """Counts from the state (joints, columns) of a world after this number of substeps."""
     counted = {name: state[:, JOINT[f"{name}_count"]].astype(int) for name in LIMITS}
     return Counts(**counted, stiffest=state[:, JOINT["stiffest"]].copy(), substeps=substeps)

@@ -25,7 +25,9 @@ from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import resolution_of
 
 ScenarioLike = str | Path | Scenario | Plan | Prepared
-"""What a simulation is made of. Only a file or a scenario is examined, and only a prepared scenario is not built."""
+"""Input of a simulation: a file, scenario, plan or prepared scenario. Files and scenarios are examined; all but prepared
+scenarios are built.
+"""
 
 
 def prepare(
@@ -38,7 +40,8 @@ def prepare(
     settable: bool = False,
 ) -> Prepared:
     """Examine a scenario, and build its actuators and engine; arguments as for `examine` and `build`. A prepared scenario is
-    returned as it is. Raises RobotError, ScenarioError or UnresolvedSpringError."""
+    returned as it is. Raises RobotError, ScenarioError or UnresolvedSpringError.
+    """
     if isinstance(scenario, Prepared):
         return scenario
     return build(examine(scenario, robot, variant=variant, overrides=overrides, plugins=plugins), settable=settable)
@@ -55,7 +58,8 @@ def prepare_worlds(
 ) -> Prepared:
     """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about
     ten times faster than PyBullet. engine: name of the engine; `WARP` takes the links' model from MuJoCo. Raises InputError if
-    the scenario is prepared for another engine."""
+    the scenario is prepared for another engine.
+    """
     if isinstance(scenario, Prepared):
         if engine not in (None, WARP, scenario.scenario.engine):
             raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")

@@ -1,4 +1,4 @@
-"""A prepared scenario: what simulations and worlds are made of, with its variants."""
+"""A prepared scenario, from which simulations and worlds are created, and copies of it with other parameters or references."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Prepared:
     """A scenario that has been read, checked and prepared. It is immutable and can serve many simulations."""
 
     plan: Plan = field(repr=False, compare=False)
-    """The examined scenario, without planned references and what `vary` and `with_references` change."""
+    """The examined scenario, without planned references and without the changes of `vary` and `with_references`."""
     scenario: Scenario
     robot: Robot
     stepping: Stepping
@@ -46,7 +46,7 @@ class Prepared:
     _spare: list[Engine] = field(default_factory=list, repr=False, compare=False)
     """Engine that the preparation built; the first simulation uses this engine."""
     _latest: list[tuple[object, RobotModel]] = field(default_factory=list, repr=False, compare=False)
-    """Inertials of the latest variant, and its model."""
+    """Inertials of the latest variant, and the model with these inertials."""
 
     @property
     def initial_positions(self) -> tuple[float, ...]:
@@ -65,10 +65,11 @@ class Prepared:
 
     def last_substep(self, duration: float | None) -> int:
         """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if the duration is
-        shorter than a step."""
+        shorter than a step.
+        """
         seconds = self.scenario.duration if duration is None else duration
         if not self.scenario.step / 2.0 < seconds < math.inf:
-            raise InputError("must last a step at least", key="duration", value=seconds, code="duration")
+            raise InputError("must be at least one step", key="duration", value=seconds, code="duration")
         return round(seconds / self.scenario.step) * self.resolution.substeps
 
     @property
@@ -90,7 +91,8 @@ class Prepared:
 
     def slot_of(self, joint: str, reference: str) -> tuple[int, int]:
         """Number of the joint, and the column of the reference (or of `external_torque`) in an input row. Raises InputError for
-        unknown names."""
+        unknown names.
+        """
         if joint not in self._slots:
             names = tuple(self._slots)
             hint = did_you_mean(joint, names)
@@ -112,7 +114,8 @@ class Prepared:
 
     def undelayed_inputs(self, time: Array) -> Array:
         """External torques, then references before the reference map, (columns, joints, n), at the times `time` (n,) in s.
-        Commands have the imperfections that the scenario states, except for delays."""
+        Commands have the imperfections that the scenario states, except for delays.
+        """
         drives = [
             replace(
                 drive, command_imperfections=drive.command_imperfections and replace(drive.command_imperfections, delay=0.0)

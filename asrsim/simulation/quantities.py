@@ -160,8 +160,9 @@ def require_recorded(names: Sequence[str], columns: Collection[str], choices: tu
 
 
 def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None) -> tuple[str, ...]:
-    """The names of quantities, by default all that the joints record, without energies. Raises InputError for names of
-    energies."""
+    """The names of quantities, by default of all that the joints record except energies. Raises InputError for names of
+    energies.
+    """
     possible = tuple(name for name in all_recorded(drives) if name == LOGGED["stiffness"] or not is_watched(name))
     require_recorded(possible if names is None else names, possible, possible)
     return possible if names is None else tuple(names)

@@ -24,13 +24,16 @@ from asrsim.simulation.layout import GOALS, TASK
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "limit": 6.0, "low": -math.inf, "high": math.inf}
 """Constants of the released DCMotor class, which simulates a second motor for every actuator: values of a
-`Drive`. Units: inertia kg m^2, damping N m s/rad, torque N m, positions rad."""
+`Drive`. Units: inertia kg m^2, damping N m s/rad, torque N m, positions rad.
+"""
 PHANTOM_SEA = {"coulomb": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
-"""Constants of the second motor that the released SEA plugin also updates: friction in N m, PID gains in N m/rad, N m/(rad s)
-and N m s/rad."""
+"""Constants of the second motor that the released SEA plugin updates, although it drives nothing: friction in N m, PID gains in
+N m/rad, N m/(rad s) and N m s/rad.
+"""
 PHANTOM_AWAS_II = {"coulomb": 0.5, "proportional": 164.0, "integral": 0.0, "derivative": 41.0}
 """Constants of the second motor that the released AwAS-II plugin updates: friction in N m, PID gains in N m/rad, N m/(rad s)
-and N m s/rad."""
+and N m s/rad.
+"""
 MOTORS = 2
 """Number of motors that every released actuator integrates."""
 
@@ -72,7 +75,8 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
 
 def _move(motor: MotorState, drive: MotorConstants, goal: float, load: float, controlled: bool, h: float) -> None:
     """Update a motor as the released DCMotor does: controller, friction at the old position, acceleration, velocity, position,
-    limits. The published torque is NaN at a limit."""
+    limits. The published torque is NaN at a limit.
+    """
     position, velocity, push = motor.position, motor.velocity, goal
     if controlled:
         error = goal - position

@@ -1,4 +1,4 @@
-"""Error of the time step at the resonances of links and motors: oscillations that last are early by a phase that grows.
+"""Error of the time step at the resonances of links and motors: lasting oscillations are ahead by a growing phase.
 
 The leapfrog step raises the frequency w of a mode by the fraction (w h)^2 / 24, with the substep h. An oscillation with the
 decay rate s is therefore ahead by the phase w t (w h)^2 / 24 after the time t, when its amplitude is exp(-s t).
@@ -45,7 +45,7 @@ def resonance_doubts(
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
     message = (
         f"its resonance at {frequencies[worst] / math.tau:.3g} Hz has omega h = {frequencies[worst] * h:.2g} with "
-        f"{counted(resolution.substeps, 'substep')}: an oscillation that friction does not end is {errors[worst]:.2g} rad "
+        f"{counted(resolution.substeps, 'substep')}: an oscillation without friction is {errors[worst]:.2g} rad "
         f"ahead after {times[worst]:.2g} s, {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of its amplitude"
     )
     hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"

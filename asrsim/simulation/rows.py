@@ -21,7 +21,7 @@ from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.shape import RowShape
 
 NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
-"""Constants in the place of a motor that a joint does not have."""
+"""Constants that stand for a missing motor."""
 
 
 def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]]) -> JointKind:

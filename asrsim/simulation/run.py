@@ -72,8 +72,7 @@ def simulate(
         stop: Called every few thousand substeps; the run ends when it returns True.
         commands: References and wrenches that are set during the run, in the order of time.
         duration: Duration in s, instead of the scenario's.
-        alike: Number of similar runs, including this run. The loop is compiled if compiling saves time in all of these runs
-            together.
+        alike: Number of similar runs, including this run. The loop is compiled if this saves time over all these runs.
 
     Raises:
         InputError, SimulationError: The run cannot be built; ActuatorError if a user's law raises.
@@ -122,7 +121,7 @@ def run_to_end(
 
 
 def obey(simulation: Simulation, command: Command | WrenchCommand) -> None:
-    """Set the reference or the wrench of a command."""
+    """Set the reference or the wrench that a command contains."""
     if isinstance(command, Command):
         simulation.set_reference(command.joint, command.reference, command.value)
     else:
@@ -148,7 +147,8 @@ def run_of(simulation: Simulation, status: str, *, wall_time: float, message: st
 
 def make_run(prepared: Prepared, counts: Counts, status: str, *, slow_because: str = "", **more: Any) -> Run:
     """Result of a run with its warnings. slow_because: reason why the loop ran in Python although compiled code would have been
-    faster. more: other fields of `Run`."""
+    faster. more: other fields of `Run`.
+    """
     return Run(
         scenario=prepared.scenario,
         robot=prepared.robot,

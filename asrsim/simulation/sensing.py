@@ -1,4 +1,4 @@
-"""Sensors of a joint: measured positions and velocities are late; positions are also noisy and quantised."""
+"""Sensors of a joint: measured positions and velocities are delayed; positions are also noisy and quantised."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ def _ring_size(link: JointConstants) -> int:
 def read_sensors(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, u: Any, since: float, until: float
 ) -> None:
-    """Compute the errors of the measured positions and velocities in a piece of a kick. Measurements are late; positions are
+    """Compute the errors of the measured positions and velocities in a piece of a kick. Measurements are delayed; positions are
     also noisy and quantised.
 
     since, until: times at which the piece begins and ends, in substeps after the time of the substep. Sensors with ticks take
-    samples at the beginning of a piece and hold them. Measurements of other sensors are those in the middle of the piece; the
-    mean over the piece if they are quantised.
+    samples at the beginning of a piece and hold them. Other sensors measure in the middle of the piece, or, if they are
+    quantised, the mean over the piece.
     """
     middle, size, delay, memory = 0.5 * (since + until), _ring_size(link), link.delay, memory_of(joint, kind)
     for i in range(kind.controllers):
@@ -78,7 +78,8 @@ def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float)
 
 def _velocity_at(memory: Any, ring: int, size: int, lag: float, time: float) -> float:
     """Velocity in rad/s at a time in substeps after the present one, on straight lines through the stored velocities, which
-    belong to times `lag` substeps before those of the positions."""
+    belong to times `lag` substeps before those of the positions.
+    """
     newest = int(memory[ring + 2 * size])
     back = int(max(-time - lag, 0.0))
     later, earlier = ring + 2 * ((newest + size - back) % size), ring + 2 * ((newest + size - back - 1) % size)

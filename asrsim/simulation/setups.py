@@ -1,4 +1,4 @@
-"""Parameters, start and input signals of worlds; worlds with equal ones share them."""
+"""Parameters, start and input signals of worlds; worlds with equal values share one setup."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.start import Start
 
 VARIANTS_KEPT = 256
-"""Number of cached parameter sets with their robots, since the same parameters often recur with other references."""
+"""Number of cached parameter sets with their robots, since the same parameters often return with other references."""
 
 
 class WorldSetup(NamedTuple):
@@ -40,7 +40,8 @@ class Setups:
 
     def of(self, start: Start) -> WorldSetup:
         """Parameters, inputs and state of a start. Raises InputError, RobotError, and ScenarioError for an arm without
-        equilibrium."""
+        equilibrium.
+        """
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
         prepared = self._variants.get(key) if key else self._prepared
         if prepared is None:
@@ -50,7 +51,7 @@ class Setups:
             self._variants[key] = prepared
         inputs, started = self.home.inputs, prepared
         if prepared is not self._prepared and command_delays(prepared.drives) != command_delays(self._prepared.drives):
-            # Commands that are late by another time are other inputs.
+            # Another delay of the commands gives other inputs.
             started = prepared.with_references(start.references) if start.references else prepared
             inputs = self._inputs_of(started)
         elif start.references:

@@ -1,4 +1,4 @@
-"""Sizes of the rows of joints, and the places of their parts whose number depends on the robot."""
+"""Sizes of the rows of joints, and the columns of the parts whose number depends on the robot."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class RowShape:
         return self.motors * self.ring
 
     def place(self, stage: type[Stage] | None) -> int:
-        """Column of S at which the state of a stage begins; None: at which the states of all stages end."""
+        """Column of S at which the state of a stage begins; for None, the column at which the states of all stages end."""
         column = self.memory + self.sensors
         for one in self.kept:
             if one is stage:
@@ -64,8 +64,9 @@ class RowShape:
 
 
 def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> RowShape:
-    """Sizes of the rows that these joints need. before: sizes of the rows of joints with other parameters, whose columns keep
-    their places."""
+    """Sizes of the rows that these joints need. before: sizes of the rows of joints with other parameters, whose columns stay
+    where they are.
+    """
     stages = [drive.stages for drive in drives]
     kept = tuple(dict.fromkeys(stage for own in stages for stage in own))
     if before is not None:

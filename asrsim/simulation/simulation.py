@@ -26,7 +26,7 @@ from asrsim.simulation.start import Numbers, Start
 from asrsim.simulation.worlds import Worlds, count_of
 
 ONE = np.zeros(1, dtype=np.int64)
-"""The only world."""
+"""Index of the only world."""
 
 
 class Simulation:
@@ -92,9 +92,9 @@ class Simulation:
         self.joints, self._core, self.slow_because = self._world.joints, self._world.core, self._world.slow_because
         self._output = sinks, record
         self._held: dict[str, HeldWrench] = {}
-        """Wrenches that the caller holds on bodies, by name of the body."""
+        """Wrenches that the caller has set on bodies, by name of the body."""
         self._holding = self.engine
-        """The engine that knows these wrenches."""
+        """The engine to which these wrenches have been passed."""
         self._numbers: Numbers = {}
         """Parameters of all resets so far."""
         self.recording = self._new_recording(prepared)
@@ -123,7 +123,8 @@ class Simulation:
 
     def advance(self, steps: int = 1) -> None:
         """Advance by a number of steps. Raises DivergenceError, after the sinks have received the samples up to the
-        divergence."""
+        divergence.
+        """
         self.advance_to(self.substep + count_of(steps) * self.substeps)
 
     def advance_to(self, end: int) -> None:
@@ -157,9 +158,9 @@ class Simulation:
         self.recording.flush(self.substep, core.joint_states[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != HEALTH.no_value:
-            # The fastest joint is at fault; a velocity that is NaN counts as the fastest.
+            # The fastest joint is reported as the cause; a velocity of NaN counts as the fastest.
             joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
-            what = "its motion is no longer finite or sane"
+            what = "its motion is no longer finite, or impossibly fast"
         raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
 
     def flush(self) -> None:
@@ -223,7 +224,7 @@ class Simulation:
         self.recording.note_outside_work()
 
     def _hold(self, held: Mapping[str, HeldWrench]) -> None:
-        """Let these wrenches act, and no others."""
+        """Apply exactly these wrenches."""
         self._holding.hold(())
         self._held, self._holding = dict(held), self.engine
         self._holding.hold(tuple(held.values()))
@@ -300,7 +301,7 @@ class Simulation:
         self.recording = self._new_recording(self.prepared.started(start))
 
     def close(self) -> None:
-        """Release the engine. Call `flush` first if the sinks shall receive the recorded samples."""
+        """Release the engine. Call `flush` first if the sinks are to receive the recorded samples."""
         self._world.close()
 
     def __enter__(self) -> Simulation:

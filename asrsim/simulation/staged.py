@@ -1,4 +1,5 @@
-"""Stages of actuators in the kernel: what the kernel notes for them, and their laws, composed to functions of a joint.
+"""Stages of actuators in the kernel: the values that the kernel stores for stages, and the composition of their laws to
+functions of a joint.
 
 The laws of a stage are functions of its memory and constants at one motor (`asrsim.actuators.stages`). `compose` nests them,
 stage in stage, into functions of the records of a joint, in which only the stages of this joint appear. Plain Python, compiled
@@ -15,22 +16,25 @@ from asrsim.simulation.fields import JointConstants, JointKind, JointState, Sche
 from asrsim.simulation.laws import drive_of, motor_of
 
 STEADY = 2.0
-"""Number of kicks without a jump from which on the speed of a motor without dynamics follows from its positions."""
+"""Number of kicks without a jump after which the speed of a motor without dynamics is computed from its positions."""
 SLOPE = 1e-6
-"""Half of the difference of two link positions in rad from which the stiffness follows where a stage is in series with springs.
+"""Half of the distance in rad between the two link positions from which the stiffness is computed, if a stage is in series with
+springs.
 """
 
 
 def begin_stages(joint: JointState, velocity: float, jumped: bool, first: bool) -> None:
-    """Note what the stages of a joint need in a kick. velocity: of the link at the kick, rad/s; jumped: whether an input jumps
-    in the kick; first: whether it is the first kick, which is half a kick."""
+    """Store the values that the stages of a joint need in a kick. velocity: of the link at the kick, rad/s; jumped: whether an
+    input jumps in the kick; first: whether it is the first kick, which is half a kick.
+    """
     joint.kick_velocity = velocity
     joint.steady = 1.0 if first else 0.0 if jumped else min(joint.steady + 1.0, STEADY)
 
 
 def lead_stages(joint: JointState, kind: JointKind, scheme: Scheme, step: float) -> None:
-    """Note the kick of the motors that follows, of `step` s, and the speeds of motors without dynamics. While their references
-    jump, these keep their speed."""
+    """Store the length `step` in s of the next kick of the motors, and the speeds of motors without dynamics. While their
+    references jump, such motors keep their speed.
+    """
     joint.kick_lead = scheme.first_drift * step
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
@@ -40,7 +44,7 @@ def lead_stages(joint: JointState, kind: JointKind, scheme: Scheme, step: float)
 
 
 def note_kick(joint: JointState, kind: JointKind, step: float, noted: bool) -> None:
-    """Note the accelerations in a kick of `step` s. noted: whether the values of this kick are recorded."""
+    """Store the accelerations in a kick of `step` s. noted: whether the values of this kick are recorded."""
     for i in range(kind.springs):
         motor = motor_of(joint, i)
         if i < kind.dynamic and step > 0.0:
@@ -50,7 +54,7 @@ def note_kick(joint: JointState, kind: JointKind, step: float, noted: bool) -> N
 
 
 def end_stages(joint: JointState, kind: JointKind, scheme: Scheme) -> None:
-    """Note the substep before the stages remember the kick."""
+    """Store the length of the substep before the stages update their memories."""
     joint.kick_lead = scheme.step
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
@@ -80,7 +84,7 @@ class Composed(NamedTuple):
     add: Callable[..., None]
     """add(joint, link, kind, q): add the torques of the stages to the `pull` of each motor, and set its `limit`."""
     remember: Callable[..., None]
-    """remember(joint, link, kind): advance the memories to the recorded kick."""
+    """remember(joint, link, kind): update the memories to the recorded kick."""
     store: Callable[..., None]
     """store(joint, link, kind): compute `stage_energy`."""
     lose: Callable[..., None]
@@ -88,7 +92,9 @@ class Composed(NamedTuple):
 
 
 def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], StageAccess]) -> Composed:
-    """Composition of stages, in the order of the registry. access: function of the place of a stage and the stage."""
+    """Composition of stages, in the order of the registry. access: function of a stage's index and the stage, which returns its
+    `StageAccess`.
+    """
     order = list(STAGES.loaded())
     pairs = sorted(enumerate(stages), key=lambda pair: order.index(pair[1]))
     place, pull, bound, keep, store, lose = _same, _nothing, _same, _no_memory, _no_energy, _no_energy

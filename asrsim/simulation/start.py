@@ -1,4 +1,4 @@
-"""Start of a world: what differs from the scenario."""
+"""Start of a world: the values that differ from the scenario."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ Signals = Mapping[str, Mapping[str, Signal]]
 @dataclass(frozen=True, kw_only=True)
 class Start:
     """Start of a world; values that are not given come from the scenario. If the scenario starts at equilibrium, a world starts
-    at the equilibrium for its own parameters and references."""
+    at the equilibrium for its own parameters and references.
+    """
 
     parameters: Numbers = field(default_factory=dict)
     references: Signals = field(default_factory=dict)
@@ -38,7 +39,8 @@ class Start:
 
 def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[SteppedJoint, ...]:
     """The joints with the positions, velocities and motors of a start; the same object if the start has none. Raises InputError
-    for wrong names and values."""
+    for wrong names and values.
+    """
     given = {
         "initial": start.positions,
         "velocities": start.velocities,

@@ -1,12 +1,12 @@
-"""Strides of worlds: they take fewer substeps while their springs are soft enough, for `Worlds(..., adaptive=True)`.
+"""Strides of worlds, for `Worlds(..., adaptive=True)`: a world takes fewer substeps while its springs are soft enough.
 
 The number of substeps of a run resolves the stiffest spring that its references can reach. A stride takes several substeps at
 once; their number divides that in a step, so steps consist of whole strides. Each stride resolves springs up to a stiffness,
-by the rule of `asrsim.simulation.substeps`. At each whole step a world compares this stiffness with the one that its springs
-can reach within the step, at the present speeds (`asrsim.simulation.kernel.stride_of`).
+by the rule of `asrsim.simulation.substeps`. At each whole step a world compares this stiffness with the stiffness that its
+springs can reach within the step, at the present speeds (`asrsim.simulation.kernel.stride_of`).
 
 Positions belong to whole strides and velocities to their middles. The kick between two strides lasts from the middle of the
-first to the middle of the second one, and has the forces at the time between them: second order, as with equal strides
+first to the middle of the second stride; it uses the forces at the time between them: second order, as with equal strides
 (Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter VIII.3).
 """
 
@@ -41,14 +41,15 @@ class Strides:
 
     @property
     def shares(self) -> Array:
-        """Length (s, s) of the kick between two strides, as a fraction of the second one."""
+        """Length (s, s) of the kick between two strides, as a fraction of the second stride."""
         lengths = np.array(self.sizes, dtype=float)
         shares: Array = 0.5 * (lengths[:, None] + lengths) / lengths
         return shares
 
     def schemes(self, scheme: Scheme) -> list[Scheme]:
         """Constants of the stepping for each pair of strides before and after a kick. The step is the length of the kick, and
-        the first drift of a motor ends with the first stride."""
+        the first drift of a motor ends with the first stride.
+        """
         found = []
         for before in self.sizes:
             for after in self.sizes:
@@ -65,13 +66,13 @@ ALWAYS_ALL = Strides()
 
 
 def strides_of(prepared: Prepared) -> Strides:
-    """Strides of a scenario's worlds. Raises InputError for what needs all substeps."""
+    """Strides of a scenario's worlds. Raises InputError if something in the scenario needs all substeps."""
     if problems := [Problem(why, key="adaptive", value=True, code="adaptive") for why in _obstacles(prepared)]:
         raise InputError(problems)
     full, drives = prepared.resolution, prepared.drives
     sizes, deflections, stiffest = [1], [[np.inf] * len(drives)], [[np.inf] * len(drives)]
     for size in range(2, full.substeps + 1):
-        # The stiffness that a stride resolves, as a fraction of that which all substeps resolve.
+        # The stiffness that a stride resolves, as a fraction of the stiffness that single substeps resolve.
         share = min((TARGET / (full.omega_h * size)) ** 2, 1.0) if full.omega_h else 1.0
         if full.substeps % size == 0 and _resolves(prepared, full.substeps // size, share):
             sizes.append(size)
@@ -81,7 +82,7 @@ def strides_of(prepared: Prepared) -> Strides:
 
 
 def _obstacles(prepared: Prepared) -> list[str]:
-    """What needs all substeps."""
+    """Properties of the scenario that need all substeps."""
     drives, found = prepared.drives, []
     if prepared.scenario.engine != "mujoco":
         found.append("needs the engine mujoco")

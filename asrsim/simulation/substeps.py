@@ -38,7 +38,8 @@ MOTOR_TARGET = 0.3
 """Largest omega h of motor and spring with a fixed link, with the automatic number of motor substeps."""
 OVERSHOOT = 2.0
 """Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
-speeds of the references."""
+speeds of the references.
+"""
 BISECTIONS = 30
 """Number of bisections of a deflection: to 1e-9 of the largest one."""
 UNSTABLE = 2.0
@@ -49,17 +50,20 @@ COARSE = 0.5
 """omega h above which a spring is no longer resolved well."""
 FADING = 0.1
 """Largest product of h and the rate of a torque that acts explicitly (friction that decreases with speed, dampers of stages)
-with the automatic number of substeps."""
+with the automatic number of substeps.
+"""
 STEEPEST = math.sqrt(2.0 / math.e)
 """Largest magnitude of the slope of exp(-x^2)."""
 FRICTIONS = ("friction_torque", "stribeck_friction", "load_friction")
 """Parameters of a motor that cause friction. If any of these parameters is above 0, the stiffness of the friction's bristles
-limits the step."""
+limits the step.
+"""
 RINGING = 0.5
 """Largest allowed ratio of the amplitudes in successive steps, for a strongly damped motion that changes its sign in every
-step."""
+step.
+"""
 MOST_MOTOR_SUBSTEPS = 10_000
-"""Largest number of motor substeps in a substep. The motor of a real drive needs some ten."""
+"""Largest number of motor substeps in a substep. The motor of a real drive needs about ten."""
 STANDING = 1e-3
 """Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 
@@ -84,7 +88,8 @@ def resolution_of(
     scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, *, softer: float = 1.0
 ) -> Resolution:
     """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient.
-    softer: fraction of the stiffness that the springs can reach that is to be resolved."""
+    softer: the substeps need to resolve only this fraction of the largest stiffness that the springs can reach.
+    """
     sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
@@ -101,7 +106,7 @@ def resolution_of(
         held = couplings.fold_sizes(loads, places) + np.abs(model.gravity_torques(places))
         loads = np.max(np.atleast_2d(held), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    # The spring of a follower moves all that its master moves; one that hardly moves has a share of it.
+    # The spring of a follower moves the whole inertia of its master; a follower that hardly moves carries only a part of it.
     ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
@@ -322,7 +327,8 @@ def _implicitness(decay: float, least: float) -> float:
 
 def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
     """Largest eigenvalue of M^-1 diag(gains) over the mass matrices (m, n, n) with gains (n,) or (m, n), and the eigenvector of
-    this eigenvalue."""
+    this eigenvalue.
+    """
     root = np.sqrt(gains)
     values, vectors = np.linalg.eigh(root[..., :, None] * np.linalg.inv(masses) * root[..., None, :])
     largest = int(values[:, -1].argmax())
@@ -331,8 +337,9 @@ def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
 
 def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
     """Largest natural frequency of the joint's motors in rad/s, from spring, controller and bristles, with a fixed link; and
-    the largest slope of a torque on them over the speed that acts explicitly (friction that decreases with speed, stages),
-    divided by the inertia, 1/s."""
+    the largest rate in 1/s of a torque on the motors that acts explicitly (friction that decreases with speed, stages): its
+    slope over the speed, divided by the inertia.
+    """
     own, frequency, growth, damping = drive.drive, 0.0, 0.0, _bound(drive, "damping_bound")
     for i, inertia in enumerate(own.motor_inertia if own else ()):
         motor = {

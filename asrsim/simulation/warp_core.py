@@ -39,7 +39,8 @@ class WarpCore(Core):
 
     def __init__(self, prepared: Prepared, engine: Engine, *, worlds: int, device: str) -> None:
         """engine: engine of the prepared scenario; device: name of a device of Warp, such as `cpu` or `cuda`. Raises
-        SimulationError, and InputError for scenarios that cannot run on Warp."""
+        SimulationError, and InputError for scenarios that cannot run on Warp.
+        """
         wp = self._wp = loaded_warp()
         self._mjw: Any = import_module("mujoco_warp")
         if not isinstance(engine, MujocoEngine):
@@ -77,13 +78,13 @@ class WarpCore(Core):
         self._done, self._ran, self._sizes = new(self.done, int), new(self.done, int), new(np.zeros(8), int)
         self._loads = new(np.zeros((worlds, len(kinds), LOADS)))
         self._changed = True
-        """Whether the state or the parameters on this side are newer than those of the device."""
+        """Whether state or parameters have changed in the host's memory since they were copied to the device."""
         self._given: Given | None = None
-        """Inputs that the device has."""
+        """Inputs that have been copied to the device."""
         self._graph: Any = None
         self._rows: Any = None
         self._loaded = False
-        """Whether a substep has loaded all kernels, which a graph needs."""
+        """Whether a substep has loaded all kernels, as the recording of a graph requires."""
 
     def _new(self, values: Any, kind: Any = float, *, flat: bool = True) -> Any:
         """An array on the device with these values."""
@@ -91,7 +92,7 @@ class WarpCore(Core):
         return self._wp.array(numbers.ravel() if flat else numbers, dtype=kind, device=self._device)
 
     def _make_model(self, worlds: int) -> None:
-        """The model of the links, with own inertials, loads and states for each world."""
+        """The model of the links, with separate inertials, loads and states for each world."""
         engine, wp = self._engine, self._wp
         room = engine.room
         model = self._model = copy.copy(engine.raw_model)
@@ -101,7 +102,7 @@ class WarpCore(Core):
         if self.prepared.scenario.world.empty:
             # Friction cones serve contacts only; without them the solver is cheaper.
             model.opt.cone, model.opt.impratio = load().mjtCone.mjCONE_PYRAMIDAL, 1.0
-        # MuJoCo Warp never resets a world by itself, and knows no flag for it.
+        # MuJoCo Warp never resets a world by itself, and has no flag for this.
         model.opt.disableflags &= ~int(load().mjtDisableBit.mjDSBL_AUTORESET)
         model.dof_solimp[freedoms] = HARD
         model.dof_solref[freedoms] = (-1.0, -HARD[0] / step)
@@ -180,7 +181,7 @@ class WarpCore(Core):
         self._changed = True
 
     def engine_of(self, world: int) -> Engine:
-        """The engine that shows the worlds."""
+        """The engine that displays the worlds."""
         return self._engine
 
     def look(self, world: int) -> Engine:
@@ -200,7 +201,9 @@ class WarpCore(Core):
         return given
 
     def run(self, which: NDArray[np.int64], given: Given, first: int, count: int, out: Array) -> None:
-        """Advance worlds by `count` substeps; see `Core.run`. The other worlds move with them and are set back."""
+        """Advance worlds by `count` substeps; see `Core.run`. The other worlds move too, and are then reset to their previous
+        states.
+        """
         worlds, every = which[:, 0], self.prepared.resolution.substeps
         tables: dict[str, NDArray[Any]] = {"S": self.joint_states, **self._places}
         others = np.setdiff1d(np.arange(len(self.joint_states)), worlds)
@@ -262,12 +265,12 @@ class WarpCore(Core):
             for name, column in columns.items()
         }
         for one in found.values():
-            # Keeps the memory.
+            # The array keeps the memory alive.
             one.state = self._s
         return found
 
     def _upload(self) -> None:
-        """Copy state and parameters to the device, if they have changed on this side."""
+        """Copy state and parameters to the device, if they have changed in the host's memory."""
         if self._changed:
             self._s.assign(self.joint_states.ravel())
             self._p.assign(self.P.ravel())
@@ -278,7 +281,7 @@ class WarpCore(Core):
             self._changed = False
 
     def _send(self, which: NDArray[np.int64], given: Given, first: int, every: int) -> None:
-        """Copy to the device what has changed."""
+        """Copy changed tables to the device."""
         self._upload()
         if given is not self._given:
             cuts = given.cuts
@@ -343,7 +346,7 @@ class WarpCore(Core):
 def _check(prepared: Prepared) -> None:
     """Raise InputError for a scenario that Warp cannot run."""
     if prepared.stepping.released:
-        message = f"the stepping '{prepared.stepping.name}' has a step of its own, which has no translation to Warp"
+        message = f"the stepping '{prepared.stepping.name}' advances joints by a function that has no translation to Warp"
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
     if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):
         raise InputError("coupled joints and rotors do not move on Warp yet", key="engine", code="warp")

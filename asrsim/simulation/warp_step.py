@@ -1,7 +1,8 @@
-"""A substep of one joint on Warp: the functions of `asrsim.simulation.joint`, translated, and what MuJoCo Warp needs beside.
+"""A substep of one joint on Warp: the functions of `asrsim.simulation.joint`, translated, and the further functions that MuJoCo
+Warp needs.
 
-The functions here are source for `asrsim.warping`, too. MuJoCo Warp moves the links once in a substep: if an input jumps, it
-receives the means of the loads over the pieces of the kick.
+`asrsim.warping` also translates the functions of this file. MuJoCo Warp moves the links once in a substep: if an input jumps,
+it receives the means of the loads over the pieces of the kick.
 """
 
 from __future__ import annotations
@@ -35,12 +36,13 @@ from asrsim.warping.translate import Call, Translation
 
 LOAD, ARMATURE, FRICTION, FRACTION = range(4)
 """Columns of the loads of a joint: torque in N m, inertia in kg m^2 by which implicit damping acts, friction in N m, length of
-the kick as a fraction of a substep."""
+the kick as a fraction of a substep.
+"""
 LOADS = 4
 
 
 def later(table: Any, at: int) -> Any:
-    """The row that begins at the index `at` of a row."""
+    """The part of a row from index `at` on."""
     return table[at:]
 
 
@@ -49,7 +51,8 @@ def load(
     begin: int, end: int, on_time: int, first: bool, recorded: bool, loads: Any,
 ) -> None:  # fmt: skip
     """Advance a joint by a kick, and store its loads. inputs: input rows of the joint, `stride` numbers apart; other arguments
-    as in `asrsim.simulation.joint.load_joint`."""
+    as in `asrsim.simulation.joint.load_joint`.
+    """
     loads[LOAD] = loads[ARMATURE] = loads[FRICTION] = loads[FRACTION] = 0.0
     load_joint(
         joint, link, kind, scheme, (inputs, stride), lengths, (loads, later(lengths, begin)), 0, step, begin, end, on_time,
@@ -91,7 +94,8 @@ JointLaw = tuple[Any, int, tuple[type[Stage], ...]]
 
 def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgram, list[JointLaw]]:
     """The program that advances joints with these drives, and their laws: `spring_law` of a joint is the number of its law,
-    from 1. Raises TranslationError that names the actuator and the line."""
+    from 1. Raises TranslationError that names the actuator and the line.
+    """
     found = [law_of(drive, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
     used = list(dict.fromkeys(law for law in found if law is not None))
     made = WarpProgram(
@@ -235,7 +239,7 @@ JOINT_ROWS = STATE, CONSTANTS, KIND
 
 
 def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], number: int, stage: type[Stage]) -> StageAccess:
-    """Functions whose calls are translated, and that find the parts of stage `number` of a joint with this actuator."""
+    """Functions, for translated code, that find the parts of stage `number` of a joint with this actuator."""
     first = len(actuator.parameters) + columns_of_stages(stages[:number], actuator.motors)
     size, memory = 1 + len(columns(stage.Constants)), len(columns(stage.Memory))
     place = str(len(columns(JointKind)) + number)
@@ -263,8 +267,9 @@ def _access(made: WarpProgram, actuator: Any, stages: Sequence[type[Stage]], num
 KERNELS = """
 @wp.func
 def stop_of(q: float, v: float, low: float, high: float, h: float):
-    # MuJoCo's stops act on joints beyond them only, so an impact would be late by a part of a step. A joint that would pass its
-    # stop within this step counts as just beyond, and keeps the velocity that takes it to the stop; one at its stop keeps none.
+    # MuJoCo's stops act only on joints beyond them, so an impact would be late by part of a step. A joint that would pass its
+    # stop within this step counts as just beyond, and keeps the velocity that takes it to the stop; a joint at its stop keeps
+    # no velocity.
     gap, speed, near = high - q, v, wp.vec2(low, q - 1.0e-6)
     if q - low < gap:
         gap, speed, near = q - low, -v, wp.vec2(q + 1.0e-6, high)
@@ -342,4 +347,5 @@ def count_steps(ran: wp.array(dtype=int)):
     ran[w] = ran[w] + 1
 """
 """Kernels over worlds and joints. sizes: joints, rows and columns of an input table, its first row, columns of S, P and K,
-substeps between recorded rows."""
+substeps between recorded rows.
+"""

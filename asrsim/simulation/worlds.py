@@ -42,7 +42,8 @@ class Observer:
 
     measured: Array
     """Positions of links and motors at whole steps from 0 on, (worlds, steps, joints, 1 + motors); NaN: not measured. After a
-    rollout, the errors before the corrections: measured minus simulated."""
+    rollout, the errors before the corrections: measured minus simulated.
+    """
     gains: tuple[float, float]
     """Change of the position, and of the velocity in 1/s, per error."""
 
@@ -92,12 +93,13 @@ class Worlds:
             threads: Number of threads that step the worlds, if the engine has a compiled step.
             chunk: Largest number of substeps whose inputs are sampled in one call.
             watch: Called before each step of the engine.
-            engine: Name of the engine; None: the scenario's, and MuJoCo if the scenario states none. With "mujoco_warp", MuJoCo
+            engine: Name of the engine; None: the scenario's, or MuJoCo if the scenario states no engine. With "mujoco_warp",
+            MuJoCo
                 Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are not
                 computed. It is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
             adaptive: Whether each world takes fewer substeps while its springs are soft enough
-                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo, without contacts,
+                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo; excludes contacts,
                 imperfect sensors, stages, energies (`watched`) and stiffness.
         """
         for key, value in (("count", count), ("threads", threads)):
@@ -154,7 +156,7 @@ class Worlds:
             raise
 
     def record_as(self, prepared: Prepared) -> None:
-        """Record the quantities of joints with these parameters; earlier snapshots can no longer be restored."""
+        """Record the quantities that joints with these parameters have; earlier snapshots can no longer be restored."""
         names, watched = self._options
         self.columns = RowColumns(prepared.drives, self.core.shape, names)
         self.names = self.columns.names
@@ -223,7 +225,8 @@ class Worlds:
 
     def push(self, torques: Array) -> None:
         """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
-        apply. Raises InputError for values that are not finite."""
+        apply. Raises InputError for values that are not finite.
+        """
         self.check_open()
         if not np.isfinite(torques).all():
             raise InputError("must be finite", key="torques", code="reference-value")
@@ -242,7 +245,7 @@ class Worlds:
         return self.prepared.substep * self._sizes[sizes][:, None] if np.count_nonzero(sizes) else self.prepared.substep
 
     def links(self) -> tuple[Array, Array]:
-        """Present positions and velocities of the links, (N, n) each, as in `observe`, which takes longer."""
+        """Present positions and velocities of the links, (N, n) each; faster than `observe`."""
         self.check_open()
         return self.core.joint_states[..., JOINT["position"]].copy(), self.core.joint_states[
             ..., JOINT["engine_velocity"]
@@ -258,7 +261,7 @@ class Worlds:
         self.check_open()
         if np.count_nonzero(self.core.done) == self.count:
             return np.where(self._absent, np.nan, self.core.rows)
-        # Worlds at their start have no step yet: they show the values of the first one.
+        # Worlds at their start have no step yet: they show the values of their first step.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
@@ -445,7 +448,8 @@ class Worlds:
 
     def sane(self, world: int) -> bool:
         """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
-        if the worlds are not watched."""
+        if the worlds are not watched.
+        """
         self._check_watched()
         self._numbers(world)
         guard = EnergyGuard(self._worlds[world].started)
@@ -516,7 +520,8 @@ def _warp_core(prepared: Prepared, engine: Engine, count: int, device: str) -> C
 
 def _spread(values: Any, shape: tuple[int, ...], name: str) -> Array:
     """Values as an array of this shape; a single value is repeated. Raises InputError for values of another shape, and for
-    values that are not numbers."""
+    values that are not numbers.
+    """
     try:
         return np.broadcast_to(np.asarray(values, dtype=float), shape)
     except (TypeError, ValueError) as error:

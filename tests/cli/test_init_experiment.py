@@ -106,7 +106,7 @@ def test_suggested_fit_frees_what_moves_the_joint_in_its_mode(tmp_path, mode, sp
     [
         ("dof1_sea", "time,q1,q1_ref,current", ""),
         ("dof1_sea", "time,joint_1.link_position,joint_1.equilibrium_position,n", "no command was recorded"),
-        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "played in its place"),
+        ("dof1_qbmove", "time,joint_1.position,joint_1.equilibrium_position,joint_1.stiffness_preset", "played instead"),
         ("dof1_qbmove", "time,joint_1.position,joint_1.motor_1_position,joint_1.motor_2_position", "no command was recorded"),
     ],
 )
@@ -178,7 +178,7 @@ def test_modes_that_cannot_take_the_command_are_replaced(tmp_path, mode, unit, t
     mapping = [f"q1_ref=joint_1.reference_1 [{unit}]"]
     made, scenario = make(tmp_path, lab(tmp_path), mapping=mapping, mode=mode, robot="dof1_qbmove")
     assert scenario.modes["joint_1"] == taken
-    assert any(f"mode {taken} in the place of {mode}" in remark for remark in made.remarks)
+    assert any(f"mode {taken} instead of {mode}" in remark for remark in made.remarks)
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_mode_4_takes_the_recorded_torque(tmp_path, header, played):
     made, scenario = make(tmp_path, lab(tmp_path, header=header), mode=4)
     assert set(scenario.references["joint_1"]) == {"motor_1_torque"}
     assert played in (tmp_path / "s.yaml").read_text().partition("references:")[2]
-    assert not any("in the place of" in remark for remark in made.remarks)
+    assert not any("instead of" in remark for remark in made.remarks)
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_a_command_without_unit_is_stated_as_assumed(tmp_path):
 def test_motor_position_replaces_a_missing_command(tmp_path):
     lab(tmp_path, header="time,q1,motor_pos1,current")
     made, _ = make(tmp_path, tmp_path / "lab.csv")
-    assert any("motor_1_position is played in its place" in remark for remark in made.remarks)
+    assert any("motor_1_position is played instead" in remark for remark in made.remarks)
     lab(tmp_path, header="time,q1,foo,current")
     with pytest.raises(RecordingError, match=r"has no such column; it is named by lab\.csv\.yaml"):
         make(tmp_path, tmp_path / "lab.csv", force=True)
@@ -278,7 +278,7 @@ class TestRealRecordings:
 
 
 def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path):
-    with pytest.raises(RecordingError, match=r"a command of shoulder, which has no actuator.*--actuator shoulder=NAME"):
+    with pytest.raises(RecordingError, match=r"a command for shoulder, which has no actuator.*--actuator shoulder=NAME"):
         make(tmp_path, lab(tmp_path), "plain_arm")
     for unit, mode in (("rad", 6), ("V", 7)):
         experiment = lab(tmp_path, header="time,q1,u,current")

@@ -24,7 +24,7 @@ NAMED = {
     "stribeck": "static friction of joint_1",
     "torque limit": "a limit motor_1_max_torque of joint_1",
     "speed limit": "a limit motor_1_max_velocity of joint_1",
-    "load": "another mass of link_1",
+    "load": "a different mass of link_1",
 }
 
 

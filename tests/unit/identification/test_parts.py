@@ -157,7 +157,7 @@ def test_a_fit_lasts_until_the_end_of_the_longest_channel(tmp_path):
 
 def test_an_unknown_push_does_not_spoil_a_torque_driven_joint(tmp_path):
     """A link under a recorded torque, in closed form; for half a second another torque of 0.05 N m acts, which is not recorded.
-    A free simulation drifts away, and predictions that start again and again do not.
+    A free simulation drifts away, and short predictions that restart at measured positions do not.
     """
     phase, rate = 2.0 * np.pi * (0.6 + 0.3 * SWEEP) * SWEEP, 2.0 * np.pi * (0.6 + 0.6 * SWEEP)
     place = 0.5 * np.cos(phase)

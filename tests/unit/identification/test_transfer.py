@@ -24,7 +24,7 @@ def spring(folder, name, reach, power, *, noise=1e-3):
 
 
 @pytest.mark.parametrize(
-    ("power", "said"), [(3, "too little information for its motion"), (2, "something that the model lacks")]
+    ("power", "said"), [(3, "too little information for its motion"), (2, "an effect that the model lacks")]
 )
 def test_a_failed_prediction_says_whether_a_fit_to_the_motion_would_help(tmp_path, power, said):
     """A small deflection does not show a cubic term; no cubic term explains a quadratic spring."""
@@ -34,7 +34,7 @@ def test_a_failed_prediction_says_whether_a_fit_to_the_motion_would_help(tmp_pat
         problem = set_up(task_of(bench(tmp_path, 4.0), [small], validate=[large], free=free), stack).problem
         x = solve(problem, np.zeros(2))
         (text,) = failed_predictions(problem, x)
-        assert text.startswith("bb.csv: if it is fitted, too, ")
+        assert text.startswith("bb.csv: if this recording is also fitted, ")
         assert said in text
 
 

@@ -57,7 +57,8 @@ def test_a_spring_on_a_bench_has_its_hysteresis_identified(tmp_path):
 
 def pendulum(rate, quantum):
     """Time, voltage and place of a pendulum under a motor's voltage, held between samples: 0.8 N m/V, 1.2 N m s/rad, 0.05 N m,
-    0.01 kg m^2 about its centre of mass."""
+    0.01 kg m^2 about its centre of mass.
+    """
     steps, inertia = round(20_000 / rate), 0.01 + 0.6 * 0.15**2
     time = np.arange(0.0, 8.0, 1.0 / rate)
     volts = 3.2 * np.sin(1.9 * time) + 1.6 * np.sin(6.9 * time + 1.0)
@@ -89,7 +90,8 @@ def test_a_torque_driven_joint_with_a_coarse_encoder_is_simulated(tmp_path):
 @pytest.mark.parametrize("ringing", [0.0, 0.1])
 def test_a_free_swing_tells_its_losses_and_a_mode_that_is_missing(tmp_path, ringing):
     """The clock starts at 0.3 s, in the motion. 0.02 N m s/rad, 0.01 N m, 0.01 kg m^2 about the centre of mass; in one case an
-    oscillation of 7 Hz is added."""
+    oscillation of 7 Hz is added.
+    """
     places, q, v, step, inertia = [], 1.2, 0.0, 1e-4, 0.01 + 0.6 * 0.15**2
     for _ in range(50_000):
         places.append(q)
@@ -170,5 +172,5 @@ def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
     save(recording, header, *columns, 20.0 * motor)
     result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"])
     (cause,) = result.causes
-    (gain,) = re.findall(r"another scale and zero of joint_1.motor_1_position \((.*?)\)", cause)
+    (gain,) = re.findall(r"a different scale and zero of joint_1.motor_1_position \((.*?)\)", cause)
     assert float(gain) == pytest.approx(0.05, rel=1e-2)

@@ -28,7 +28,7 @@ SUSPECTED = {
         "is 999 in 2 samples, the first at t = 0 s",
     ),
     "lost samples": ("q1", (np.where(TIME % 1 < 0.01, 0.0, Q + 1.0),), "falls to exactly 0 and back 4 times.*`missing: 0`"),
-    "rows of three joints": ("q1", (Q + TURNS,), "do 3 joints take turns.*joint: name"),
+    "rows of three joints": ("q1", (Q + TURNS,), "do the samples alternate between 3 joints.*joint: name"),
 }
 """Header, columns behind the time, and what is said."""
 NOISE = np.random.default_rng(0).normal(size=(2, len(TIME)))

@@ -181,13 +181,13 @@ def test_an_actuator_on_a_joint_that_the_file_left_without_mass_is_refused_with_
     tiny.robot.write_text(PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
     tiny.scenario.write_text(f"{tiny.scenario.read_text()}actuators: {{finger_left: sea}}\n")
     told = asrsim_command("check", tiny.scenario).out
-    assert "actuators.finger_left: this joint does not move: nothing behind this joint has mass" in " ".join(told.split())
+    assert "actuators.finger_left: this joint does not move: no link behind this joint has mass" in " ".join(told.split())
 
 
 def test_a_driven_joint_that_moves_no_mass_is_an_error(tiny):
     text = PENDULUM.replace("<joint>elbow<", "<joint>finger_left<")
     tiny.robot.write_text(text.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1")))
-    with pytest.raises(RobotError, match="finger_left: nothing behind this joint"):
+    with pytest.raises(RobotError, match="finger_left: no link behind this joint"):
         load_robot(tiny.robot)
 
 
@@ -196,7 +196,7 @@ def test_a_robot_whose_joints_all_lack_mass_is_refused_for_that(tiny):
     text = PENDULUM.replace("</robot>", GRIPPER.format(kind="revolute", lower="-1"))
     text = text.replace("</joint></robot>", '<mimic joint="finger_left"/></joint></robot>')
     tiny.robot.write_text(re.sub("<(inertial|gazebo)>.*?</\\1>", "", text, flags=re.DOTALL))
-    with pytest.raises(RobotError, match="wrist: nothing behind this joint has mass"):
+    with pytest.raises(RobotError, match="wrist: no link behind this joint has mass"):
         load_robot(tiny.robot)
 
 
@@ -263,7 +263,7 @@ WORDS = {
     ),
     "plugin of a laboratory": (
         '<gazebo><plugin name="a" filename="libtendon_drive.so"/><plugin name="b" filename="libmuscle.so"/></gazebo>',
-        "'libtendon_drive.so' is unknown: what it does in Gazebo has no effect here (and at 1 other place)",
+        "'libtendon_drive.so' is unknown: its effect in Gazebo does not exist here (and at 1 other place)",
     ),
     "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; here it moves freely"),
     "coupling that is a parameter": (controlled('<param name="mimic">true</param>'), "has no <mimic>; here it moves freely"),
@@ -276,7 +276,7 @@ WORDS = {
     ),
     "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
     "gearbox": (
-        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "cannot close it",
+        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "cannot close a loop",
     ),
     "loop of one joint": (
         '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="arm"/></loop_joint>', "stays open",
