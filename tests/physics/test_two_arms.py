@@ -1,7 +1,7 @@
 """Arms that share only a fixed base are robots of their own: what is said of one does not depend on what stands beside it.
 
-The robot with all arms has another order of joints, and a joint without a motor. So a number that is taken from the wrong joint,
-motor or row shows.
+The robot with all arms has another order of joints, and a joint without a motor. So a number that is taken from the wrong
+joint, motor or row shows.
 """
 
 import json
