@@ -50,7 +50,10 @@ def test_a_chart_is_drawn_as_it_is_stated():
         for line, wanted in zip(drawn, lines, strict=True):
             np.testing.assert_array_equal(line.get_xydata(), np.column_stack([wanted.x, wanted.y]))
             assert (line.get_color(), line.get_alpha(), line.get_linewidth()) == (wanted.colour, wanted.opacity, wanted.width)
-            assert (line.get_marker() == "o", line.get_linestyle() == "None") == (wanted.kind != "line", wanted.kind == "points")
+            assert (line.get_marker() == "o", line.get_linestyle() == "None") == (
+                wanted.kind != "line",
+                wanted.kind == "points",
+            )
         assert mark.get_xdata() == [0.3, 0.3]
         (shade,) = axes.collections
         assert shade.get_datalim(axes.transData).x1 == 0.2

@@ -176,7 +176,9 @@ def test_the_response_of_each_joint_is_its_own_from_the_joint_that_is_named(tmp_
     values["link_position"] = np.outer(chirp, [0.5, 0.25])
     with LogWriter(tmp_path / "log.mcap", read_log(tmp_path / "whole.mcap").info) as writer:
         writer.write(replace(whole, values=values))
-    header = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],joint_2.reference_1 [rad],joint_2.link_position [rad]"
+    header = (
+        "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],joint_2.reference_1 [rad],joint_2.link_position [rad]"
+    )
     columns = np.column_stack([time, chirp, 0.25 * chirp, np.cos(9.0 * time), 0.125 * chirp])
     np.savetxt(tmp_path / "lab.csv", columns, delimiter=",", header=header, comments="")
     pairing = {name: name for name in ("joint_1", "joint_2")}

@@ -39,6 +39,10 @@ def test_a_clock_that_restarts_goes_on(tmp_path, unit, factor, full):
 def test_a_clock_that_counts_from_the_start_of_a_computer_keeps_its_zero(tmp_path, unit):
     """Only dates, seconds since 1970, are counted from the first sample."""
     scale = {"s": 1.0, "ms": 1e3, "us": 1e6}[unit]
-    rows = [f"{scale * (5000.0 + 0.01 * k):.0f},{k % 7}" if unit != "s" else f"{5000.0 + 0.01 * k:.2f},{k % 7}" for k in range(60)]
+    rows = [
+        f"{scale * (5000.0 + 0.01 * k):.0f},{k % 7}" if unit != "s" else f"{5000.0 + 0.01 * k:.2f},{k % 7}" for k in range(60)
+    ]
     (tmp_path / "lab.csv").write_text("\n".join([f"time [{unit}],q1", *rows]) + "\n")
-    np.testing.assert_allclose(read_recording(tmp_path / "lab.csv").channels["q1"].time, 5000.0 + 0.01 * np.arange(60), atol=1e-9)
+    np.testing.assert_allclose(
+        read_recording(tmp_path / "lab.csv").channels["q1"].time, 5000.0 + 0.01 * np.arange(60), atol=1e-9
+    )
