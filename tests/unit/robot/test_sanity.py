@@ -369,9 +369,9 @@ def test_a_chain_of_mimics_follows_its_first_joint(tiny):
 
     def follower(name, parent, mimic):
         return (
-            f'<link name="{name}_link"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial></link>'
-            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/><axis xyz="0 1 0"/>{mimic}'
-            '<limit effort="1" velocity="1" lower="-30" upper="30"/></joint>'
+            f'<link name="{name}_link"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>'
+            f'</link><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
+            f'<axis xyz="0 1 0"/>{mimic}<limit effort="1" velocity="1" lower="-30" upper="30"/></joint>'
         )
 
     chain = (
