@@ -13,8 +13,8 @@ from asrsim.cli.app import COMMANDS
 from asrsim.errors import InputError, LogError
 from asrsim.log import open_log, read_log
 from asrsim.outfile import csv_text
-from asrsim.runs.rerun import rerun
 from asrsim.robot.model import Joint
+from asrsim.runs.rerun import rerun
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.prepare import prepare
