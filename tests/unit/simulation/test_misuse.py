@@ -115,6 +115,7 @@ MOVED = asrsim.Start(positions={"elbow": 0.2})
     ("call", "said"),
     [
         (lambda w: w.advance(worlds=[0, 0]), "different numbers from 0 to 2"),
+        (lambda w: w.advance(worlds=[0, 3]), "different numbers from 0 to 2"),
         (lambda w: w.advance(worlds=[0.7]), "different numbers"),
         (lambda w: w.counts(-1), "different numbers"),
         (lambda w: w.set_reference("elbow", "equilibrium_position", [0.1, 0.2]), "must be numbers of the shape"),
