@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.identification.noise import autocovariances, autoregression
-from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, weigh
+from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, slopes_along, weigh
 from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
@@ -226,7 +226,7 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     n, left = len(x), residuals(problem, x)
     # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
     at_bound = problem.layout.at_bound(x) & (not foreseen)
-    slopes = jacobian(problem, x, base=left)
+    slopes = jacobian(problem, x)
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
     # Clip outliers, as the fit does.
@@ -262,7 +262,7 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
     inside = (x - REACH >= low) & (x + REACH <= high)
     basis, slopes, base = np.eye(len(x))[inside], slopes.copy(), residuals(problem, x)
     if not inside.all():
-        slopes[:, ~inside] = jacobian(problem, x, CORNER, columns=np.flatnonzero(~inside).tolist())
+        slopes[:, ~inside] = slopes_along(problem, x, np.flatnonzero(~inside).tolist(), CORNER)
     for _ in range(ROUNDS):
         if not len(basis):
             break
