@@ -276,7 +276,7 @@ WORDS = {
     ),
     "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
     "gearbox": (
-        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "cannot close a loop",
+        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "close a loop",
     ),
     "loop of one joint": (
         '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="arm"/></loop_joint>', "stays open",
