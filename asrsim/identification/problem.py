@@ -29,17 +29,9 @@ FAR = 1e3
 """Residual of a diverged simulation, in standard deviations of the noise."""
 REACH, ROUNDS = 0.3, 60
 """Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
-<<<<<<< HEAD
-LINEAR = 0.3
-"""Relative error of the predicted effect of a step above which derivatives are computed again."""
-NEAR, EXACT = 1.0, 0.01
-"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same limit
-for the first derivatives of a search.
-=======
 LINEAR, TRUSTED = 0.3, 0.05
-"""Largest relative error of the change of the residuals, as the latest derivatives predict it, with which these derivatives are
-used again: in a search, whose next step shows the error; and elsewhere.
->>>>>>> next
+"""Derivatives are used again if their prediction of the change of the residuals has at most this relative error: in a search,
+whose next step shows the error; and elsewhere.
 """
 SLIGHT = 0.01
 """Change of the residuals, in standard deviations of the estimate, below which it shows nothing of the derivatives."""
@@ -342,30 +334,6 @@ def slopes_along(
     return matrix
 
 
-<<<<<<< HEAD
-def _known_slopes(problem: FitProblem, x: Array, near: float) -> Array | None:
-    """The latest Jacobian with the weights of this problem, if it belongs to the same recordings and to a vector near x; None
-    otherwise.
-    """
-    if problem.meter.latest is None:
-        return None
-    other, there, matrix = problem.meter.latest
-    same = (problem.tracks, problem.playing, problem.ends) == (other.tracks, other.playing, other.ends)
-    if not same or problem.layout is not other.layout:
-        return None
-    scaled = matrix.copy()
-    for part, was in zip(problem.parts, other.parts, strict=True):
-        if part.noise == was.noise:
-            continue
-        if part.channel.quantum:
-            return None
-        scaled[part.rows] *= was.noise / part.noise
-    change = scaled @ (x - there)
-    return scaled if float(change @ change) < near**2 else None
-
-
-=======
->>>>>>> next
 def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
     """Weighted residuals (k, m) at several points, whose simulations are worlds of one rollout."""
     return np.concatenate([np.stack([*_at(problem, points, track)]) for track in problem.fitted], axis=1)

@@ -15,11 +15,7 @@ from asrsim.samples import Array
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 """Positions at which a profile is given, in standard deviations of the parameter."""
 SIMULATED = 2.0
-<<<<<<< HEAD
-"""Position on either side that is simulated, in standard deviations: close to the end of a 95 % interval, 1.96."""
-=======
-"""Place that is simulated, on the side with more room: close to the end of a 95 % interval, 1.96."""
->>>>>>> next
+"""Position that is simulated, in standard deviations, on the side with more room: near the end of a 95 % interval, 1.96."""
 FARTHEST = 1.0
 """Largest move of a parameter or of a follower, in the vector's units; beyond it, slopes do not predict the other
 parameters.
@@ -68,18 +64,10 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     result = []
     for i, move, slope, bend, square in zip(known, moves, slopes, bends, squares, strict=True):
         entry = problem.layout.entries[i]
-<<<<<<< HEAD
-        ends = np.array([point[i] - x[i] for point in points[2 * place : 2 * place + 2]])
-        # Coefficients of d^2 and d^3; at a bound one side has no length, and the other side alone gives a parabola.
-        matrix = np.column_stack([ends**2, ends**3])
-        square, cube = np.linalg.lstsq(matrix, sums[place])[0].tolist()
-        steps = np.clip(x[i] + 0.5 * np.ptp(ends) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]
-=======
         steps = np.clip(x[i] + abs(move[i]) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]
         way = steps / move[i]
         terms = (slope @ slope + 2.0 * (base @ bend), 2.0 * (slope @ bend), bend @ bend)
         rise = way**2 * (terms[0] + terms[1] * way + terms[2] * way**2)
->>>>>>> next
         values = np.array([entry.value(float(x[i] + step)) for step in steps])
         result.append(Profile(names[i], values, rise / square))
     return tuple(result)

@@ -256,16 +256,10 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
 def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array:
     """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
 
-<<<<<<< HEAD
     Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. If the derivative along
     a direction changes over one standard deviation, it is corrected by central differences; the correction is repeated while
-    derivatives change. Entries near a bound have one-sided derivatives.
-=======
-    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
-    derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected
-    again. If the Jacobian predicts the effect of all directions together, no direction is looked at alone. Entries near a bound
-    have one-sided derivatives.
->>>>>>> next
+    derivatives change. If the Jacobian predicts the effect of all directions together, directions are not checked separately.
+    Entries near a bound have one-sided derivatives.
     """
     low, high = problem.layout.bounds
     inside = (x - REACH >= low) & (x + REACH <= high)

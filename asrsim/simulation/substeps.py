@@ -34,15 +34,6 @@ TARGET = 0.2
 """Largest omega h with the automatic number of substeps, chosen for accuracy; above 2 the step is unstable."""
 MOTOR_TARGET = 0.3
 """Largest omega h of motor and spring with a fixed link, with the automatic number of motor substeps."""
-<<<<<<< HEAD
-OVERSHOOT = 2.0
-"""Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
-speeds of the references.
-"""
-BISECTIONS = 30
-"""Number of bisections of a deflection: to 1e-9 of the largest one."""
-=======
->>>>>>> next
 UNSTABLE = 2.0
 """omega h above which a spring gains energy in every step."""
 DAMPED = 1.0
@@ -64,13 +55,7 @@ RINGING = 0.5
 step.
 """
 MOST_MOTOR_SUBSTEPS = 10_000
-<<<<<<< HEAD
 """Largest number of motor substeps in a substep. The motor of a real drive needs about ten."""
-STANDING = 1e-3
-"""Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
-=======
-"""Largest number of motor substeps in a substep. The motor of a real drive needs some ten."""
->>>>>>> next
 
 
 @dataclass(frozen=True, kw_only=True)
