@@ -22,7 +22,7 @@ Plugins = Annotated[
     typer.Option(
         "--plugin",
         metavar="FILE",
-        help="Python file with parts of your own: actuators, signals, figures and so on; may be repeated.",
+        help="Python file with your own actuators, signals, figures and so on; may be repeated.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print only a JSON document on stdout.")]
@@ -37,7 +37,7 @@ class Done:
     text: Callable[[], object] | None = None
     """Function that prints the result as text, unless `--quiet` or `--json` is given."""
     always: Callable[[], object] | None = None
-    """Function that prints the text that appears even with `--quiet`."""
+    """Function that prints text even with `--quiet`."""
     code: int = 0
     """Exit code of the command."""
 
@@ -91,8 +91,9 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
 
 
 def blaming(plugins: Sequence[Path] | None) -> AbstractContextManager[None]:
-    """Register what users' files add; exceptions of these files within the context become errors with file and line. Raises
-    ActuatorError."""
+    """Context manager that registers the parts in users' files. Exceptions that these files raise become errors with file and
+    line. Raises ActuatorError.
+    """
     if not plugins:
         return nullcontext()
     from asrsim.plugins import blame_plugins, load_plugin_files

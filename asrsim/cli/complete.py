@@ -71,7 +71,7 @@ def _beginning(names: Iterable[object], incomplete: str) -> list[str]:
 def _path() -> Path:
     """First file or folder named on the line that is completed; the shells pass the line in these variables.
 
-    The parser knows no arguments of a line that ends in an option without value.
+    The parser gives no arguments for a line that ends in an option without a value.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:

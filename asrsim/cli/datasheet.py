@@ -20,7 +20,7 @@ def datasheet(
         list[str],
         argument(
             "TARGET...",
-            "Actuator by name, robot (.urdf, .xacro), scenario (.yaml), or plugin file (.py).",
+            "Name of an actuator, or a robot (.urdf, .xacro), scenario (.yaml) or plugin file (.py).",
             autocompletion=complete.actuators,
         ),
     ],
@@ -51,7 +51,7 @@ def datasheet(
 ) -> Done:
     """Write the data sheet of an actuator: torque, speed, power, stiffness, energy, times and bandwidths, with curves and
     simulated responses. Each number states its origin. A number that the file does not determine is left empty, with the tag
-    that would state it.
+    that would state this number.
 
     Example: asrsim datasheet qbmove
 
@@ -66,7 +66,7 @@ def datasheet(
     if inertia is not None and not 0.0 < inertia < 1e6:
         raise typer.BadParameter("must be positive", param_hint="--inertia")
     if presets is not None and not 0.0 <= presets[0] < presets[1]:
-        raise typer.BadParameter("must be two rising numbers, from 0 on", param_hint="--presets")
+        raise typer.BadParameter("must be two numbers of at least 0, the smaller one first", param_hint="--presets")
     sources = sources_of(
         target, joints=joint or (), arguments=pairs(arg, "--arg"), packages=folders(package, "--package"), plugins=plugin
     )

@@ -31,7 +31,11 @@ def design(
         Files, option("An existing recording; may be repeated.", "--experiment", "-e", metavar="FILE")
     ] = None,
     robust: Annotated[
-        int, option("Number of draws of the free parameters, within a factor of 2, that the motion must suit, too.", min=0)
+        int,
+        option(
+            "Number of further robots, with free parameters drawn within a factor of 2, for which the motion is also designed.",
+            min=0,
+        ),
     ] = 0,
     variant: Variant = None,
     overrides: Overrides = None,
@@ -59,10 +63,10 @@ def design(
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
-    # The search takes minutes: what cannot be written is refused before it.
+    # The search takes minutes, so paths that cannot be written are refused before.
     make_folder(out.parent)
     check_output(out, "designed motion")
-    message = "asrsim: stopping; the best so far is kept (Ctrl-C again to abort)"
+    message = "asrsim: stopping; the best motion so far is kept (Ctrl-C again to abort)"
     with Interruption(message) as interruption, FractionBar(show=not quiet) as bar:
         found = designed(
             scenario,
@@ -79,7 +83,7 @@ def design(
 
     def text() -> None:
         say_table(interval_columns(found))
-        for remark in (*found.remarks, *(["interrupted: this is the best so far"] if found.interrupted else [])):
+        for remark in (*found.remarks, *(["interrupted: this is the best motion so far"] if found.interrupted else [])):
             say(remark)
         say_written(files)
 

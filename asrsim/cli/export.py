@@ -28,7 +28,10 @@ def export(
     step: Annotated[float | None, option("Time step of the model, s.", default="half of the scenario's step")] = None,
     fit: Annotated[
         Path | None,
-        option("fit.json of `identify`: the model gets its values, and ranges are written.", metavar="FILE"),
+        option(
+            "fit.json of `identify`: the model gets the fitted values, and their intervals are written as ranges.",
+            metavar="FILE",
+        ),
     ] = None,
     variant: Variant = None,
     overrides: Overrides = None,

@@ -100,8 +100,9 @@ def scenario_report(path: Path) -> FileReport:
 
 
 def _built(found: Examined, report: FileReport) -> FileReport:
-    """Report with what is found in a scenario and its robot, and when the run is built. For a robot file, only the robot's own
-    warnings are reported."""
+    """Report with the findings in a scenario and its robot, and those of building the run. For a robot file, only warnings
+    about the robot are reported.
+    """
     from asrsim.scenario.check import loop_warnings
     from asrsim.simulation.prepare import build
 

@@ -78,14 +78,14 @@ def identify(
     resume: Annotated[
         bool,
         option(
-            "Take the numbers of the finished fit in the folder of the results: write its robot without a new fit.", "--resume"
+            "Write the robot from the numbers of the finished fit in the folder of the results, without a new fit.", "--resume"
         ),
     ] = False,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/fit")] = None,
     duration: Annotated[
         float | None,
         option(
-            "Longest time of the search. If it ends the search, the best fit so far is reported as unfinished.",
+            "Longest time of the search. If this time ends the search, the best fit so far is reported as unfinished.",
             "--duration",
             metavar="SECONDS",
             min=0.0,
@@ -110,7 +110,8 @@ def identify(
     Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
 
     Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
-    Options beside a fit file add to `free`, `ties` and the `map` of each recording, and replace its other values.
+    Options beside a fit file add to its `free` and `ties` and to the `map` of each recording; they replace the other values of
+    the file.
     """
     from asrsim.identification.task import task_of
     from asrsim.identification.write import fit_data
@@ -159,7 +160,7 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, dur
 
 
 def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done:
-    """Write the robot of an earlier fit, and say in fit.json whether the fit is accepted."""
+    """Write the robot of an earlier fit, and state in fit.json whether the fit is accepted."""
     import json
 
     from asrsim.identification.folder import FIT, read_fit
@@ -193,7 +194,7 @@ def _robot(found: FitResult | Resumed, folder: Path, *, everything: bool) -> tup
         return write_robot(found, folder, everything=everything)
     ways = "--accept or --all" if found.explained >= ACCEPTABLE else "--all"
     return [], [
-        f"no robot is written, since the model does not fit; the same command with --resume and {ways} writes it nevertheless"
+        f"no robot is written, since the model does not fit; the same command with --resume and {ways} writes it anyway"
     ]
 
 

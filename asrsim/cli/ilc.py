@@ -29,7 +29,7 @@ def ilc(
     recording: Annotated[
         Path | None,
         option(
-            "Learn on the real robot: compute its next input (next.csv) from this recorded trial.",
+            "Learn on the real robot: compute the next input (next.csv) from this recorded trial.",
             "--experiment",
             "-e",
             metavar="RECORDING",
@@ -47,9 +47,9 @@ def ilc(
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
     Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the results (ilc.json), a picture
-    (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, and the command says so;
-    files of another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit
-    code: 0, 1 if learning did not converge or a run failed, 130 after Ctrl-C.
+    (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, with a message; files of
+    another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit code: 0,
+    1 if learning did not converge or a run failed, 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 
@@ -97,7 +97,7 @@ def _learn(plan: Plan, folder: Path, plugins: list[Path], resume: bool, overwrit
         for line in filter(None, (session.reach, session.replaced)):
             say(line)
         say(f"wrote {folder}{os.sep}: {', '.join(sorted(path.name for path in folder.iterdir()))}")
-        say(f"play what was learned: {command_line('run', folder / 'learned.yaml', plugins)}")
+        say(f"play the learned inputs: {command_line('run', folder / 'learned.yaml', plugins)}")
 
     return Done(data={"ok": good, "folder": str(folder), **session_data(session)}, always=text, code=code)
 
@@ -124,7 +124,7 @@ def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None
             say(step.outcome, "green" if step.converged else "red")
             say(f"wrote {folder / NEXT}, the best input")
         else:
-            say(f"play {folder / NEXT} on the robot, record it, and give the recording to --experiment again")
+            say(f"play {folder / NEXT} on the robot, record it, and give the new recording to --experiment")
 
     data = {
         "ok": True,

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def init(
     robot: Annotated[Path | None, argument("[ROBOT]", "URDF or xacro file of the robot.")] = None,
     out: Annotated[
-        Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; of a recording alone FILE.yaml")
+        Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; for a recording alone FILE.yaml")
     ] = None,
     mode: Annotated[
         int | None, option("Operation mode of all joints instead of the robot file's.", "--mode", min=0, max=8)
@@ -29,7 +29,8 @@ def init(
     actuator: Annotated[
         Texts,
         option(
-            "Put this actuator on every joint, or on one joint. The scenario states it; the robot's file stays unchanged.",
+            "Put this actuator on every joint, or on one joint. The actuator is written into the scenario; the robot's file "
+            "stays unchanged.",
             "--actuator",
             "-a",
             metavar="[JOINT=]NAME",
@@ -46,13 +47,14 @@ def init(
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,
-    overwrite: Annotated[bool, option("Replace the file if it is there.", "--overwrite")] = False,
+    overwrite: Annotated[bool, option("Replace the file if it exists.", "--overwrite")] = False,
     arg: Arguments = None,
     package: Packages = None,
     *,
     plugin: list[Path],
 ) -> Done:
-    """Write a commented starter scenario for a robot, with or without a recording of it; or propose how to read a recording.
+    """Write a commented starter scenario for a robot, with or without a recording of the robot; or propose how to read a
+    recording.
 
     Example: asrsim init examples/urdf/plain_arm.urdf --actuator qbmove --out arm.yaml
 
@@ -73,7 +75,7 @@ def init(
         document = out or experiment.with_name(experiment.name + ENDING)
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
-        hints = [f"wrote {document}: check it; every command reads {experiment.name} as it states"]
+        hints = [f"wrote {document}: check this file; every command reads {experiment.name} as it states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

@@ -125,7 +125,7 @@ def _shown(plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: boo
 def _follow(
     plan: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
 ) -> Done:
-    """Run a twin beside a robot."""
+    """Run a twin of a running robot."""
     from asrsim.twin.live import LiveTwin
 
     twin = LiveTwin(

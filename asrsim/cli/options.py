@@ -22,7 +22,7 @@ Files = list[Path] | None
 def option(words: str, *names: str, default: str | None = None, **details: Any) -> Any:
     """Option of a command.
 
-    words: help text. names: long and short names; without any, the parameter's name is used. default: description of the
+    words: help text. names: long and short names; by default, the name of the parameter. default: description of the
     default value; "": the help shows no default; None: the help shows the value itself. details: further arguments of
     `typer.Option`.
     """
@@ -46,7 +46,11 @@ Packages = Annotated[Texts, option("Folder of a ROS package; may be repeated.", 
 Overrides = Annotated[Texts, option("Replace a key of the scenario; may be repeated.", "--set", metavar="KEY=VALUE")]
 ColumnMap = Annotated[
     Texts,
-    option("Meaning of a column of the recording, or a YAML file with it.", "--map", metavar="COLUMN=JOINT.QUANTITY"),
+    option(
+        "Meaning of a column of the recording, or a YAML file with the meanings of columns.",
+        "--map",
+        metavar="COLUMN=JOINT.QUANTITY",
+    ),
 ]
 Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
 Align = Annotated[str, option("Alignment of the recording's time.", "--align", metavar="auto|off|start|SECONDS")]

@@ -36,7 +36,7 @@ def plot(
         Files,
         argument(
             "[LOG]...",
-            "Logs (MCAP) of runs, or folders of runs or variants; each run has its colour. Without logs, --bode draws "
+            "Logs (MCAP) of runs, or folders of runs or variants; each run has a separate colour. Without logs, --bode draws "
             "recordings alone.",
         ),
     ] = None,
@@ -57,7 +57,7 @@ def plot(
         Texts, option("Only this figure of the runs; may be repeated.", metavar="NAME", autocompletion=complete.figures)
     ] = None,
     measure: Annotated[
-        Texts, option("Show this measure, too; may be repeated.", metavar="NAME", autocompletion=complete.measures)
+        Texts, option("Also show this measure; may be repeated.", metavar="NAME", autocompletion=complete.measures)
     ] = None,
     align: Align = "auto",
     rate: Rate = None,

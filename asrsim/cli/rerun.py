@@ -22,7 +22,7 @@ def rerun(
     log: Annotated[Path, argument("LOG", "Log of a run (MCAP), or a folder of runs.")],
     plugins: Annotated[
         Files,
-        option("Plugin file, instead of the log's; may be repeated.", "--plugin", metavar="FILE"),
+        option("Plugin file that replaces the plugin file in the log; may be repeated.", "--plugin", metavar="FILE"),
     ] = None,
     trust_plugins: Annotated[
         bool, option("Run the plugin files (Python code) that the log contains.", "--trust-plugins")
@@ -70,7 +70,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     for difference in repetition.differences[:SHOWN]:
         complain(f"differs: {difference}", "red")
     if len(repetition.differences) > SHOWN:
-        complain(f"differs: {len(repetition.differences) - SHOWN} series more")
+        complain(f"differs: {len(repetition.differences) - SHOWN} more series")
     if repetition.missing:
         complain(f"the repeated run ended ({repetition.status}) {repetition.missing} samples before the log", "red")
     for name in repetition.changed:
@@ -83,7 +83,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     if not quiet:
         say(line, "" if repetition.identical else "bold")
     elif not repetition.identical:
-        # A command that fails always says why.
+        # A command that fails must always state the reason.
         complain(line)
 
 

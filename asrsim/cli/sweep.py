@@ -46,9 +46,11 @@ def sweep(
         option("File with keys, mean and covariance: joint distribution of these keys.", default=""),
     ] = None,
     workers: Annotated[int | None, option("Number of processes.", "--workers", "-j", min=1, default="one per core")] = None,
-    cluster: Annotated[str | None, option("Address of a Dask scheduler, whose workers do the runs.", default="none")] = None,
+    cluster: Annotated[
+        str | None, option("Address of a Dask scheduler, whose workers simulate the runs.", default="none")
+    ] = None,
     out: Annotated[Path | None, into_folder("Folder for the results.", "out/<name>/sweep")] = None,
-    resume: Annotated[bool, option("Run only what is missing in the folder.", "--resume")] = False,
+    resume: Annotated[bool, option("Simulate only the runs that are missing in the folder.", "--resume")] = False,
     overwrite: Annotated[bool, option("Start again in a folder that contains rows.", "--overwrite")] = False,
     run: Annotated[int | None, option("Repeat this run of a study's folder, with a log.", min=0, default="")] = None,
     result: Annotated[
@@ -102,7 +104,7 @@ def sweep(
             say(f"  {line}")
         say_written([*table.files[:1], *files])
         if table.missing:
-            say(f"{table.missing} runs are missing; --resume does them")
+            say(f"{table.missing} runs are missing; --resume simulates them")
 
     data = {**study_data(table), "files": [*table.files, *files]}
     return Done(data=data, text=text, code=code)

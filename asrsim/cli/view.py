@@ -1,4 +1,4 @@
-"""`asrsim view`: the robot in a browser, live, played back, or before there is a scenario."""
+"""`asrsim view`: the robot in a browser: a live run, the playback of a log, or a robot file without a scenario."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def view(
     plugin: list[Path],
     quiet: bool,
 ) -> Done:
-    """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, plots that move.
+    """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, moving plots.
 
     A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats the run. Listens on this machine
     only. Ctrl-C ends the view. Needs the extra `view`.
@@ -92,9 +92,8 @@ def view(
 
 
 def show_page(make: Callable[[Any], Any], stop: Stop, *, port: int = 0, browser: bool = True, quiet: bool) -> tuple[Any, Any]:
-    """Open a page, say where it is, and work until `stop` returns True. Returns what was shown, and its result.
-
-    make: function that returns what the page shows.
+    """Open a page, print its address, and work until `stop` returns True. Returns the content of the page, and its result.
+    make: function that returns the content of the page.
     """
     from asrsim.viewer.open import View
     from asrsim.viewer.server import PageServer, announcement, open_browser

@@ -1,4 +1,4 @@
-"""Recordings of a test bench on a sheet: torque over deflection as measured."""
+"""Recordings of a test bench on a sheet: measured torque over deflection."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class MeasuredCurve:
 def measured_curve(
     source: Source, path: Path, mapping: Sequence[str] = (), *, rate: float | None = None, locked: bool = False
 ) -> MeasuredCurve:
-    """Torque over deflection in a recording: of a column `deflection`, or of motor and link positions; the torque is
+    """Torque over deflection in a recording: from a column `deflection`, or from motor and link positions; the torque is
     `link_torque`, or the sum of the elastic torques.
 
     mapping: meanings of columns, as items of `--map`; rate: sampling rate of a recording without time, Hz; locked: whether a

@@ -1,4 +1,4 @@
-"""Data of a sheet: entries, each with how it was found, and charts."""
+"""Data of a sheet: charts, and entries with the method that determined each number."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from asrsim.plots.chart import Chart
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """What a publication says about an actuator."""
+    """Statement of a publication about an actuator."""
 
     key: str
-    """Key of the entry that it belongs to; "" for a remark."""
+    """Key of the entry to which the statement belongs; "" for a remark."""
     text: str
     source: str
     why: str = ""
-    """Why it differs from the sheet, or that it agrees."""
+    """Reason why it differs from the sheet, or a remark that it agrees."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,12 +34,13 @@ class Entry:
     value: float | None
     """Number in SI units; None if it is unknown."""
     how: str
-    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`; of an unknown number, the tag or key
-    that would state it, or why it does not apply."""
+    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`; for an unknown number, the tag or key
+    that would state it, or the reason why it does not apply.
+    """
 
     @property
     def known(self) -> bool:
-        """Whether the sheet has a number here."""
+        """Whether the number is known."""
         return self.value is not None and math.isfinite(self.value)
 
     def as_dict(self) -> dict[str, Any]:
@@ -53,15 +54,15 @@ class Sheet:
     """Data sheet of one actuator."""
 
     name: str
-    """Name of files: the actuator's, or that of robot and joint."""
+    """Name of the files: name of the actuator, or names of robot and joint."""
     short: str
-    """Name in comparisons of sheets: that of the actuator or of the joint."""
+    """Name in comparisons of sheets: name of the actuator or of the joint."""
     title: str
     source: str
     """Publication of the law."""
     law: str
     origin: str
-    """Where the values come from."""
+    """Source of the parameter values."""
     entries: tuple[Entry, ...]
     rows: tuple[tuple[Chart, ...], ...]
     """Charts of the picture, row by row."""
@@ -72,7 +73,7 @@ class Sheet:
     values: Mapping[str, float] = field(default_factory=dict)
     """Values of all parameters."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Their units."""
+    """Units of the parameters."""
     doubts: tuple[str, ...] = ()
     """Sentences on numbers of the measured curves that are lost or doubtful."""
 

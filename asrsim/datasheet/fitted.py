@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def fitted_sheets(result: FitResult) -> tuple[Sheet, ...]:
     """Sheets of the actuators whose torque over deflection was recorded, with all estimates of the fit.
 
-    Raises RecordingError if the recordings hold no such curve, with what the last one lacks.
+    Raises RecordingError if no recording contains such a curve; the message states what the last recording lacks.
     """
     from asrsim.identification.parameters import numbers_of
     from asrsim.identification.write import chosen_values

@@ -24,7 +24,7 @@ LOWEST, HIGHEST, FREQUENCIES = 1e-3, 1e4, 8001
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """What the joint moves."""
+    """Load that the joint moves."""
 
     inertia: float
     """Inertia, kg m^2."""
@@ -33,7 +33,9 @@ class Load:
 
 
 def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
-    """Frequency in Hz at which the link's response to small motions of the equilibrium first falls by 3 dB; None if never."""
+    """Frequency in Hz at which the link's response to small motions of the equilibrium first falls by 3 dB; None if it never
+    does.
+    """
     by_q, by_motor = _slopes(drive, preset)
     references = over_arrays(drive.actuator.motor_references)
     pulled = (references(np.full(1, NUDGE), np.full(1, preset)) - references(np.zeros(1), np.full(1, preset)))[:, 0] / NUDGE
@@ -57,7 +59,8 @@ def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
 
 def preset_bandwidth(drive: Drive, preset: float) -> float | None:
     """Frequency in Hz at which small motions of the motors against each other, on a locked link, first fall by 3 dB; None if
-    never."""
+    they never do.
+    """
     _, by_motor = _slopes(drive, preset)
     count = drive.actuator.motors
 

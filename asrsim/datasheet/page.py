@@ -61,8 +61,9 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
-    """Charts of the first two rows with the first and the last curve of every sheet (of the motors' limits, the first), one
-    colour for each actuator."""
+    """Charts of the first two rows with the first and the last curve of every sheet (only the first for the limits of the
+    motors), in one colour for each actuator.
+    """
     rows, names = [], names_of(sheets)
     for r in range(2):
         charts = []

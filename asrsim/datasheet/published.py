@@ -22,7 +22,7 @@ VAN_HAM_2006 = "Van Ham, Vanderborght, Verrelst, Van Damme, Lefeber (2006), MACC
 CJT = "Malzahn, Roozing (2016), Compliant Joint Toolbox (github.com/geez0x1/CompliantJointToolbox), param/"
 RICHI = "Mengacci, advanced_plugin.cpp in github.com/Richi90/ROS-Gazebo-plugin-qbmove, after the maker's data sheet"
 PETIT_2010 = "Petit, Chalon, Friedl, Grebenstein, Albu-Schaeffer, Hirzinger (2010), ICRA, abstract"
-NONE = "No source at hand states its numbers: the sheet stands alone."
+NONE = "No available source states its numbers, so nothing is compared."
 
 PUBLISHED: dict[str, tuple[Published, ...]] = {
     "sea": (
@@ -33,17 +33,18 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         Published(
             key="stiffness_max", source=f"{CJT}WMBig10k_ds.m, WMBig2300_ds.m, WMBig10k.m",
             text="torsion bars of Walk-Man's big motor: 10000 and 2300 N m/rad by data sheet, 12823 N m/rad identified",
-            why="the spring of a leg; the toolbox's default is one of a desk-top joint",
+            why="the spring of a leg; the default of the toolbox is that of a desk-top joint",
         ),
         Published(
             key="peak_torque", source=f"{CJT}WMBig10k_ds.m",
-            text="40 A x 0.0453 N m/A x 100 = 181 N m, of the same motor; 40 A are the continuous current too",
+            text="40 A x 0.0453 N m/A x 100 = 181 N m, of the same motor; 40 A is also the continuous current",
             why="a sheet with these constants in its tags has 181.2 N m; the toolbox's default is 6 N m",
         ),
         Published(
             key="top_speed", source=f"{CJT}WMBig10k_ds.m", text="5.86 rad/s at 24 V",
-            why="a sheet with these constants has 24 V / (100 x 0.0453 V s/rad) = 5.3 rad/s: they do not reach the source's "
-            "limit; the default is the toolbox's limit of 6 rad/s",
+            why=
+                "with these constants, a sheet has 24 V / (100 x 0.0453 V s/rad) = 5.3 rad/s, below the limit in the source; "
+                "the default is the limit of 6 rad/s in the toolbox",
         ),
         Published(
             key="voltage", source=f"{CJT}WMBig10k_ds.m", text="24 V, 0.0885 ohm, gear 100", why="<mot_voltMax> would state it"
@@ -73,7 +74,9 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="top_speed", text="3.75 rad/s, measured as rise over time of a step without load", source=PARNENZINI,
-            why="a mean over the rise, and of another motor: 0.8 N m of friction, 1 g m^2; 6 rad/s is the toolbox's limit",
+            why=
+                "this is a mean over the rise, for another motor (friction 0.8 N m, inertia 1 g m^2); 6 rad/s is the limit "
+                "in the toolbox",
         ),
         Published(
             key="change_loaded", text="its change of stiffness was measured at a nominal torque of 1.5 N m", source=PARNENZINI,
@@ -82,7 +85,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,
-            why="the toolbox's file states no limits; mot_1_minPos and the like would",
+            why="the file of the toolbox states no limits; mot_1_minPos and similar tags would",
         ),
         Published(
             key="resolution", text="16 bits over 360 to 92160 degrees, as chosen: 9.6e-5 rad at the finest", source=QB_FIRMWARE,
@@ -92,7 +95,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
     "bavs": (
         Published(
             key="peak_torque", source=FRIEDL_2011, text="both motors may drive the joint in one direction (drive redundancy)",
-            why="so does the sheet; numbers of torque and stiffness were not found in a source at hand",
+            why="this also holds in the sheet; no available source states torque and stiffness",
         ),
         Published(
             key="peak_torque", source=PETIT_2010,
@@ -103,18 +106,22 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
     "awas_ii": (
         Published(
             key="stiffness_max", text="the stiffness ranges from zero to infinity", source=AWAS_II_2014,
-            why="so does the law, for sigma from 0 to L; the sheet goes from 0.005 to 0.04 m, as the paper's figure 8",
+            why=
+                "this also holds for the law, for sigma from 0 to L; the sheet covers 0.005 to 0.04 m, as figure 8 of the "
+                "paper",
         ),
     ),
     "maccepa": (
         Published(
             key="deflection_soft", source=VAN_HAM_2006, text="torque nearly linear in the angle, and in the pretension",
-            why="the first chart shows it; numbers depend on the lengths, which are ours",
+            why="the first chart shows this; numbers depend on the lengths, which asrsim has chosen",
         ),
         Published(
             key="stiffness_loaded", source=EDINBURGH,
             text="-0.6579 to 0.4154 N m/rad over all deflections of a joint with k = 323 N/m, B = 0.03 m, drum 7.5 mm",
-            why="our law gives -0.6579 and 0.4155 with C = 0.13 m, which the source leaves open; the sheet's spring is ours",
+            why=
+                "our law gives -0.6579 and 0.4155 with C = 0.13 m, which the source does not state; asrsim has chosen the "
+                "spring of the sheet",
         ),
     ),
     "awas": (Published(key="", text=NONE, source="Jafari et al. (2010)", why="the law is theirs, the numbers are ours"),),

@@ -9,7 +9,7 @@ from asrsim.report.html import number
 
 
 def number_rows(sheet: Sheet) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the numbers of a sheet; an unknown number is empty, and says how it could be found."""
+    """Heads and rows of the numbers of a sheet; an unknown number is empty, and its remark states how it could be found."""
     rows = [
         [one.words, number(one.value) if one.known else "", one.unit if one.known else "", one.how] for one in sheet.entries
     ]

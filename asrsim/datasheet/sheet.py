@@ -1,4 +1,4 @@
-"""The sheet of one actuator: numbers, where each comes from, and curves."""
+"""The sheet of one actuator: numbers with their sources, and curves."""
 
 from __future__ import annotations
 
@@ -24,12 +24,13 @@ from asrsim.samples import Array
 CURVES = 5
 """Number of presets of the curves."""
 WIDE = 50.0
-"""Ratio of largest and least stiffness from which on the chart of the stiffness is logarithmic."""
+"""Ratio of largest and smallest stiffness above which the chart of the stiffness is logarithmic."""
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
 """Fraction of the largest stiffness up to which a setting counts as having no stiffness: its bandwidth would be a rounding
-error."""
+error.
+"""
 
 
 def make_sheet(
@@ -43,7 +44,7 @@ def make_sheet(
 
     Args:
         source: The actuator and its values.
-        presets: Smallest and largest second reference; None: the actuator's range.
+        presets: Smallest and largest second reference; None: the range of the actuator.
         inertia: Inertia of the test load, kg m^2; None: 3 Hz on the mean stiffness.
         measured: Curves of test benches, drawn beside the law.
 
@@ -77,7 +78,9 @@ def make_sheet(
 
 
 def _torques(statics: Statics) -> Iterator[Entry]:
-    """Torque, speed and power: the largest within the motors' limits, and those that the motors hold continuously."""
+    """Torque, speed and power: the largest values within the motors' limits, and the values that the motors hold
+    continuously.
+    """
     most, lasting = statics, statics.lasting
     heat = "not stated: <thermal_resistance>, and <winding_heat> or the electric constants"
     if lasting is not None:

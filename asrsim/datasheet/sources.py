@@ -1,4 +1,4 @@
-"""What a sheet is about: an actuator by name, those of a plugin file, or those of a robot's joints."""
+"""Subjects of sheets: an actuator by name, the actuators of a plugin file, or the actuators on a robot's joints."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Source:
     name: str
     """Name of the sheet and its files."""
     short: str
-    """Name in comparisons of sheets: that of the actuator or of the joint."""
+    """Name in comparisons of sheets: name of the actuator or of the joint."""
     drive: Drive
     """Drive in `SHEET_MODE`."""
     origin: str
@@ -41,7 +41,7 @@ class Source:
     stops: tuple[float, float] = (-math.inf, math.inf)
     """Limits of the joint, rad."""
     prismatic: bool = False
-    """Whether the joint slides: N and m for N m and rad."""
+    """Whether the joint slides, so that units are N and m instead of N m and rad."""
     resolution: float | None = None
     """Resolution of the encoders that a scenario states, rad."""
     plugins: tuple[Path, ...] = ()
@@ -57,7 +57,7 @@ def sources_of(
 ) -> tuple[Source, ...]:
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
-    joints: joints of robots; all with actuators if there are none. arguments, packages: of xacro files. plugins: plugin files
+    joints: joints of robots; empty: all joints with actuators. arguments, packages: of xacro files. plugins: plugin files
     that are loaded already. Raises InputError for an unknown name, joint or file, and
     for joints without a robot or scenario.
     """
@@ -132,7 +132,7 @@ def sources_in(robot: Robot, joints: Sequence[str] = (), plugins: tuple[Path, ..
     """Actuators of a robot with their values. joints: as for `sources_of`. Raises InputError for a joint without actuator."""
     path, blocks = robot.path, {block.joint: block for block in robot.actuators}
     if not blocks:
-        hint = "Give the name of an actuator instead, or put one on with `asrsim init --actuator`"
+        hint = "Give the name of an actuator instead, or add an actuator with `asrsim init --actuator`"
         raise InputError("has no actuators", file=path, hint=hint, code="no-actuator")
     unknown = [
         Problem("has no actuator", file=path, key=name, choices=tuple(blocks), meant=name, code="no-actuator")

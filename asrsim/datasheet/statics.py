@@ -23,8 +23,9 @@ NEAR = 1e-4
 WIDEST = math.pi
 """Largest deflection of a drive without a limit, rad."""
 MARGIN = 0.75
-"""Fraction of the presets that springs and motors allow which a sheet covers if the actuator states no range: at the largest
-preset, the joint could not be loaded."""
+"""Fraction of the possible presets that a sheet covers if the actuator states no range: at the largest preset that springs and
+motors allow, the joint could not be loaded.
+"""
 ROUNDING = 1e-12
 
 
@@ -74,7 +75,8 @@ class Statics:
     @cached_property
     def highest_preset(self) -> float:
         """Preset at which the springs, the motors or the adjuster's lever are at their limits without load; infinite without
-        limits."""
+        limits.
+        """
         if self.drive.actuator.adjuster:
             return self.drive.values.get("lever_length", math.inf)
         farthest = min(self.drive.max_deflection, WIDEST)
@@ -105,7 +107,8 @@ class Statics:
 
     def allowed(self, deflection: Array, preset: Array) -> NDArray[np.bool_]:
         """Whether (n,) the springs are within their deflection limit, the motors within their torque limit, and the joint
-        within its effort limit."""
+        within its effort limit.
+        """
         drive = self.drive
         torques, positions = self.torques(deflection, preset), self.motors(deflection, preset)
         limits = np.array([*drive.max_torque, *[np.inf] * len(torques)][: len(torques)])[:, None]
@@ -130,7 +133,8 @@ class Statics:
 
     def _largest(self, law: Callable[[Array, Array], Array]) -> float:
         """Largest value of a law over presets and deflections. A limit that begins to act makes the law's largest value peak
-        sharply over the presets, so the presets beside the best one are searched again."""
+        sharply over the presets, so the presets near the best preset are searched more finely.
+        """
         low, high = self.presets
         closest = ROUNDING * high
         while True:
@@ -192,13 +196,14 @@ class Statics:
 
     @cached_property
     def stiffest(self) -> float:
-        """Preset at the other end of the range."""
+        """Preset at the end of the range opposite to `softest`."""
         low, high = self.presets
         return high if self.softest == low else low
 
     def motor_torque(self, speed: Array) -> Array:
         """Torque (n,) in N m of all motors at a steady speed (n,) in rad/s, within their limits of torque and voltage, less
-        their damping and friction."""
+        their damping and friction.
+        """
         drive, total = self.drive, np.zeros_like(speed)
         for i, one in enumerate(drive.electric):
             most = np.minimum(one.limit, one.stall - one.damping * speed)
@@ -208,7 +213,8 @@ class Statics:
 
     def driving_torque(self, speed: Array) -> Array:
         """Torque (n,) in N m on the link at a steady speed (n,) in rad/s: of the motors, within what the springs and the joint
-        transmit."""
+        transmit.
+        """
         return np.minimum(self.motor_torque(speed), self.peak_torque)
 
     @cached_property
@@ -232,7 +238,8 @@ class Statics:
 
 def _last(allowed: Callable[[Array], NDArray[np.bool_]], farthest: float) -> float:
     """Largest number from 0 to `farthest` up to which all numbers are allowed, by bisection of the first interval whose end
-    is not allowed."""
+    is not allowed.
+    """
     low, high = 0.0, farthest
     if bool(allowed(np.linspace(low, high, POINTS)).all()):
         return farthest

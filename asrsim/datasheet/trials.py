@@ -1,4 +1,6 @@
-"""Simulations of a sheet: a scenario that the user can run, with a variant for each trial, and what is measured in it."""
+"""Simulations of a sheet: a scenario that the user can run, with a variant for each trial, and the measurements in each
+trial.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +24,10 @@ from asrsim.samples import Array
 
 FREQUENCY, RATIO = 3.0, 0.2
 """Natural frequency in Hz and damping ratio of the test load on the geometric mean of softest and stiffest setting, behind
-motors that stand still."""
+motors that stand still.
+"""
 SOFTEST = 1e-4
-"""Smallest stiffness in this mean, as a share of the largest one."""
+"""Smallest stiffness in this mean, as a fraction of the largest stiffness."""
 STEP, LEAST = 0.2, 0.05
 """Step of the equilibrium position: share of the largest deflection of the softest setting, and smallest step, rad."""
 AT, LASTS = 0.1, 2.0
@@ -47,7 +50,7 @@ JOINT = "joint_1"
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Results of the trials by variant; a message instead if the simulation refused."""
+    """Results of the trials by variant; for a trial that could not be simulated, a message."""
 
     files: Mapping[str, str]
     results: Mapping[str, Result]
@@ -79,7 +82,7 @@ def usual_load(statics: Statics) -> Load:
 
 
 def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
-    """Results of all trials of an actuator. load: what its joint moves."""
+    """Results of all trials of an actuator. load: the load on its joint."""
     step = float(f"{max(LEAST, STEP * statics.reach(statics.softest)):.3g}")
     torque, under = _torque(statics)
     variants, robot = _variants(source, statics, step, torque), f"{source.name}.urdf"
@@ -117,7 +120,7 @@ def _torque(statics: Statics) -> tuple[float, str]:
     if nominal is not None and nominal <= statics.held_torque:
         torque, words = nominal, "the nominal torque"
     else:
-        torque, words = LOADED * statics.held_torque, f"{100 * LOADED:g} % of what every setting holds"
+        torque, words = LOADED * statics.held_torque, f"{100 * LOADED:g} % of the torque that every setting holds"
         words += (
             ": no nominal torque is stated"
             if nominal is None

@@ -52,8 +52,8 @@ def _moved(result: FitResult) -> dict[str, _Motion]:
 
 
 def advice(result: FitResult) -> Iterator[str]:
-    """Sentences that name the motions by which parameters with wide intervals could be identified; none if causes of a misfit
-    are suspected, which must be mended first.
+    """Sentences that name the motions by which parameters with wide intervals could be identified; empty if causes of a misfit
+    are suspected, which must be corrected first.
     """
     if result.causes:
         return
@@ -85,7 +85,7 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
     if "friction" in name:
         return f"move {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
     if "damping" in name:
-        return f"move {joint} faster than {speed:.2g} {unit}/s, and let it swing out"
+        return f"move {joint} faster than {speed:.2g} {unit}/s, and let its oscillation decay"
     if "inertia" in name or name in ("mass", *INERTIAS):
         return f"move {joint} at {band:.2g} to {3.0 * band:.2g} Hz (recorded: up to {band:.2g} Hz)"
     if name.startswith(("spring", "lever", "pulley", "hysteresis", "max_deflection")):
@@ -96,7 +96,7 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
 
 def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
     """Write a limits file with the recorded ranges; return its path, and the command that designs the next experiment within
-    them. Both are empty if every parameter is identified, or if the causes of a misfit must be mended first.
+    them. Both are empty if every parameter is identified, or if the causes of a misfit must be corrected first.
     """
     import yaml
 
@@ -115,7 +115,7 @@ def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
     data = {"limits": limits, "noise": noise, "rate": round(1.0 / step)} | ({"choose": choose} if choose else {})
     data = mapped(data, lambda value: float(f"{value:.4g}") if isinstance(value, float) else value)
     path, task = folder / "limits.yaml", result.task
-    head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to what the robot may do.\n"
+    head = "# Limits of `asrsim design`: the recorded ranges and noise. Widen them to the limits of the robot.\n"
     write_text(path, head + yaml.safe_dump(data, sort_keys=False), "limits")
     duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
     words = ["asrsim", "design", str(task.file or task.scenario)]

@@ -37,7 +37,8 @@ class DesignLimits:
         MapOf(of=POSITIVE, noun="quantity", star=False),
         default={},
         shown="1 mrad on the positions of link and motors",
-        doc="quantity, or `joint.quantity` -> standard deviation of its noise; all but the sensors of `choose` are recorded",
+        doc="quantity, or `joint.quantity` -> standard deviation of its noise; all these quantities are recorded, except the "
+        "sensors of `choose`",
     )
     rate: float = declare(POSITIVE, default=1000.0, unit="Hz", doc="sampling rate of the recording")
 
@@ -73,7 +74,7 @@ def _faults(limits: DesignLimits) -> Iterator[Problem]:
                 yield Problem("its lower limit is not below its upper limit", key=key, value=low, code="limits")
     for sensor in limits.sensors:
         if sensor not in limits.noise:
-            message = "has no noise level, so its information is unknown"
+            message = "has no noise level, so the information from this sensor is unknown"
             hint = f"Add its standard deviation to `noise`, such as {sensor}: 0.05"
             yield Problem(message, key=f"choose.{sensor}", hint=hint, code="noise")
     for key, values in limits.gains.items():

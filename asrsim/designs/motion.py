@@ -15,9 +15,9 @@ KNOTS = 3
 LEVELS, SINES, FREQUENCIES, GOALS = (slice(i * KNOTS, (i + 1) * KNOTS) for i in range(4))
 PHASE, RISE = slice(4 * KNOTS, 4 * KNOTS + 1), slice(4 * KNOTS + 1, 4 * KNOTS + 2)
 PARTS, CHANCES = (LEVELS, SINES, FREQUENCIES, GOALS, PHASE, RISE), (0.25, 0.15, 0.25, 0.15, 0.1, 0.1)
-"""Free numbers of a piece for each reference, from 0 to 1: levels (0.5 is the reference of the start), share of the sine beside
-the levels, frequencies, fractions of the limits to use, phase, and duration of a change of level. Probabilities with which a
-variation changes them.
+"""Free numbers of a piece for each reference, from 0 to 1: levels (0.5 is the reference of the start), amplitude of the sine
+relative to the levels, frequencies, fractions of the limits to use, phase, and duration of a change of level. Probabilities
+with which a variation changes them.
 """
 WINDOWS = 8
 """Number of windows of a piece; the motion is scaled into the limits in each window separately."""
@@ -56,7 +56,7 @@ class Piece:
 
     @property
     def goals(self) -> Array:
-        """Wanted use of the limits (references, windows), as a fraction."""
+        """Desired use of the limits (references, windows), as a fraction."""
         middles, knots = _middles(self.scales.shape[1]), np.linspace(0.0, 1.0, KNOTS)
         return np.array([np.interp(middles, knots, u[GOALS]) for u in self.numbers])
 
@@ -97,7 +97,7 @@ def step(presets: Array) -> Piece:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Piece:
-    """Chirp with random frequencies and constant stiffness presets, some of whose parts are replaced by random numbers."""
+    """Chirp with random frequencies and constant stiffness presets; some of its numbers are replaced by random numbers."""
     first, last = SLOWEST * (FASTEST / SLOWEST) ** generator.random(2)
     base = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0]))
     for row in base.numbers:
@@ -108,7 +108,7 @@ def fresh(generator: np.random.Generator, presets: Array) -> Piece:
 
 
 def varied(piece: Piece, generator: np.random.Generator) -> Piece:
-    """Piece with small random changes of some of its parts."""
+    """Piece with small random changes of some of its numbers."""
     numbers, size = piece.numbers.copy(), 0.6 * 16.0 ** -generator.random()
     for _ in range(1 + generator.poisson(1.0)):
         part = PARTS[generator.choice(len(PARTS), p=CHANCES)]

@@ -68,7 +68,7 @@ class DesignChannel:
     quantity: str
     noise: float
     sensor: str
-    """Name of the additional sensor; empty for a sensor that is recorded anyway."""
+    """Name of the additional sensor; empty for a sensor that is always recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,9 @@ class DesignPlant:
         self.own = np.array(
             [[bound.joint == one.joint or bound.joint not in moved for bound in self.bounds] for one in self.references]
         )
-        """Mask (references, bounds): limits of the reference's joint, and of joints without references."""
+        """Mask (references, bounds): which limits each reference must keep: those of its joint, and those of joints without
+        references.
+        """
         self.robots, self.gains, self.substeps = robots, dict[str, float](), self.door.substeps
 
     def under(self, gains: Mapping[str, float]) -> DesignPlant:
@@ -202,7 +204,7 @@ class DesignPlant:
             changes: Relative changes of each parameter; sensitivities are means over these changes. Without changes no
                 information is computed.
             windows: Number of equal parts of the motion in which the use of limits is measured.
-            sensor: Additional sensor whose information is computed; empty: all sensors that are recorded anyway.
+            sensor: Additional sensor whose information is computed; empty: all sensors that are always recorded.
         """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}

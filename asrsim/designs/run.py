@@ -88,7 +88,7 @@ def design(
         limits: File with `limits:`, and `noise:` and `choose:`.
         duration: Length of the experiment.
         experiments: Recordings of earlier experiments.
-        robust: Number of further robots for which the motion is designed, too; their parameters differ by up to a factor of 2.
+        robust: Number of further robots for which the motion is also designed; their parameters differ by up to a factor of 2.
         rounds, seed: Length and random seed of the search.
         progress: Called with the finished fraction.
         stop: Called often; True ends the search with the best motion so far.
@@ -118,7 +118,7 @@ def design(
             searches = [Search(one, 1 + robust, known, np.random.default_rng(seed), stop) for one in choices]
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
-        # An interval is relative to the value; if the value is zero, to its typical size.
+        # An interval is relative to the value, or, if the value is zero, to the typical size of the parameter.
         sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.size) for one in layout.entries])
         known_by = {DESIGN: best.information}
         known_by |= {name: one.information for name, one in search.motions.items() if name != DESIGN}
@@ -176,7 +176,7 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
 
 
 def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of recordings, if parameters of the recordings, such as offsets, are estimated, too."""
+    """Fisher matrix (n, n) of recordings, if parameters of the recordings, such as offsets, are also estimated."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
@@ -229,7 +229,7 @@ def _searched(searches: Sequence[Search], rounds: int, progress: Tell) -> tuple[
         progress(Progress(task="search", fraction=0.5 * (i + 1) / len(searches)))
         if one.best is not None:
             named = ", ".join(f"{key} = {value:g}" for key, value in one.plant.gains.items())
-            remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % in the mean")
+            remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % on average")
     search = min(searches, key=lambda one: np.inf if one.best is None else one.rank(one.best))
     begin = 0.5 if several else 0.0
     best = search.run(rounds, lambda told: progress(replace(told, fraction=begin + (1.0 - begin) * told.fraction)))

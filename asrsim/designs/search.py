@@ -24,8 +24,8 @@ FULL, ENOUGH = 0.97, 0.93
 MARGIN = 0.88
 """Fraction of each limit that a robust design uses at most on the robots that are tried, since other robots may use more."""
 TRIES, SHRINKING = 8, 4
-"""Largest number of simulations in which a motion is scaled into the limits; number of those, at the end, in which it only
-shrinks.
+"""Largest number of simulations in which a motion is scaled into the limits; number of the last of these simulations, in which
+the motion may only shrink.
 """
 FEW = 4
 """Number of further robots on which each piece keeps the limits; the whole motion keeps them on all further robots."""
@@ -35,16 +35,18 @@ SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
 """Relative changes of the parameters for sensitivities; larger changes with which predicted deviations are checked, as
 fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of deviations.
 
-If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. For a motion whose
-deviations from small and larger changes differed by a factor of 1.8, fits scattered 2.2 times as far as predicted; for a factor
-of 9.5, they scattered 9.4 times as far.
+If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. If the deviations from
+small and from larger changes differed by a factor of 1.8, fits scattered 2.2 times as far as predicted; with a factor of 9.5,
+9.4 times as far.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
 """Probability that a piece of the library is varied instead of a picked piece; parameter of the geometric distribution of its
 rank in the library.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about the logarithm of each parameter before any experiment, whose order of magnitude is assumed to be known."""
+"""Information about the logarithm of each parameter before any experiment: the order of magnitude of each parameter is assumed
+to be known.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +67,7 @@ class Search:
 
     plant: DesignPlant
     robots: int
-    """Number of robots for which the motion is designed; on all robots of the plant, the motion must keep the limits."""
+    """Number of robots for which the motion is designed. The motion must keep the limits on all robots of the plant."""
     known: Array
     """Fisher matrix (n, n) of earlier recordings."""
     generator: np.random.Generator
@@ -128,7 +130,7 @@ class Search:
                 factors[:] = (
                     np.clip(goals / own, 0.3, 2.0) if growing else np.minimum(FULL / use.max(axis=0, initial=1e-6), 1.0)
                 )
-                # The motion in a window acts on the next window, too.
+                # The motion in a window also affects the next window.
                 following = np.hstack([factors[:, 1:], factors[:, -1:]])
                 factors = np.minimum(factors, np.where(following < 1.0, np.sqrt(following), np.inf))
             factors[presets] = 1.0
@@ -137,7 +139,7 @@ class Search:
         return best
 
     def judged(self, name: str, pieces: Sequence[Piece]) -> Found | None:
-        """Piece, or whole motion of another name, scaled into the limits, with its information; None if no size keeps the
+        """Piece, or whole motion with another name, scaled into the limits, with its information; None if no size keeps the
         limits, or if a robot is near chaos.
         """
         rows, robots = self.plant.rows, len(self.plant.robots)
@@ -153,7 +155,7 @@ class Search:
         return Found(name, fitting, motion, outcome.information)
 
     def confirmed(self, found: Found | None, others: Array | float = 0.0, agree: tuple[float, float] = AGREE) -> Found | None:
-        """Motion with the least of three estimates of its information, from small and from larger changes of the parameters;
+        """Motion with the smallest of three estimates of its information, from small and from larger changes of the parameters;
         None if the estimates do not agree. others: information of the other pieces.
         """
         if found is None:
@@ -195,7 +197,7 @@ class Search:
             self.motions.setdefault(ONE_STEP, least)
 
     def keep(self, found: Found | None) -> None:
-        """Store a confirmed whole motion, if it is the best so far or the best of its name."""
+        """Store a confirmed whole motion, if it is the best motion so far, or the best motion with its name."""
         if found is not None:
             self.motions[found.name] = min(found, self.motions.get(found.name, found), key=self.rank)
             self.best = min(found, self.best or found, key=self.rank)
@@ -214,8 +216,8 @@ class Search:
             self.try_piece(fresh(self.generator, self.plant.presets))
 
     def pick(self) -> None:
-        """Pick pieces one after the other. Each gives the best score together with the pieces that are already picked.
-        Unconfirmed pieces leave the library.
+        """Pick pieces one after the other. Each picked piece is the piece with the best score together with those already
+        picked. Unconfirmed pieces leave the library.
         """
         while len(self.picked) < self.count and self.library:
             others = self._others(len(self.picked))
@@ -230,11 +232,11 @@ class Search:
         self.picked += self.picked[-1:] * (self.count - len(self.picked))
 
     def _others(self, place: int) -> Array:
-        """Information of all picked pieces but one."""
+        """Information of all picked pieces except one."""
         return np.asarray(sum(one.information for i, one in enumerate(self.picked) if i != place))
 
     def vary(self) -> None:
-        """Try to replace a picked piece by a variation of it, or of a piece of the library that scores well together with the
+        """Try to replace a picked piece by a variation of this piece, or of a library piece that scores well together with the
         other picked pieces.
         """
         place = int(self.generator.integers(len(self.picked)))

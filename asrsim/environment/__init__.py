@@ -39,15 +39,15 @@ def make_env(
         batched: Whether `reward` and `terminated` take the states of all N environments at once (arrays with N as their first
             axis), and return arrays (N,). This is much faster for many environments.
         adaptive: Whether each environment takes fewer substeps while its springs are soft enough, as in `asrsim.Worlds`; such
-            environments are up to twice as fast, and differ from runs within the error of the step. Where references of the
+            environments are up to twice as fast, and differ from runs within the error of the step. While references of the
             scenario itself jump, all substeps are taken.
         randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references,
             and the delays `imperfections.sensors.JOINT.delay` and `imperfections.commands.JOINT.delay`, whose laws have an
-            upper bound (actions are late by the option `delay`).
+            upper bound (the option `delay` delays actions).
         fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
         push: Laws of external torques on joints, in N m, drawn at every reset; a torque acts during the whole episode.
-        delay: Time in s, or a law of it, by which actions are late, rounded to control periods and drawn at every reset.
+        delay: Delay of the actions in s, or a law of this delay, drawn at every reset and rounded to control periods.
         noise: Standard deviations of the noise of observed quantities, by name, in their units. It does not affect rewards.
         history: Number of earlier control periods whose observed values and actions belong to an observation, after the goal.
         initial: Laws of the start positions by joint, in rad or m.

@@ -27,7 +27,8 @@ class Draws:
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
         """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
-        InputError."""
+        InputError.
+        """
         self._axes = [axis_of(present_name(name), value) for name, value in laws.items()]
         problems = [
             Problem("must be finite numbers", key=" & ".join(axis.keys), code="sweep-values")
@@ -63,7 +64,7 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     numbers = {**found.numbers, **{key: _late_joints(key, name, prepared) for key, name in late.items()}}
     wrong = [key for key in keys if key not in numbers and key not in found.references]
     problems = [
-        Problem("cannot change from episode to episode: the scenario would have to be read anew", key=key, code="randomise")
+        Problem("cannot change from episode to episode: the scenario would have to be read again", key=key, code="randomise")
         for key in wrong
     ]
     joints = ("*", *(drive.name for drive in prepared.drives))
@@ -76,7 +77,8 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
 
 def with_longest_delays(scenario: Scenario, draws: Draws) -> Scenario:
     """The scenario with the longest delays of commands and sensors that can be drawn, since worlds keep memory for these.
-    Raises InputError."""
+    Raises InputError.
+    """
     for key, longest, shortest in zip(draws.keys, *reversed(draws.bounds()), strict=True):
         if not (name := _delay(key)):
             continue

@@ -17,7 +17,8 @@ from asrsim.simulation.worlds import Worlds
 _LINKS = ("link_position", "link_velocity")
 _MOTORS = {f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")}
 """Quantities of the motors at the present time: field of the observation, and index of the motor. The positions of ideal motors
-are those of the last step."""
+are those of the last step.
+"""
 _STEP = (
     "link_torque",
     "damping_torque",
@@ -29,7 +30,8 @@ _STEP = (
     "stiffness",
 )
 """Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
-step."""
+step.
+"""
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3
@@ -37,14 +39,14 @@ BEYOND = 1e-3
 
 
 class Links(NamedTuple):
-    """The part of an observation that no motor belongs to, which is faster to read."""
+    """Positions and velocities of links: the part of an observation without motors, which is faster to read."""
 
     link_position: Array
     link_velocity: Array
 
 
 class Readings:
-    """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have them."""
+    """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have these quantities."""
 
     def __init__(self, source: Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
         self._source, self._tip = source, tip

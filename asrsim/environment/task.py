@@ -38,7 +38,8 @@ Single = NDArray[np.float32]
 @dataclass(frozen=True)
 class State:
     """State after an action: the argument of the reward and termination functions. With the option `batched` it is the state of
-    N environments, and each array has the environments as its first axis."""
+    N environments, and each array has the environments as its first axis.
+    """
 
     time: Any
     """Time since the start of the episode, s; (N,) of several environments."""
@@ -68,7 +69,8 @@ class ControlTask:
 
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None) -> None:
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
-        None: that of the scenario."""
+        None: that of the scenario.
+        """
         self._random, self._start, self._goal, self._push = (
             Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
         )
@@ -82,7 +84,7 @@ class ControlTask:
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Number of actions per episode."""
         self.actions, low, high = _actions(prepared, one_or_more(options["act"] or ()))
-        """Joint and reference that each entry of an action sets."""
+        """Joint and reference that each entry of an action sets, and the lowest and highest value."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
         self.batched: bool = options["batched"]
@@ -95,13 +97,13 @@ class ControlTask:
         )
         for joint in self._push.keys:
             prepared.slot_of(joint, EXTERNAL_TORQUE)
-        # Start positions beyond a stop must raise now, not after hours of training.
+        # Start positions beyond a stop must raise an error now, not after hours of training.
         for places in self._start.bounds():
             positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
             prepared.started(Start(positions=positions))
         drawn = () if self._fit is None else tuple(key for group in self._fit.groups for key in group)
         self._plan = plan((*self._random.keys, *drawn), prepared)
-        # So must numbers that are not physical.
+        # Unphysical numbers must also raise an error now.
         chance = np.random.default_rng(0)
         for _ in range(TRIED if self._random.keys or drawn else 0):
             prepared.vary(self.changes(self.draw(chance)))
@@ -204,7 +206,9 @@ class ControlTask:
         return self._reward is not None or self._terminated is not None
 
     def judge_all(self, states: State) -> tuple[Array, NDArray[np.bool_]]:
-        """Rewards (N,) of N environments, and whether their episodes are over, by functions of all. Raises InputError."""
+        """Rewards (N,) of N environments, and whether their episodes are over, by functions that take the states of all
+        environments. Raises InputError.
+        """
         count = len(states.action)
         rewards = np.zeros(count) if self._reward is None else _numbers(self._reward(states), count, "reward")
         over = np.zeros(count) if self._terminated is None else _numbers(self._terminated(states), count, "terminated")

@@ -21,12 +21,13 @@ from asrsim.simulation.worlds import Worlds, check_number
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
 AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
-"""When an environment whose episode is over is reset, by name."""
+"""By name: time at which an environment whose episode is over is reset."""
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     """The environments that `asrsim.environment.make_vec_env` returns. Environment i gives the same bits as a single
-    environment with the seed of environment i."""
+    environment with the seed of environment i.
+    """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"]}  # noqa: RUF012
 
@@ -116,7 +117,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Single, dict[str, Any]]:
         """Begin new episodes with new random values. seed: seed of environment 0, where environment i gets seed + i, or a seed
-        for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset."""
+        for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset.
+        """
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
         if mask.shape not in ((), (self.num_envs,)):
             raise InputError(f"must be {self.num_envs} flags", key="reset_mask", value=mask, code="worlds")
@@ -154,7 +156,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)
         going, fresh = ~self._over, self._over.copy()
-        # A single number, and all worlds (None), are handled faster than arrays and masks.
+        # A single number for all worlds (None) is handled faster than arrays and masks.
         which, everyone = None, list(range(self.num_envs))
         if np.count_nonzero(fresh):
             self._begin(fresh)
@@ -211,7 +213,9 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_], *, moved: bool) -> Single:
         """Observations (N, n) from the values found. fresh: environments whose episodes have just begun; moved: whether the
-        others have moved for a control period. If not, they keep their latest observations, and draw no noise."""
+        other environments have moved for a control period. If they have not moved, they keep their latest observations, and
+        draw no noise.
+        """
         if self._spread:
             drawn = range(self.num_envs) if moved else np.flatnonzero(fresh).tolist()
             found = {name: self._noisy(name, values, drawn) for name, values in found.items()}

@@ -10,8 +10,9 @@ class Constructs:
     """Constructs of MJCF that a program simulates correctly."""
 
     dc_motors: bool = True
-    """DC motors with speed limit, integral action and bristles, and an implicit integrator that knows their limits. Without
-    them, motors are affine actuators and the integrator is Euler's."""
+    """DC motors with speed limit, integral action and bristles, and an implicit integrator that respects their limits. Without
+    them, motors are affine actuators and the integrator is the Euler method.
+    """
     curved_springs: bool = True
     """Tendons whose stiffness is a polynomial. Without them, springs are made of linear pieces."""
     delays: bool = True

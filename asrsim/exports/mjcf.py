@@ -45,18 +45,18 @@ VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
 COUPLING_STEPS = 2.0
-"""Time constant of couplings of joints, in time steps: the smallest that MuJoCo accepts."""
+"""Time constant of couplings of joints, in time steps: the smallest value that MuJoCo accepts."""
 ALL = Constructs()
 STILL = 1e-9
 """Range of an adjuster's positions, in its unit, below which the adjuster does not move."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
-    "_load_friction": "the friction of its motors does not depend on their load",
+    "_load_friction": "the friction of its motors does not depend on load",
     "_max_voltage": "the voltage limit of its motors limits their torque at rest",
 }
 """Effects of parameters that the model lacks, by the end of the parameter's name."""
 DIRECT_LACKS = {"_max_velocity": "its motors have no speed limit", "_integral": "its controllers have no integral action"}
-"""Effects that motors lack whose command is a voltage or a current, by the end of the parameter's name."""
+"""Effects that the model lacks for motors with a voltage or a current as command, by the end of the parameter's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ def model_of(
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.timestep = timestep or 0.5 * scenario.step
     if not spec.pairs:
-        # Elliptic friction cones serve contacts only, and some programs that read MJCF do not know them.
+        # Elliptic friction cones serve contacts only, and some programs that read MJCF do not support them.
         spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0
     bodies = {link.name: spec.body(link_body(link.name)) for link in robot.links}
     couple(spec, robot, HARD, COUPLING_STEPS * spec.option.timestep)
@@ -129,7 +129,7 @@ def model_of(
     remarks, splines = [f"shapes are left out ({len(warnings)} groups); the first: {warnings[0]}"] if warnings else [], {}
     lacks: dict[str, list[str]] = {}
     for j, stepped in enumerate(prepared.drives):
-        # Positions and velocities (motors, n) of the motors; the last one is the adjuster, if the actuator has one.
+        # Positions and velocities (motors, n) of the motors; the last row is the adjuster, if the actuator has one.
         positions, speeds = (
             np.array([values[:, j] for name, values in run.items() if name.startswith("motor") and name.endswith(quantity)])
             for quantity in ("position", "velocity")
@@ -178,7 +178,8 @@ def model_of(
     shifted = [link.name for link in robot.links if link.gravity and link.weightless_mass not in (0.0, link.mass)]
     if shifted:
         remarks.append(
-            f"{listed(shifted, MOST_NAMES)}: gravity acts on a part of the body; in the file, less gravity acts on all of it"
+            f"{listed(shifted, MOST_NAMES)}: gravity acts on a part of the body; in the file, a reduced gravity acts on the "
+            "whole body"
         )
     if scenario.wrenches:
         remarks.append("the scenario's forces on links are neither in the model nor in the replay")
@@ -187,7 +188,7 @@ def model_of(
     if any(one.delay for one in scenario.sensor_imperfections.values()):
         remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
-        # MuJoCo accepts any triangles for a shell; its inertia is not used, since bodies have explicit inertia.
+        # MuJoCo accepts any triangles for a shell; the inertia of the shell is not used, since bodies have explicit inertia.
         mesh.inertia, mesh.file = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, mesh_file(mesh.file)
     try:
         model = spec.compile()
@@ -264,6 +265,6 @@ def _lacks(
     if drive.mode.spring and drive.actuator.adjuster:
         place, unit = positions[drive.actuator.motors], drive.actuator.reference_2_unit
         if float(np.ptp(place)) > STILL:
-            yield "its spring is linear; its stiffness is the control that ends in 'stiffness'"
+            yield "its spring is linear; its stiffness is the control whose name ends in 'stiffness'"
         else:
             yield f"its adjuster stays at {place[0]:g} {unit}"

@@ -27,11 +27,13 @@ FRICTION_SOLREF, FRICTION_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.01, 0.5, 2.0]
 STOP_SOLREF, STOP_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
 """Solver parameters of stiff joint stops."""
 BRAKE = 10.0
-"""Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor
-chatters about the limit; with smaller ones it passes the limit (measured at 0.25 to 1 ms)."""
+"""Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor chatters
+about the limit; with smaller values it exceeds the limit (measured with time steps of 0.25 to 1 ms).
+"""
 IMPLICIT = 0.9
 """Fraction of a motor's inertia that implicit damping replaces, if damping limits the speed. A time step removes this fraction
-of the speed above the limit."""
+of the speed above the limit.
+"""
 
 
 def motor_name(joint: str, index: int) -> str:
@@ -97,8 +99,8 @@ def springs_of(
         alone = [torque(i, motor - q) for i, motor in enumerate(motors)]
         if not np.allclose(law(q, *motors, *tail, drive.elastic)[:count], alone, rtol=1e-6, atol=1e-9):
             raise ScenarioError(
-                f"the springs of '{actuator.name}' on joint '{drive.joint}' depend on more than each motor's own deflection; "
-                "springs of MuJoCo cannot",
+                f"the springs of '{actuator.name}' on joint '{drive.joint}' depend on more than the deflection between motor "
+                "and link; springs of MuJoCo cannot",
                 key=drive.joint,
                 code="export-law",
             )
@@ -108,7 +110,8 @@ def springs_of(
 
 def add_motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float, constructs: Constructs) -> None:
     """Add the motors of a joint with their controllers and springs. splines: one for each motor; empty: the springs are added
-    elsewhere. delay: delay of the commands, s."""
+    elsewhere. delay: delay of the commands, s.
+    """
     for i in range(drive.actuator.motors):
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
         body = spec.worldbody.add_body(name=name, mass=TINY, inertia=[TINY] * 3, ipos=[0.0] * 3, explicitinertial=True)
@@ -151,8 +154,9 @@ def _tendon(spec: Any, name: str, motor: str, joint: str) -> Any:
 
 
 def _friction(drive: Drive, index: int) -> tuple[float, ...]:
-    """LuGre friction of motor `index` as MuJoCo takes it: stiffness (N m/rad) and damping of the bristles, torque while sliding
-    and at rest (N m), Stribeck velocity (rad/s); all 0 without friction."""
+    """LuGre friction of motor `index` in the parameters of MuJoCo: stiffness (N m/rad) and damping of the bristles, torque
+    while sliding and at rest (N m), Stribeck velocity (rad/s); all 0 without friction.
+    """
     values = {name: drive.values[f"motor_{index}_{name}"] for name in ("friction_torque", "stribeck_friction")}
     sliding, sticking = values["friction_torque"], sum(values.values())
     if not sticking:
@@ -202,8 +206,8 @@ def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -
     speed. inertia: of the motor, kg m^2; limit: its largest torque, N m.
 
     MuJoCo's Euler integrator takes the damping implicitly, as if the inertia were larger by time step times damping. The
-    armature is smaller by as much, so the motor keeps its inertia. The limit is reached under the largest torque, which drives
-    the motor beyond the speed at which the damping begins.
+    armature is reduced by the same amount, so the effective inertia is unchanged. The damping begins below the limit, so that
+    the largest torque drives the motor exactly to the limit.
     """
     mujoco = load()
     joint, step = spec.joint(name), spec.option.timestep
@@ -230,7 +234,8 @@ def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: floa
 
 def _hysteresis(spec: Any, drive: Drive, index: int, own: Any) -> None:
     """Add the hysteresis of spring `index`: bristles between motor and joint that bend by the length (rad) before they slip at
-    the level of the torque (N m)."""
+    the level of the torque (N m).
+    """
     level, length = own.level, own.length
     mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
     _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
@@ -267,5 +272,5 @@ def set_delay(spec: Any, actuator: Any, delay: float) -> None:
     """Delay the control of an actuator by `delay` s, rounded to whole time steps."""
     steps = round(delay / spec.option.timestep)
     if steps:
-        # Half a step less: rounding must not let the actuator read an earlier sample.
+        # The delay is half a step shorter, so that rounding errors do not select an earlier sample.
         actuator.delay, actuator.nsample = (steps - 0.5) * spec.option.timestep, steps + 1

@@ -32,7 +32,7 @@ class Replay:
     program: str
     """Name and versions of the other program. MuJoCo stands in for a program that is not installed here."""
     untried: str
-    """Why the program that the file is made for was not tried; empty if it was."""
+    """Reason why the program that the file is made for was not tried; empty if it was tried."""
     joints: tuple[str, ...]
     units: tuple[str, ...]
     """Unit of each joint's error: mrad or mm."""
@@ -74,8 +74,8 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Program) -> Replay:
-    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. They get the
-    references and the external torques of the scenario; the model delays the references itself.
+    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. All get the
+    references and the external torques of the scenario; the model itself delays the references.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -112,13 +112,13 @@ def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Pr
 
 
 def _versioned(program: Program) -> str:
-    """Title of a program, with its version if it states one."""
+    """Title of a program, with its version if the version is known."""
     version = program.version()
     return f"{program.title} ({version})" if version else program.title
 
 
 def _start_of(model: Any, controls: Array) -> Any:
-    """The start of the model as MjData: its keyframe, with the first controls (n, nu) in the delays."""
+    """The start of the model as MjData: the state of its keyframe, and delay buffers with the first controls (n, nu)."""
     mujoco = load()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -132,7 +132,8 @@ def _start_of(model: Any, controls: Array) -> Any:
 
 def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Array]:
     """Controls (n, nu) and external torques (n, nv) of the scenario at the times `stamps` (n,), s, for the model. The controls
-    are not delayed: the model's actuators delay them."""
+    are not delayed: the model's actuators delay them.
+    """
     torques, *references = prepared.undelayed_inputs(stamps)
     controls, external = np.zeros((len(stamps), model.nu)), np.zeros((len(stamps), model.nv))
     names = {model.actuator(i).name: i for i in range(model.nu)}

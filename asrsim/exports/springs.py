@@ -14,7 +14,7 @@ POINTS = 1001
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
-"""The same for springs that are made of linear pieces."""
+"""Numbers of knots and bound of the error for springs that are made of linear pieces."""
 FAR = 1e6
 """End of a dead band that no motion reaches, and rest position of a weak spring that produces a nearly constant torque, rad.
 """
@@ -34,7 +34,7 @@ class Spline:
     knots: int
     """Number of knots on each side."""
     error: float
-    """Largest difference of the torques within `reach`, divided by the stiffness there, rad."""
+    """Largest difference of the torques within `reach`, divided by the local stiffness, rad."""
 
     def torque(self, deflection: Array) -> Array:
         """Torques at deflections in rad, N m."""

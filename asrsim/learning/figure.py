@@ -20,7 +20,9 @@ TOLERANCE, DESIRED, BEST = "tolerance", "desired position", "best trial"
 
 
 def learning_charts(problem: LearningProblem, result: LearningResult, settings: Learning) -> list[list[Chart]]:
-    """Rows of charts, one for each joint: errors over the iterations, position and input of all trials (early trials faint)."""
+    """Rows of charts, one for each joint: errors over the iterations, position and input of all trials (early trials are drawn
+    faintly).
+    """
     rows = []
     for column, joint in enumerate(problem.joints):
         unit = (problem.units or ["rad"] * len(problem.joints))[column]

@@ -1,10 +1,10 @@
 """Learning on the real robot, trial by trial: the next input follows from each recording; files store the state between trials.
 
-A twin of the robot is fitted to the best trial and the last trial. The law `auto` tries its updates on the twin first. The
+A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The
 twin, and plants drawn from the posterior of the fit, predict the error of the next trial. The part of the recordings that the
-twin does not explain bounds the error of this prediction; the bound is added. The change of the input is halved until this sum
-is at most 1.2 times the best error. If even the smallest change exceeds this limit, a warning is given before the trial. With
-the other laws the change is not halved, and only the warning is given.
+twin does not explain gives a bound of the prediction error, which is added to the prediction. The change of the input is halved
+until this sum is at most 1.2 times the best error. If even the smallest change exceeds this limit, a warning is given before
+the trial. With the other laws the change is not halved, and only the warning is given.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ SMOOTH = 0.02
 PEAK = 3.3
 """Largest of a thousand normal deviates, in standard deviations."""
 ABOVE = 1.5
-"""Ratio of the largest error to the largest deviation that noise causes, below which noise hides whether a trial is better: an
-increase of the true error by `WORSE` is then a few tenths of the noise.
+"""Ratio of the largest error to the largest deviation caused by noise, below which noise hides whether a trial is better: an
+increase of the true error by the factor `WORSE` is then only a few tenths of the noise.
 """
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
@@ -76,7 +76,8 @@ class HardwareStep:
             if best > ABOVE * self.noise or self.outcome is not None:
                 return None
             return (
-                f"the next trial may be worse: the largest error of the best so far, {best:.2g}, is hardly above the noise of "
+                f"the next trial may be worse: the largest error of the best trial so far, {best:.2g}, is hardly above the "
+                "noise of "
                 f"the recording, {self.noise:.2g}"
             )
         much = (
@@ -107,7 +108,7 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # If the last recording is given again, the last twin was fitted to a wrong reading of it.
+        # If the user gives the last recording again, the last twin was fitted to a wrong reading of this recording.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
@@ -116,7 +117,7 @@ def next_input(
         else:
             played = _pending(folder, prepared, trials)
         if digest in recordings:
-            message = f"was used already, as trial {recordings.index(digest)}; record the motion under {folder / NEXT} instead"
+            message = f"was already used as trial {recordings.index(digest)}; record the motion under {folder / NEXT} instead"
             raise InputError(message, file=path, code="recording-taken")
         found = recorded(recording, plant, lag)
         trials.append(problem.trial(len(trials), played, smoothed(found.outputs, problem.step)))

@@ -52,7 +52,7 @@ class Linearised:
         return replace(self, mass=mass * self.mass, slopes=mass * self.slopes, springs=stiffness * self.springs)
 
     def held(self, tail: float) -> Linearised:
-        """Linearised joints with the motion extended by `tail` s, in which the joints rest at the end of the motion."""
+        """Linearised joints with the motion extended by `tail` s, during which the joints rest at the final position."""
         step = float(self.time[1] - self.time[0])
         more = max(round(tail / step), 1)
 

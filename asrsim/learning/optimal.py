@@ -2,8 +2,8 @@
 
 The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input is
 a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: a nominal model, a heavier
-and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input follows from its error e over
-the whole time,
+and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input follows from the error e of
+this trial over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
@@ -35,7 +35,7 @@ MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
 RHO = 0.1
 """Smallest weight rho of the input's change relative to the error."""
 TAIL = 20
-"""Number of knots after the end of the motion, where the last inputs still act; after the end the last error is repeated."""
+"""Number of knots after the end of the motion, while the last inputs still act; the last error is repeated there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
 """Factor on the weight rho of changes after a worse trial, and divisor of rho after a better trial."""
 REHEARSALS = 4

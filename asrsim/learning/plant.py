@@ -37,8 +37,8 @@ class Plant:
     learning: Learning = field(repr=False)
     """The scenario's block `ilc`."""
     prepared: Prepared = field(repr=False)
-    """Simulation with the scenario's modes and parameters, whose references are the desired motion; each trial is derived from
-    this simulation.
+    """Prepared simulation with the scenario's modes and parameters, and with the desired motion as references; each trial is
+    derived from it.
     """
     joints: tuple[str, ...]
     time: Array = field(repr=False)
@@ -46,7 +46,7 @@ class Plant:
     reference: Array = field(repr=False)
     """Desired link positions (n, joints), rad."""
     delay: float = 0.0
-    """Delay of commands in addition to the scenario's, s."""
+    """Delay of commands in addition to the scenario's delay, s."""
 
     @property
     def drives(self) -> tuple[SteppedJoint, ...]:
@@ -105,7 +105,7 @@ def make_plant(plan: Plan) -> Plant:
     scenario, learning = plan.scenario, plan.scenario.learning
     if learning is None:
         hint = "Write the motion: ilc: {tolerance: 0.01, trajectory: {JOINT: {minimum_jerk: {duration: 2.0, to: 0.6}}}}"
-        message = "the scenario has no block `ilc`: nothing says what to learn"
+        message = "the scenario has no block `ilc`, which states the motion to learn"
         raise ScenarioError(message, file=scenario.path, hint=hint, code="no-ilc")
     trajectory, driven = learning.trajectory, plan.robot.actuators
     blocks = [block for block in driven if block.joint in trajectory or "*" in trajectory]
@@ -129,7 +129,7 @@ def make_plant(plan: Plan) -> Plant:
         raise ScenarioError(problems)
     time = scenario.step_times()
     reference = np.column_stack([for_joint(trajectory, joint, Constant(value=0.0)).values(time) for joint in joints])
-    # The scenario's claims are about its own references, not about learned inputs.
+    # The claims of the scenario refer to the references of the scenario, not to learned inputs.
     played = plan.on(
         expect=(),
         log_every=1,

@@ -28,8 +28,8 @@ MOST_DEMANDS = 5
 class ArmModel:
     """A plant and the model of its arm with soft joints.
 
-    Driven joints that do not learn follow their own references. These joints are soft too, and come after the learned joints in
-    the linearised arm.
+    Driven joints that do not learn follow the scenario's references. These joints are also soft; they come after the learned
+    joints in the linearised arm.
     """
 
     plant: Plant
@@ -86,7 +86,7 @@ def learning_model(plant: Plant) -> ArmModel:
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedLearning:
-    """A prepared learning problem: the inputs of `learn`."""
+    """A prepared learning problem, with all that `learn` needs."""
 
     plant: Plant
     problem: LearningProblem
@@ -94,7 +94,7 @@ class PreparedLearning:
     """Settings of the scenario with the chosen first guess."""
     law: LearningLaw = field(repr=False)
     demands: tuple[Demand, ...]
-    """Demands of the motion on the joints, highest score first."""
+    """Demands of the motion on the joints; the demand with the highest score is first."""
 
     @property
     def before(self) -> list[str]:
@@ -126,7 +126,10 @@ class PreparedLearning:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
         if not beyond:
             # Friction or the initial state may prevent the motion; more trials may remove such errors.
-            return f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may"
+            return (
+                f"not reached in {len(result.trials)} trials: {error}; no limit explains the error, but friction or the "
+                "start may"
+            )
         return f"out of reach: {error}; {'; '.join(beyond)}"
 
 

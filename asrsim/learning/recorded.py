@@ -17,11 +17,11 @@ from asrsim.recordings.suspicions import beside, interchanged
 from asrsim.samples import Array
 
 MISSING = 0.02
-"""Largest fraction of the motion that may be missing at its ends; the nearest values are repeated there."""
+"""Largest fraction of the motion that may be missing at its ends; the nearest values are repeated in the missing part."""
 BRIDGED = 0.1
 """Longest gap within the motion that is interpolated, s."""
 DANGEROUS = ("suspected-marker", "suspected-lost", "suspected-turns")
-"""Codes of suspicions about numbers that would go into the robot's next input."""
+"""Codes of suspicions that refuse a recording, since wrong numbers would enter the robot's next input."""
 OFF, BETTER = 0.05, 0.5
 """Conditions for a note about the clock: smallest offset in s, larger than any robot's delay, and largest fraction of the error
 that remains after the clock is shifted.

@@ -218,7 +218,7 @@ def write_playback(
     scenario, folder = plant.scenario, path.parent
     data = relocated(scenario, folder)
     learned = data.pop("ilc", {})
-    # Learned inputs of two variants are played into two folders.
+    # Replays of two variants must write into different folders.
     variant = [scenario.variant] if scenario.variant != "default" else []
     data["name"] = "_".join([scenario.name, *variant, inputs.stem])
     # The error of a replay is relative to the motion to be learned.
@@ -243,7 +243,7 @@ def write_playback(
             for joint, error in zip(plant.joints, largest, strict=True)
             if isfinite(error)  # a joint of a simulation that diverged has no error
         ]
-    text = f"# Plays what `asrsim ilc` found; the inputs are in {inputs.name}.\n"
+    text = f"# Plays the inputs that `asrsim ilc` learned; they are in {inputs.name}.\n"
     write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True), "learned scenario")
 
 
@@ -254,7 +254,7 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # A parameter of this entry that every joint replaces would have no effect.
+    # A parameter of this entry has no effect if every joint has a separate value.
     missed = {
         name
         for drive in plant.prepared.drives

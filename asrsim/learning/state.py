@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FORMAT = "asrsim learning state 6"
 STOPPING = ("tolerance", "max_iterations", "patience")
-"""Keys of `ilc:` that only end learning. They may change before simulated learning is resumed."""
+"""Keys of `ilc:` that only decide when learning ends. They may change before simulated learning is resumed."""
 
 
 def motion_basis(problem: LearningProblem) -> dict[str, str]:
@@ -47,7 +47,9 @@ def simulation_basis(plant: Plant) -> dict[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class LearningState:
-    """Trials in simulation or on the real robot. On the real robot also the recordings, and the fit of the last twin."""
+    """Trials in simulation or on the real robot. For the real robot, it also contains the recordings and the fit of the last
+    twin.
+    """
 
     trials: tuple[Trial, ...] = ()
     recordings: tuple[str, ...] = ()
@@ -61,7 +63,7 @@ class LearningState:
 def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> None:
     """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete.
 
-    basis: hashes of everything that must be unchanged when learning continues, by the names of these things.
+    basis: hashes of all inputs that must be unchanged when learning continues, by name of the input.
     """
     head = {
         "format": FORMAT,
@@ -93,7 +95,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
     before = head["basis"]
     changed = [name for name in {**before, **basis} if before.get(name) != basis.get(name)]
     if changed:
-        message = f"learning cannot continue, because these have changed: {', '.join(changed)}"
+        message = f"learning cannot continue, because these inputs have changed: {', '.join(changed)}"
         raise InputError(message, file=path, hint=f"Delete {path.name} to start again", code="state-of-another-run")
     if inputs.shape[1:] != problem.reference.shape:
         raise _fault(path, "its arrays do not fit the motion")

@@ -126,7 +126,9 @@ class FixedGain:
     settings: Learning
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """Input u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the last trial's input, corrected by its error."""
+        """Input u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the input of the last trial, corrected by the error
+        of this trial.
+        """
         last, settings = trials[-1], self.settings
         fading = 1.0 if settings.gain_decay is None else exp(-last.number / settings.gain_decay)
         gains = [settings.joint_gains.get(joint, settings.gain) * fading for joint in self.problem.joints]

@@ -23,11 +23,11 @@ SPREAD, LOSSES = 0.25, 0.7
 DELAY = 0.02
 """Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""Smallest misfit that the uncertainty assumes, rad; even the fit of a plant with the right structure has this misfit."""
+"""Smallest misfit that the uncertainty assumes, rad; even a plant with the right structure has this misfit."""
 SAMPLES = 250
 """Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
-"""Number of independent misfits that a joint counts for, since model errors are correlated over several samples."""
+"""Number of independent misfits for which each joint counts, since model errors are correlated over several samples."""
 ROUNDS = 4
 """Largest number of steps of the fit."""
 NUDGE = 0.2
@@ -53,7 +53,7 @@ class LearningTwin:
     changes: Mapping[str, float]
     """Relative change of each group of parameters, by name of the group; `delay`: change in s."""
     residual: float
-    """Root mean square difference between the recorded motion and the twin's, rad."""
+    """Root mean square difference between the recorded motion and the twin's motion, rad."""
     before: float
     """Root mean square difference between recorded and simulated motion before the fit, rad."""
     likely: tuple[Plant, ...] = field(repr=False)
@@ -74,12 +74,14 @@ class LearningTwin:
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """Part of recorded motions that a twin does not explain, rad. Predictions assume that it is that of the best trial."""
+    """Part of recorded motions that a twin does not explain, rad. Predictions assume that it equals the unexplained part of the
+    best trial.
+    """
 
     most: float
     """Largest difference between the best trial and the twin's motion."""
     misses: tuple[tuple[float, float], ...]
-    """Pairs of the largest distance of another trial from the best trial, and the largest error of its prediction."""
+    """Pair for each other trial: its largest distance from the best trial, and the largest error of its prediction."""
 
     def of_change(self, size: float) -> float:
         """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.

@@ -1,4 +1,6 @@
-"""Checks of commands from other programs: accepts finite numbers of the right count for known joints, and counts all others."""
+"""Checks of commands from other programs: accepts finite values, in the right number, for known joints; all other messages are
+counted.
+"""
 
 from __future__ import annotations
 
@@ -43,7 +45,7 @@ class Trajectory:
             after = bisect_right(times, time)
             if after in (0, len(times)):
                 return values[0 if after == 0 else -1]
-            # Without divisions by the interval except in the share, which is 0 to 1: finite for points at any distance.
+            # Only the share, from 0 to 1, is divided by the interval, so that values are finite for points at any distance.
             length, rise = times[after] - times[after - 1], values[after] - values[after - 1]
             share = (time - times[after - 1]) / length
             if not velocities:
@@ -91,7 +93,7 @@ class CommandInput:
                 if isinstance(value, Trajectory):
                     joint, column = simulation.prepared.slot_of(*target)
                     present = simulation.read([f"reference_{column}"])[f"reference_{column}"]
-                    # Of several worlds, the first counts.
+                    # If there are several worlds, the first one decides.
                     self._motions[target] = value.curve(float(present.ravel()[joint])), time, value.times[-1]
                 else:
                     values[target] = value
@@ -125,7 +127,7 @@ class CommandInput:
             velocities = [row[j] for *_, row in points if len(row) == len(targets)]
             if target is None:
                 if names is not None:
-                    self._refuse(topic, "a joint that does not take commands there")
+                    self._refuse(topic, "a joint without commands on this topic")
             elif names is not None and not received.points and math.isnan(values[0]):
                 # Controllers send NaN for joints that they do not command.
                 continue
@@ -146,7 +148,7 @@ class CommandInput:
             key = ".".join(target)
             self.clamped[key] += 1
             if self.clamped[key] == 1:
-                self._tell(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later ones are only counted")
+                self._tell(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later values are only counted")
         return min(max(value, low), high)
 
     def _refuse(self, topic: LiveTopic, why: str) -> None:
@@ -156,7 +158,7 @@ class CommandInput:
             text = "others"
         self.refused[text] += 1
         if self.refused[text] == 1:
-            self._tell(f"{text}: dropped; further ones are only counted")
+            self._tell(f"{text}: dropped; further messages are only counted")
 
 
 def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterator[_Input]:

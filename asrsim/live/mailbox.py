@@ -10,7 +10,8 @@ from asrsim.live.transport import Received
 
 WAITING, WAITING_BYTES = 5000, 1 << 24
 """Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. If there are more
-messages, the oldest are dropped and counted."""
+messages, the oldest are dropped and counted.
+"""
 LARGEST_MESSAGE = 1 << 20
 """Largest size of a message in bytes. A decoded message takes up to a hundred times as much memory."""
 
@@ -37,10 +38,10 @@ class Mailbox:
             while len(self._messages) > WAITING or self._size > WAITING_BYTES:
                 oldest, dropped, _ = self._messages.popleft()
                 self._size -= len(dropped)
-                self._lost[oldest, "more messages than the run can take"] += 1
+                self._lost[oldest, "more messages than the run can process"] += 1
 
     def take(self, decoded: Callable[[int, bytes, float], Received]) -> Iterator[Received]:
-        """The waiting messages, each decoded when it is its turn, after one fault for each dropped message."""
+        """The waiting messages, preceded by one fault for each dropped message. Each message is decoded when it is taken."""
         with self._lock:
             lost, self._lost = self._lost, Counter()
             messages, self._messages, self._size = self._messages, deque(), 0

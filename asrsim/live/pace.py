@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 SLIP = 0.25
-"""Delay in s from which a run stops catching up and continues from the current time."""
+"""Delay in s above which a run stops catching up and continues from the current time."""
 NAP = 0.1
 """Longest sleep, s, so that commands are received and a run can be stopped."""
 RECENT = 10_000

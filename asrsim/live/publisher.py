@@ -20,8 +20,8 @@ from asrsim.simulation.simulation import Simulation
 Ranges = Mapping[str, Mapping[str, Range]]
 """Permitted range by joint and reference; references without a range cannot be set."""
 APPLIED = "/applied_commands"
-"""Topic of the references in effect: positions of a JointState with names such as `joint_1.equilibrium_position`. The toolbox's
-names of topics are for commands.
+"""Topic of the references in effect: positions of a JointState with names such as `joint_1.equilibrium_position`. The topic
+names of the toolbox are reserved for commands.
 """
 CONTROL = "/ros2_control"
 STIFFNESS_JOINT = "_stiffness"
@@ -100,7 +100,7 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
 
 
 def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
-    # The applied commands precede the positions: a twin that reads both then knows the commands of its next step.
+    # The applied commands precede the positions: a twin that reads both then has the commands for its next step.
     applied = {
         f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
         for joint in joints

@@ -26,10 +26,11 @@ DEPTH = 300
 message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
-"""Largest number of messages that a subscription keeps, and that one call takes from it."""
+"""Largest number of messages that a subscription keeps, and that one call reads."""
 UNREAD = 0.02
-"""Time after which a thread takes the waiting messages in place of the simulation, s. A subscription limits their number, but
-not their bytes; the mailbox does."""
+"""Time after which a thread reads the waiting messages instead of the simulation, s. A subscription limits their number, but
+not their bytes; the mailbox does.
+"""
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
 LOCAL = (
@@ -66,7 +67,7 @@ again. A message blocked by a subscriber is dropped after 1 ms instead of 100 ms
 
 
 class Outbox:
-    """Sends messages, and tells the user when a subscriber does not take them in time."""
+    """Sends messages, and tells the user if a subscriber does not receive them in time."""
 
     def __init__(self, publishers: Sequence[Any], tell: TellUser) -> None:
         """publishers: rclpy's publisher of each outlet that is not latched; None if the package of its message is not
@@ -75,8 +76,9 @@ class Outbox:
         self._publishers, self._tell, self._unsent = publishers, tell, 0
 
     def send(self, messages: Sequence[bytes], wanted: Sequence[bool]) -> None:
-        """Send one message to each topic that is wanted; an empty message is left out. The user is told of the first lost
-        message and of the thousandth."""
+        """Send one message to each topic that is wanted; an empty message is left out. The user is told of the first and the
+        thousandth lost message.
+        """
         for publisher, message, one_wanted in zip(self._publishers, messages, wanted, strict=True):
             if one_wanted and message:
                 try:
@@ -88,7 +90,7 @@ class Outbox:
 
 
 class RosTransport:
-    """Node with the run's topics."""
+    """ROS node with the topics of a run."""
 
     def __init__(self, interface: Interface, access: Access, tell: TellUser) -> None:
         rclpy = load_rclpy()
@@ -109,7 +111,7 @@ class RosTransport:
         once = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         missing = set[str]()
         self._publishers: list[Any] = []
-        """As for `Outbox`."""
+        """Publishers of the outlets; see `Outbox`."""
         for outlet in interface.outlets:
             kind = message_type(outlet.message)
             quality = once if outlet.latched else QoSProfile(depth=DEPTH)
@@ -160,7 +162,7 @@ class RosTransport:
             self._taken = clock.monotonic()
 
     def _empty(self) -> None:
-        """Take messages while the simulation takes none, such as in a long step."""
+        """Read messages while the simulation reads none, such as during a long step."""
         while not self._closed.wait(UNREAD):
             if clock.monotonic() - self._taken > UNREAD:
                 self._take()
@@ -199,13 +201,12 @@ def message_type(name: str) -> Any:
 
 @contextmanager
 def fast_dds(*, network: bool) -> Iterator[None]:
-    """Context manager that applies Fast DDS's settings to the participant created inside; the user's own settings have
-    priority.
+    """Context manager that applies Fast DDS's settings to the participant created inside; settings of the user have priority.
 
     network: also reach other machines; otherwise the sockets are bound to 127.0.0.1. If the user has settings, ROS's range
     `LOCALHOST` is used instead, which listens on all interfaces but accepts nothing from other machines.
     """
-    # Fast DDS 3 (since ROS Kilted) has other names for library and variable.
+    # Fast DDS 3 (since ROS Kilted) has different names for the library and the variable.
     variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if _folders_with("libfastrtps.so") else "FASTDDS_DEFAULT_PROFILES_FILE"
     before = dict(os.environ)
     with tempfile.TemporaryDirectory(prefix="asrsim-") as folder:

@@ -40,7 +40,7 @@ TOPICS_SHARE = 0.25
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 IDLE = 0.02
-"""Time between two looks at the commands while a run is paused, s."""
+"""Time between two checks for commands while a run is paused, s."""
 FOREVER = 1e7
 """Simulated time after which a run without a given duration ends, s."""
 
@@ -68,8 +68,9 @@ class Operator(Protocol):
     """Person who operates a live run, for example in `asrsim view`: sees the samples, and sets references by hand."""
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """References to set at this tick; None: the scenario's signal again. Called in each tick, also while the run is paused,
-        in the run's thread; the method may pause, step or end the session."""
+        """References to set at this tick; None: the scenario's signal acts again. Called in each tick, also while the run is
+        paused, in the run's thread; the method may pause, step or end the session.
+        """
 
     def write(self, samples: Samples) -> None:
         """Receive the next samples."""
@@ -81,11 +82,12 @@ class Session:
     def __init__(
         self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: TellUser = lambda text: None
     ) -> None:
-        """plan: the examined scenario. If it has another robot in place of the scenario's, the robot's text describes it
-        completely."""
+        """plan: the examined scenario. If the plan replaces the scenario's robot, the text of the new robot must describe it
+        completely.
+        """
         self.settings, self._tell = settings, tell
         self.operator: Operator | None = None
-        """Person at the run."""
+        """Person who operates the run."""
         prepared = build(plan, settable=True)
         self._scenario = replace(plan.scenario, reference_ranges=prepared.scenario.reference_ranges)
         self._folder, self._overwrite, self._step = folder, overwrite, plan.scenario.step
@@ -139,8 +141,8 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = log_file.enter_context(LogWriter(path, described))
-            # Exclude the existing objects from garbage collection, which would make ticks late. A program that has excluded its
-            # own objects keeps them so.
+            # Exclude the existing objects from garbage collection, which would make ticks late. Objects that the program itself
+            # has excluded stay excluded.
             if not gc.get_freeze_count():
                 gc.collect()
                 gc.freeze()
@@ -213,7 +215,7 @@ class Session:
         elif not self._said_slow:
             self._said_slow = True
             substeps = self.simulation.substeps
-            self._tell(f"this machine is too slow for {substeps} substeps a step: narrow reference_ranges, or lower --speed")
+            self._tell(f"this machine is too slow for {substeps} substeps per step: narrow reference_ranges, or lower --speed")
 
     def _advance(self, steps: int) -> None:
         """Simulate `steps` whole steps and one further substep, which completes the record of the last step."""
@@ -244,8 +246,9 @@ class Session:
                 self._overrides[target] = value
 
     def hold(self, wrench: HeldWrench) -> None:
-        """Let a wrench act on a body until the next one for this body. To be called in the run's thread, by an operator's
-        `ask`. Raises InputError as `Simulation.set_wrench`."""
+        """Let a wrench act on a body until the next wrench for this body. To be called in the run's thread, by an operator's
+        `ask`. Raises InputError as `Simulation.set_wrench`.
+        """
         if self._wrenches.get(wrench.body) != wrench:
             self._obey(WrenchCommand(self.simulation.substep, wrench))
             self._wrenches[wrench.body] = wrench
@@ -281,7 +284,7 @@ class Session:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        # Commands override the scenario's references, so its claims do not apply.
+        # Commands override the references of the scenario, so the claims of the scenario do not apply.
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())

@@ -43,7 +43,7 @@ class Received:
     stamp: float = 0.0
     """Time stamp in the header of a JointState, s; 0 if there is no time stamp."""
     sent: float = 0.0
-    """Time at which the sender published the message, s since 1970; 0 if the transport does not know the time."""
+    """Time at which the sender published the message, s since 1970; 0 if the transport does not provide it."""
     fault: str = ""
     """Reason why the message cannot be decoded; empty if there is none."""
 
@@ -82,8 +82,8 @@ class Interface:
     """Name of the node, including its namespace."""
     outlets: tuple[LiveTopic, ...]
     inlets: tuple[LiveTopic, ...]
-    """A transport takes the waiting messages of later topics first. So if a run has a message of a topic, it also has
-    the messages of the preceding topics that arrived before this message.
+    """A transport takes the waiting messages of later topics first. So if a run has received a message of a topic, it has also
+    received the earlier messages of the preceding topics.
     """
 
 
@@ -113,7 +113,7 @@ class Transport(Protocol):
         """
 
     def poll(self) -> Iterable[Received]:
-        """Messages received since the previous call, at most some thousand of each topic."""
+        """Messages received since the previous call, at most a few thousand per topic."""
 
     def close(self) -> None:
         """Close the transport."""

@@ -39,7 +39,9 @@ class KeyPlan:
     own_resolution: bool
     """Whether every run chooses its own substeps."""
     still: bool
-    """Whether numbers of a prepared scenario may change: no start at equilibrium, no planned references, no own substeps."""
+    """Whether numbers of a prepared scenario may change: it has no start at equilibrium, no planned references, and no separate
+    substeps for each run.
+    """
 
     @property
     def in_place(self) -> frozenset[str]:
@@ -57,7 +59,7 @@ class KeyPlan:
         return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
-        """Values for a run by joint or link, and by the number's name. A joint's own entry replaces an entry for all joints
+        """Values for a run by joint or link, and by the number's name. The entry of a joint replaces the entry for all joints
         (`*`).
 
         robot_only: omit the numbers that `--set` accepts.
@@ -79,7 +81,8 @@ class KeyPlan:
 
 def _in_order(keys: Iterable[str]) -> list[str]:
     """Keys in the order in which they are applied: keys of all joints, patterns, keys of single joints. A later key replaces
-    an earlier one."""
+    an earlier one.
+    """
 
     def rank(key: str) -> int:
         parts = split_path(key)
@@ -89,7 +92,7 @@ def _in_order(keys: Iterable[str]) -> list[str]:
 
 
 def _is_pattern(part: str) -> bool:
-    """Whether a part of a key stands for several joints; a scenario has entries of its own for `*`."""
+    """Whether a part of a key stands for several joints; the key `*` alone is an ordinary key of a scenario."""
     return part != "*" and ("*" in part or "?" in part)
 
 
@@ -154,7 +157,7 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
             return (), tuple(
                 f'parameters."{name}".{parts[1]}' if "." in name else f"parameters.{name}.{parts[1]}" for name in having
             )
-        if parts[1] == "armature":  # a key of the scenario, which states it in place of the robot file
+        if parts[1] == "armature":  # a key of the scenario, which replaces the value in the robot file
             moving = [name for name in owners if name in joints and joints[name].moves]
             if moving:
                 return (), tuple(f'armature."{name}"' if "." in name else f"armature.{name}" for name in moving)
@@ -191,7 +194,7 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
 def _no_effect(key: str, joint: str) -> Problem:
     message = "changes nothing: the joint has no such number in its mode"
     if joint == "*":
-        message = "changes nothing: no joint has it, or each joint has its own entry, which replaces that of '*'"
+        message = "changes nothing: no joint has it, or each joint has a separate entry, which replaces the entry '*'"
     return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
 
 

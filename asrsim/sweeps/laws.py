@@ -115,7 +115,7 @@ def _distribution(key: str, name: str, arguments: Sequence[Any]) -> Distribution
         raise _wrong(key, f"{name} has the arguments ({', '.join(wanted)})", list(arguments))
     first, second = (_number(key, argument) for argument in arguments)
     if name.endswith("uniform") and not second > first:
-        raise _wrong(key, f"the high end of a {name} distribution must be above the low one", [first, second])
+        raise _wrong(key, f"the high end of a {name} distribution must be above the low end", [first, second])
     if name == "loguniform" and not first > 0.0:
         raise _wrong(key, "the low end of a loguniform distribution must be above 0", first)
     if name.endswith("normal") and not second > 0.0:

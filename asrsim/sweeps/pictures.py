@@ -43,14 +43,14 @@ def in_rows(charts: Sequence[Chart]) -> list[Sequence[Chart]]:
 
 
 def study_title(table: Table, results: Sequence[str]) -> str:
-    """Title of the pictures: name of the study, and how many of its results they show."""
+    """Title of the pictures: name of the study, and the number of shown results."""
     every = len(varying(table))
     left = f" · {len(results)} of {every} results (others: --result)" if len(results) == MOST < every else ""
     return f"{table.study.name}{left}"
 
 
 def study_charts(table: Table, results: Sequence[str]) -> dict[str, list[Chart]]:
-    """Charts by picture: results over the keys, and influences of the keys, for those that the study has."""
+    """Charts by picture: results over the keys, and influences of the keys if the study has them."""
     keys = numeric_keys(table)
     kinds: dict[str, tuple[Sequence[str], Callable[[Table, str], Chart]]] = {
         "results": (results if keys else (), over_key),
@@ -65,7 +65,7 @@ def unit_of(table: Table, name: str) -> str:
 
 
 def over_key(table: Table, result: str) -> Chart:
-    """Chart of a result over a key: lines over the grid axis with most values, or points over the most influential drawn
+    """Chart of a result over a key: lines over the grid axis with the most values, or points over the most influential drawn
     key.
     """
     numeric, variants = numeric_keys(table), table["variant"].astype(str)

@@ -181,8 +181,8 @@ class _Kind:
 
 
 def _make_kind(study: Study, point: _Point) -> _Kind | None:
-    """Shared worlds for runs that are prepared like this point's run; None if such runs must be simulated alone. Raises
-    AsrsimError.
+    """Shared worlds for all runs with the same prepared scenario as this point; None if such runs must be simulated alone.
+    Raises AsrsimError.
     """
     case, plan = point.case, point.case.plan
     if not plan.varies_in_place:

@@ -1,6 +1,6 @@
 """Script of `asrsim.confined.run`: reads files of rows completely and reports their faults.
 
-Reads a JSON request from stdin and writes pairs (number of the file, fault) to stdout. It imports nothing of asrsim.
+Reads a JSON request from stdin and writes pairs (number of the file, fault) to stdout. It imports nothing from asrsim.
 """
 
 from __future__ import annotations

@@ -92,8 +92,8 @@ def sweep(
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         missing = store.missing
-        # A single worker is a process too, so that a run that crashes its process becomes a row. A complete study needs no
-        # cluster.
+        # Even a single worker is a separate process, so that a run that crashes its process still becomes a row. A complete
+        # study needs no cluster.
         executor = Cluster(cluster, plugins) if cluster and missing else Processes(workers or cores(), plugins)
         try:
             with executor:

@@ -1,7 +1,7 @@
 """Samplers: they place the draws of a study in the unit cube (`asrsim sweep --sampler`).
 
-`SAMPLERS` is the registry. Users add an instance of their own class: `SAMPLERS.add("halton", Halton())` in a plugin file, or an
-entry point in the group "asrsim.samplers".
+`SAMPLERS` is the registry. Users add an instance of a class of theirs: `SAMPLERS.add("halton", Halton())` in a plugin file, or
+an entry point in the group "asrsim.samplers".
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Sampler(ABC):
     """One way to place draws. Equal arguments give equal points."""
 
     title: str
-    """What the sampler is, for the documentation."""
+    """Description of the sampler, for the documentation."""
     blocks: bool = False
     """Whether the draws are the blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), which give Sobol
     indices. The keys must be drawn independently of each other then.

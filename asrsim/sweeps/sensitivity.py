@@ -49,7 +49,7 @@ class Influence:
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Keys whose numerical values vary; of tied keys only the first."""
+    """Keys whose numerical values vary; of several tied keys only the first."""
     study = table.study
     tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
     return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
@@ -57,7 +57,8 @@ def numeric_keys(table: Table) -> list[str]:
 
 def influences(table: Table, result: str) -> list[Influence]:
     """Influence of every key on a result, sorted by the change of its mean, the largest first; empty if too few runs have the
-    result."""
+    result.
+    """
     there = np.isfinite(table[result])
     values = table[result][there]
     if len(values) < FEWEST or np.ptp(values) == 0.0:
@@ -89,7 +90,10 @@ class SobolIndices:
     def __str__(self) -> str:
         if self.reason:
             return f"no Sobol indices: {self.reason}"
-        return f"Sobol indices without {self.left_out} of {self.samples} base samples: a run of each has no value"
+        return (
+            f"Sobol indices without {self.left_out} of {self.samples} base samples: each of these samples has a run without "
+            "a value"
+        )
 
 
 @lru_cache(maxsize=16)

@@ -15,7 +15,7 @@ HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", 
 ROUNDING = 1e-12
 """Change of a result, relative or in SI units, below which the change counts as rounding error."""
 SHARE = 0.1
-"""Results that fewer than this fraction of the runs have are listed last."""
+"""Results that exist in fewer than this fraction of the runs are listed last."""
 
 
 def study_headline(table: Table) -> str:

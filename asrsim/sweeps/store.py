@@ -45,10 +45,11 @@ MANIFEST_SHAPE: dict[str, Any] = {
 }
 """Structure of `study.json`."""
 GROUP = 20_000
-"""Number of rows in a group of a file. Waiting rows are written when they are as many as this, and a part with this number of
-rows is complete."""
+"""Number of rows in a group of a file. Waiting rows are written when their number reaches this value, and a part with this
+number of rows is complete.
+"""
 PATIENCE = 3.0
-"""Interval in s at which rows are written: a killed program loses at most the rows of this time."""
+"""Interval in s at which rows are written: a killed program loses at most the rows of this interval."""
 MOST_PARTS = 32
 """Number of incomplete parts that are merged to one."""
 SAME = {
@@ -58,7 +59,8 @@ SAME = {
     "versions": "it was done with other versions of",
 }
 """Entries of `study.json` that must be unchanged when a study continues, each with the beginning of the message for a changed
-entry; the names of the changed inputs follow."""
+entry; the names of the changed inputs follow.
+"""
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -73,10 +75,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
         wrong = "a column is not a name, a kind and a unit"
-    # A checksum can be forged, so the contents are checked, too.
+    # A checksum can be forged, so the contents are also checked.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    # Folders keep the old names for ever.
+    # Folders keep the old names forever.
     return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
@@ -161,7 +163,7 @@ class Store:
         return np.flatnonzero(~self.done).tolist()
 
     def add(self, rows: Sequence[StudyRow]) -> list[StudyRow]:
-        """Add rows, and return the rows of runs that had none yet. Raises OutputError."""
+        """Add rows, and return the rows of runs that had no row yet. Raises OutputError."""
         new = []
         for row in rows:
             if not self.done[row[0]]:
@@ -194,7 +196,8 @@ class Store:
 
     def _merge(self) -> None:
         """Write the rows of small parts as one part, so that a study of days has few files. If the program is killed before the
-        small parts are removed, rows stand twice, which readers allow. Raises OutputError."""
+        small parts are removed, some rows are stored twice, which readers accept. Raises OutputError.
+        """
         small, self._small = self._small, []
         rows = read_rows(small, self._schema)
         self._add_part(rows.take(np.unique(rows["run"].to_numpy(), return_index=True)[1]))

@@ -97,7 +97,7 @@ class Study:
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),
-        doc="files with your own actuators; each runs only where --plugin names it too",
+        doc="files with your own actuators; a file runs only if --plugin also names it",
     )
     name: str = "sweep"
 

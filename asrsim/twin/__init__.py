@@ -1,4 +1,4 @@
-"""A twin beside a robot: external torques, alarms and stiffness from commands and measured positions (`asrsim twin`)."""
+"""A twin of a running robot: external torques, alarms and stiffness from commands and measured positions (`asrsim twin`)."""
 
 from __future__ import annotations
 

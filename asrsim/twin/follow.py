@@ -106,16 +106,15 @@ def follow_recording(
     """Estimates of a twin that follows a recording of positions and commands.
 
     Args:
-        scenario: Scenario of the robot. If the sampling interval of the recording is longer than the scenario's step, it
-            replaces the step.
-        recording: Any file that `asrsim.recordings.read_recording` reads.
+        scenario: Scenario of the robot. The step of the scenario is replaced by the sampling interval of the recording if this
+        is longer. recording: Any file that `asrsim.recordings.read_recording` reads.
         bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the rate of steps if that is less.
         mapping, rate: As for `read_recording`.
         clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s.
         variant, overrides: As for `asrsim.run`.
         progress: Called with the finished fraction of the recording.
         stop: Ends the work early when it returns True.
-        watch: Receives the time in s, the measured positions (n,) and the estimates of each step as they are found.
+        watch: Receives the time in s, the measured positions (n,) and the estimates of each step as soon as they are computed.
 
     Raises:
         RecordingError: The recording has no position of any joint of the robot, or wrong units.
@@ -143,7 +142,11 @@ def follow_recording(
     for joint, column in positions.items():
         measured[:, names.index(joint)] = resample(column.time - clock_offset, column.values, time)
     notes = [*read.doubts, *plan.remarks]
-    notes += [f"{joint}: no position is recorded, so its twin is not corrected" for joint in names if joint not in positions]
+    notes += [
+        (f"{joint}: no position is recorded, so the twin of this joint is not corrected")
+        for joint in names
+        if joint not in positions
+    ]
     ready = ready.with_references(_commands(ready, plan, time, notes))
     if any(one.slot == 0 for one in plan.played):
         notes += _clocks(ready, measured, time)
@@ -197,7 +200,7 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
 
 
 def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
-    """Notes on joints whose positions lag the commands by more or less than the positions of the model do."""
+    """Notes on joints whose positions lag the commands by another time than in the model."""
     count = min(len(time), round(LONGEST / ready.scenario.step))
     time = time[:count] - time[0]
     with Worlds(ready, 1, watched=False) as worlds:

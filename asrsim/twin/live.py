@@ -1,6 +1,4 @@
-"""Twin beside a robot in real time: it reads topics of commands and joint states, and publishes torques, stiffness
-and alarms.
-"""
+"""Twin of a robot in real time: it reads topics of commands and joint states, and publishes torques, stiffness and alarms."""
 
 from __future__ import annotations
 
@@ -104,8 +102,8 @@ class LiveTwin:
     def _in_order(self, transports: Sequence[Transport]) -> Iterator[Received]:
         """Messages in the order of their publication, so that positions are combined with commands that the robot had received.
 
-        On a busy machine messages of one program may arrive later than those of another. A message therefore waits for `WAIT`
-        seconds, unless the robot itself publishes the commands that belong to its positions.
+        On a busy machine, messages of one program may arrive later than messages of another program. A message therefore waits
+        for `WAIT` seconds, unless the robot itself publishes the commands that belong to its positions.
         """
         now = clock.time()
         arrived = (message for transport in transports for message in transport.poll())
@@ -138,8 +136,8 @@ class LiveTwin:
             yield between
 
     def _follow(self, row: Array, messages: Sequence[Received], transports: Sequence[Transport]) -> None:
-        """Let the twin do a step, and publish its estimates. row: positions and applied commands; messages: commands that count
-        if the robot does not publish the commands that it applied.
+        """Let the twin do a step, and publish its estimates. row: positions and applied commands; messages: commands that are
+        used if the robot does not publish its applied commands.
         """
         positions, applied = np.split(row, [len(self._twin.joints)])
         values = dict(zip(self._references, applied.tolist(), strict=True))
@@ -154,7 +152,7 @@ class LiveTwin:
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
         for number in np.flatnonzero(found.alarm).tolist():
-            # Only the first alarm after a while is reported.
+            # An alarm is reported only if the joint had no alarm for some time.
             if self.time - self._alarm_ends[number] > QUIET:
                 self.alarms += 1
                 self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[number]}")

@@ -1,6 +1,7 @@
 """Loops over the joints of a twin and its copies in a step: observed torques and thresholds. They run as Python or compiled.
 
-All arrays are those of `TwinTables`, since a step must not create arrays: for few joints, that takes longer than the numbers.
+All arrays are those of `TwinTables`, since a step must not create arrays: for few joints, creation takes longer than the
+computation.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ class TwinTables(NamedTuple):
     carried: Any
     """Largest torque of the springs of each joint so far, (n,), N m."""
     noise: Any
-    """Standard deviation (n,) of the torque for alarms, from noise alone, N m."""
+    """Standard deviation (n,) of the torque for alarms that noise alone causes, N m."""
 
 
 class AlarmLimits(NamedTuple):
@@ -52,7 +53,7 @@ class AlarmLimits(NamedTuple):
     noise_gain: float
     """Standard deviation of the torque divided by that of the position, for links of inertia 1, s^-2."""
     sigmas: float
-    """Number of standard deviations of the torque at which noise alone raises no alarm."""
+    """Number of standard deviations of the torque up to which no alarm is raised."""
     release: float
     """Fraction of the threshold at which an alarm ends."""
     slowest: float
@@ -60,7 +61,7 @@ class AlarmLimits(NamedTuple):
     tolerance: float
     """Tolerated error of the model as a fraction of the springs' largest recent torque, after the error was estimated."""
     unlearned: float
-    """The same fraction before the error was estimated."""
+    """Tolerated error of the model, as such a fraction, before the error was estimated."""
     friction: float
     """Multiple of the friction that is tolerated while the link moves."""
     sticking: float
@@ -68,20 +69,20 @@ class AlarmLimits(NamedTuple):
 
 
 class JointWatch(NamedTuple):
-    """Numbers by which measured positions are watched."""
+    """Numbers for the checks of measured positions."""
 
     share: float
-    """Share of a new value in the variance of the noise."""
+    """Weight of a new value in the variance of the noise."""
     step: float
     """Time step, s."""
     gap: float
-    """Time without a measurement after which the twin is set to the next one, s."""
+    """Time without a measurement after which the twin is set to the next measured position, s."""
     jump: float
     """Error of a position above which the twin is set to the measured position, rad (m)."""
 
 
 JUMPED, LOST, MISSING = 1, 2, 4
-"""What a step finds: a joint is far from the twin; a joint is measured again after a gap; a joint is not measured."""
+"""Findings of a step: a joint is far from the twin; a joint is measured again after a gap; a joint is not measured."""
 
 
 def tables(simulations: int, joints: int, columns: int) -> TwinTables:
@@ -107,8 +108,8 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
     """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
 
     positions: measured positions (n,), which become those that the twin can follow; links: of the simulations (w, n), rad;
-    coupled: whether each joint follows another one (n,); stops: of the joints (2, n), rad. Returns the sum of `JUMPED`, `LOST`
-    and `MISSING`, as far as they apply.
+    coupled: whether each joint follows another one (n,); stops: of the joints (2, n), rad. Returns the sum of those of
+    `JUMPED`, `LOST` and `MISSING` that apply.
     """
     simulations, joints = links.shape
     jumped = lost = missing = 0
@@ -127,7 +128,7 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
         if t.missing[j]:
             missing = MISSING
         if coupled[j]:
-            # The master of a coupled joint moves it: its own position would count twice.
+            # A coupled joint follows its master, so that its measured position would count twice.
             position = math.nan
         # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
         if position < stops[0, j]:
@@ -145,11 +146,11 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
 
 
 def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
-    """Compute the torques that reduce the position errors (w, n), and the external torques (2, n) after both filters without
-    the errors of the model.
+    """Compute the torques that reduce the position errors (w, n), and the external torques (2, n) after both filters, from
+    which the errors of the model are subtracted.
 
-    velocity: velocities (n,) of the twin's links; found: coefficients (kinds, n) of the regression; shares: of a new value in
-    the filters, with the difference of the copies' parameters as last number.
+    velocity: velocities (n,) of the twin's links; found: coefficients (kinds, n) of the regression; shares: weights of a new
+    value in the filters, and, as last number, the relative difference of the copies' parameters.
     """
     simulations, joints = error.shape
     t.torques[:] = 0.0

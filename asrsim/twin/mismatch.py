@@ -1,9 +1,10 @@
-"""Errors of a twin's model, estimated while nothing touches the robot by a regression of the observed torque, with forgetting.
+"""Errors of a twin's model. While nothing touches the robot, they are estimated by a regression of the observed torque that
+forgets old data.
 
-Copies of the twin run beside the twin. In each copy one kind of parameter differs in all joints. The columns of the regression
-are the differences between the observed torques of the copies and of the twin. They contain all effects of the parameter: the
-motion of the motors, the delay of the observer, and the filters. The last column is constant. The contributions of all other
-columns are subtracted from the observed torque.
+Copies of the twin run beside the twin. In each copy, one kind of parameter has another value in all joints. The columns of the
+regression are the differences between the observed torques of the copies and of the twin. They contain all effects of the
+parameter: the motion of the motors, the delay of the observer, and the filters. The last column is constant. The contributions
+of all other columns are subtracted from the observed torque.
 """
 
 from __future__ import annotations
@@ -29,9 +30,11 @@ LEAST = 0.03
 CORRELATED = 6.0
 """Number of successive rows whose errors are correlated; together they count as one independent row."""
 SHARE, SUMMAND = 0.2, 1e-3
-"""Fraction by which parameters are larger in the copies; number added to damping (N m s/rad) and friction (N m) as well."""
+"""Fraction by which parameters are larger in the copies; number that is also added to damping (N m s/rad) and friction (N
+m).
+"""
 KNOWN = 0.04
-"""Largest relative standard error of a stiffness that is reported."""
+"""Largest relative standard error at which a stiffness is reported."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
 """Kinds of parameters that differ in the copies."""
 COLUMNS = len(KINDS) + 3
@@ -62,7 +65,7 @@ class Mismatch(NamedTuple):
     learned: Any
     """Whether the regression contains at least one second of motion, (n,)."""
     stiffening: Any
-    """Ratio of the stiffness in robot and twin (n,); NaN: not known well enough."""
+    """Ratio of the robot's stiffness to the twin's stiffness (n,); NaN: too uncertain."""
     normal: Any
     """Work space (kinds + 1, kinds + 5); see `asrsim.engines.loops.solve_normal`."""
     size: Any

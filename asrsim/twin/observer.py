@@ -1,4 +1,4 @@
-"""Observer of the torque that a model lacks: the torque that pulls simulated links to their measured positions.
+"""Observer of the torque that a model lacks: the torque that pulls simulated links towards their measured positions.
 
 The observer is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the
 mass matrix M and the bandwidth w in rad/s. All poles of free links are then at -w for any coupling of the links, and a torque
@@ -30,7 +30,7 @@ class Gains(NamedTuple):
     slow: float
     quick: float
     lag: float
-    """Share of the lagged error that remains after a step, and of a new error in it."""
+    """Fraction of the lagged error that remains after a step, and weight of a new error in it."""
     share: float
     step: float
     """Time step, s."""
@@ -45,7 +45,8 @@ def gains_of(step: float, bandwidth: float) -> Gains:
 
 def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple[float, float, float]:
     """Acceleration for the next step from a position error in rad (NaN: not measured), and the new integral and lagged error.
-    The controller starts with zeros."""
+    The controller starts with zeros.
+    """
     known = error == error
     if not known:
         error = 0.0

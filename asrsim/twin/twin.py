@@ -1,4 +1,4 @@
-"""A twin beside a robot: a simulation that gets the robot's commands and is pulled onto its measured positions."""
+"""A twin of a running robot: a simulation that gets the robot's commands and is pulled towards the measured positions."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ LONGEST_GAP = 0.03
 MISSING_NOTED = 0.1
 """Time without a measurement after which a note is given, s."""
 EXPECTED = 10**7
-"""Assumed number of substeps of a run: enough that compiling is worth its time."""
+"""Assumed number of substeps of a run: so large that compilation saves time."""
 REPEAT = 1.0
 """Shortest time between two notes with equal text, s."""
 
@@ -79,7 +79,7 @@ class TwinStep:
     alarm: NDArray[np.bool_]
     """Whether an alarm is raised: an object touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()
-    """Messages about faults of this step, after which the twin continues."""
+    """Messages about faults in this step; the twin continues in spite of them."""
 
 
 class Twin:
@@ -105,7 +105,8 @@ class Twin:
         compiled: bool | None = None,
     ) -> None:
         """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
-        for `asrsim.prepare`; compiled: as for `asrsim.Simulation`."""
+        for `asrsim.prepare`; compiled: as for `asrsim.Simulation`.
+        """
         ready = prepare_worlds(scenario, variant=variant, overrides=overrides, plugins=plugins)
         step = self._step = ready.scenario.step
         if not 0.0 < bandwidth <= 0.05 / step:
@@ -248,7 +249,7 @@ class Twin:
     def _note_missing(self, notes: list[str]) -> None:
         """Note joints whose position has not been measured for long."""
         for joint in np.flatnonzero(self._tables.missing * self._step > MISSING_NOTED).tolist():
-            self._note(f"{self.joints[joint]}: no position is measured, so its twin is not corrected", notes)
+            self._note(f"{self.joints[joint]}: no position is measured, so the twin of this joint is not corrected", notes)
 
     def _note_jumps(self, distances: list[float], notes: list[str]) -> None:
         """Note joints that are far from their twin. distances: positions of the robot minus those of the twin, rad (m)."""
@@ -283,7 +284,9 @@ class Twin:
         )
 
     def _say_deaf(self, notes: list[str]) -> None:
-        """Note joints whose threshold, from noise alone, exceeds the largest torque of their springs in motion."""
+        """Note joints whose threshold, due to noise alone, exceeds the largest torque that their springs have carried in
+        motion.
+        """
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])

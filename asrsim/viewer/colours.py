@@ -20,7 +20,7 @@ SCALES: dict[str, tuple[tuple[int, int, int], ...]] = {
 
 
 class ColourScale:
-    """Colours for the values of a quantity. The ends of the scale follow the values that were seen."""
+    """Colours for the values of a quantity. The ends of the scale are the smallest and largest values so far."""
 
     def __init__(self, quantity: str) -> None:
         self.quantity = quantity

@@ -52,16 +52,17 @@ class Desk:
         simulate: Callable[[str], Companion] | None = None,
     ) -> None:
         """variants: names of the scenario's variants; companions: ghosts; simulate: function that returns the ghost of a
-        variant, which is called in a thread of its own."""
+        variant, which is called in a separate thread.
+        """
         self._simulate = simulate
         self._arrived = SimpleQueue[Companion | str]()
-        """Ghosts that are ready, or the reasons why there is none."""
+        """Finished ghosts, or the reason why a ghost could not be computed."""
         self._page = page
         self._sliders: dict[Target, Any] = {}
         self._present: dict[str, Any] = {}
         """Text with the present references of each joint."""
         self._show_number: Callable[[], None] = lambda: None
-        """Shows the present value of the parameter to tune."""
+        """Function that shows the present value of the parameter to tune."""
         self._floats = not session.simulation.scenario.fixed_base
         self._begin(session, subject)
         tabs = page.show(subject, companions=companions)
@@ -76,7 +77,7 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """What the next run shall be, after a reset or a change: `variant` or `tuned`."""
+        """Kind of the next run, after a reset or a change: `variant` or `tuned`."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
         """References that the user has set, and those that follow the scenario's signals again (None)."""
@@ -88,12 +89,14 @@ class Desk:
         self._pull: Pull | None = None
         self._said = -1.0
         self._end = ""
-        """Why the run has ended."""
+        """Reason why the run has ended."""
         self._written = clock.perf_counter()
         """Wall-clock time of the last samples, s."""
 
     def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
-        """Go on with another run of the same variant. tuned: numbers that the user has changed; news: a text for the user."""
+        """Continue with another run of the same variant. tuned: numbers that the user has changed; news: a text for the
+        user.
+        """
         self._begin(session, subject)
         self.tuned, self._news = tuned, news
         self._page.renew(subject)
@@ -117,7 +120,11 @@ class Desk:
                 variant = gui.add_dropdown("Variant", tuple(variants), initial_value=name)
                 by_hand(variant, lambda chosen: self._ask_for(variant=chosen))
                 if self._simulate is not None:
-                    ghost = gui.add_dropdown("Ghost of", (NOBODY, *variants), hint="A variant as its scenario states it")
+                    ghost = gui.add_dropdown(
+                        "Ghost of",
+                        (NOBODY, *variants),
+                        hint="Shows a variant as the scenario states it, without changes by hand",
+                    )
                     by_hand(ghost, self._add_ghost)
             with gui.add_folder("Pull", expand_by_default=True):
                 self._spring = gui.add_number("Stiffness, N/m", SPRING, min=0.0, step=1.0)
@@ -132,7 +139,9 @@ class Desk:
         gui, prepared = self._page.server.gui, self.session.simulation.prepared
         infos = {joint.name: joint for joint in prepared.info.joints}
         with tabs.add_tab("Joints"):
-            release = gui.add_button("Follow the scenario", hint="References by hand end; the scenario's signals act again")
+            release = gui.add_button(
+                "Follow the scenario", hint="References set by hand are removed; the signals of the scenario act again"
+            )
             for drive in prepared.drives:
                 with gui.add_folder(drive.name, expand_by_default=len(prepared.drives) < 4):
                     for slot, name in enumerate(drive.acting_references):
@@ -176,7 +185,7 @@ class Desk:
             name = gui.add_dropdown("Parameter", tuple(numbers[first]))
             value: Any = gui.add_number("Value", next(iter(numbers[first].values())), step=None)
             now = gui.add_markdown("")
-            apply = gui.add_button("Apply and start again", hint="The run before stays as a ghost and as dashed curves")
+            apply = gui.add_button("Apply and start again", hint="The previous run stays as a ghost and as dashed curves")
 
         def show(_: Any = None) -> None:
             own = tunable(self.session.simulation.prepared)[str(joint.value)]
@@ -197,7 +206,7 @@ class Desk:
         by_hand(name, show)
         on_click(apply, change)
 
-    # -- what the user does -----------------------------------------------------------------------------------------
+    # -- actions of the user -----------------------------------------------------------------------------------------
 
     def _set(self, target: Target, value: Any) -> None:
         self._by_hand[target] = float(value)
@@ -212,7 +221,7 @@ class Desk:
         self.session.single_step()
 
     def _add_ghost(self, variant: Any) -> None:
-        """Simulate a variant in a thread of its own."""
+        """Simulate a variant in a separate thread."""
 
         def work() -> None:
             try:
@@ -253,7 +262,7 @@ class Desk:
         return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.body, grip.point).any())
 
     def _drag(self, body: str, event: Any) -> None:
-        """A user drags a point of a body."""
+        """Pull a point of a body that the user drags."""
         latest = self.subject.history.latest
         if event.phase == "end" or latest is None:
             self._grip = None
@@ -320,18 +329,18 @@ class Desk:
         self._written = clock.perf_counter()
 
     def ended(self, summary: RunSummary) -> None:
-        """Say why the run has diverged; a reset starts the next one."""
-        self._end = f"<b>{summary.simulated_time:.2f} s</b><p>{escape(summary.message)}</p><p>Reset starts again.</p>"
+        """Show why the run has diverged; a reset starts the next run."""
+        self._end = f"<b>{summary.simulated_time:.2f} s</b><p>{escape(summary.message)}</p><p>Press Reset to start again.</p>"
         self._said = -1.0
 
     def show(self) -> None:
-        """Show the newest sample. Called in a thread of its own."""
+        """Show the newest sample. Called in a separate thread."""
         self._welcome()
         latest = self.subject.history.latest
         if latest is None:
             return
         self._page.draw(latest, pull=self._pull)
-        # By the wall clock: the text of a paused run is updated, too.
+        # The wall clock decides, so that the text of a paused run is also updated.
         if (now := clock.perf_counter()) - self._said >= SAID:
             self._said = now
             self._say_references(latest)
@@ -339,7 +348,8 @@ class Desk:
 
     def _say_references(self, latest: Samples) -> None:
         """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
-        changes the number that a user types there."""
+        changes the number that a user types there.
+        """
         for joint, text in self._present.items():
             parts = []
             for target in self._sliders:

@@ -95,7 +95,7 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 
 def _time_of(claim: Any, samples: Samples) -> float:
-    """Time at which a claim about a quantity fails most, s: that of its extreme; else the end."""
+    """Time at which a claim about a quantity is violated most, s: the time of the extreme value, else the end."""
     values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
     if claim.joint in samples.joints and values is not None and size is not None:
         column = size(values[:, samples.joints.index(claim.joint)])

@@ -25,8 +25,8 @@ _NAMES = itertools.count()
 class Figure:
     """Shapes of a scene on a page, which `place` moves.
 
-    Links that a fixed joint connects share a node. A node is placed in the node of the body before it, so that a joint that
-    turns changes one orientation and no position: a picture of a robot is a few small messages.
+    Links that a fixed joint connects share a node. Each node is placed relative to the node of the preceding body. A turning
+    joint thus changes one orientation and no position, so that a picture of a robot needs only a few small messages.
     """
 
     def __init__(
@@ -38,21 +38,23 @@ class Figure:
         opacity: float | None = None,
         objects: bool = True,
     ) -> None:
-        """colour: colour of all bodies; None: their own. objects: whether the objects of the world are shown too."""
+        """colour: colour of all bodies; None: each body has the colour of its visual. objects: whether the objects of the world
+        are also shown.
+        """
         self.scene, self._server = scene, server
         root = f"/figure_{next(_NAMES)}"
         self._root = server.scene.add_frame(root, show_axes=False)
         self.nodes: dict[str, viser.FrameHandle] = {}
         """Nodes by the name of their body: the root, each link that a joint moves, and each object."""
         self.meshes: dict[str, list[tuple[viser.MeshHandle, Rgb]]] = {}
-        """Meshes of each body, with their own colours."""
+        """Meshes of each body, with their original colours."""
         self._place_of: dict[str, tuple[Array | None, Array | None]] = {}
-        """Position and orientation of each node in the node before it, as sent."""
+        """Position and orientation of each node relative to its preceding node, as last sent."""
         self._tints: Mapping[str, Rgb] = {}
         joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
         carrier = {scene.model.robot.root.name: scene.model.robot.root.name}
         self._before: dict[str, str] = {}
-        """Body of the node before each node that is not the first of its tree."""
+        """Body of the preceding node, for each node that is not the first of its tree."""
         for link, joint in joints.items():
             carrier[link] = link if joint.moves else carrier[joint.parent]
             if joint.moves:
@@ -106,7 +108,7 @@ class Figure:
         return frames
 
     def tint(self, colours: Mapping[str, Rgb]) -> None:
-        """Give bodies a colour; all others get their own colours back."""
+        """Give bodies a colour; all other bodies get their original colours."""
         if colours == self._tints:
             return
         self._tints = dict(colours)
@@ -146,7 +148,7 @@ class Figure:
             self._root.visible = shown
 
     def remove(self) -> None:
-        """Take the figure off the page."""
+        """Remove the figure from the page."""
         self._root.remove()
 
 

@@ -1,4 +1,4 @@
-"""The samples that a page shows: those of a log, or the latest of a run that goes on."""
+"""The samples that a page shows: those of a log, or the latest samples of a running simulation."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from asrsim.quantities import DERIVED
 from asrsim.samples import Array, JointInfo, Samples, concatenate
 
 RATE = 200.0
-"""Largest rate of the samples that are kept of a run that goes on, Hz."""
+"""Largest rate of the samples that are kept of a running simulation, Hz."""
 SPAN = 60.0
-"""Time of a run that goes on that is kept, s."""
+"""Length of the latest part of a running simulation that is kept, s."""
 MERGED = 32
 """Number of new blocks of samples after which all blocks are joined."""
 
 
 class History:
-    """Samples of a run, in the order of time. A run that goes on adds samples, and old samples are forgotten; other threads may
-    read at any time."""
+    """Samples of a run, in the order of time. A running simulation adds samples, and old samples are discarded; other threads
+    may read at any time.
+    """
 
     def __init__(self, joints: Sequence[JointInfo], samples: Samples | None = None) -> None:
         self.joints = tuple(joints)
@@ -55,7 +56,9 @@ class History:
         return float(self._blocks[0].time[0]), float(self._latest.time[-1])
 
     def at(self, time: float) -> Samples | None:
-        """The sample nearest to a time in s, which is held before the first and after the last; None without samples."""
+        """The sample nearest to a time in s; before the first and after the last sample, these are used. None without
+        samples.
+        """
         blocks = [block for block in tuple(self._blocks) if len(block.time)]
         if not blocks:
             return None
@@ -101,7 +104,7 @@ def values_of(samples: Samples, quantity: str, joints: Sequence[JointInfo]) -> A
 
 
 def _rows(samples: Samples, rows: slice, joint: str | None = None) -> Samples:
-    """Some rows of samples, of all joints or of one."""
+    """Selected rows of samples, of all joints or of one joint."""
     j = slice(None) if joint is None else slice(samples.joints.index(joint), samples.joints.index(joint) + 1)
     return replace(
         samples,

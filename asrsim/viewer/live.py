@@ -32,12 +32,13 @@ from asrsim.viewer.subject import Companion, Subject, as_companion
 from asrsim.viewer.tuning import differences, tunable, tuned
 
 BEFORE = "the run before"
-"""Label of the ghost of the run before a reset."""
+"""Label of the ghost of the run that preceded a reset."""
 TICK = 4e-3
-"""Wall-clock time between ticks of a run without topics, s. A hand is slower. Each tick needs Python's lock, for which it may
-have to wait until a picture or a message lets go of it."""
+"""Wall-clock time between ticks of a run without topics, s. Movements of a hand are slower. Each tick needs Python's lock, and
+may have to wait until a thread that draws or sends a message releases this lock.
+"""
 WAIT = 0.05
-"""Time between two looks at the page after a run has ended, s."""
+"""Time between two checks of the page after a run has ended, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,8 +67,9 @@ class LiveView:
         companions: Sequence[Companion] = (),
         tell: TellUser = lambda text: None,
     ) -> None:
-        """variant: variant of the first run; out: folder of the log, or of a folder for each
-        of several variants; settings: of the live runs; companions: ghosts."""
+        """variant: variant of the first run; out: folder of the log, with a subfolder for each of several variants; settings:
+        settings of the live runs; companions: ghosts.
+        """
         self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
         if not self._settings.transports:
@@ -82,11 +84,12 @@ class LiveView:
         self._episodes = 0
         """Number of runs so far."""
         self._numbers: Numbers = {}
-        """Numbers that could be tuned in the run before."""
+        """Numbers that could be tuned in the previous run."""
 
     def run(self, stop: Stop) -> RunSummary | None:
-        """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; those of
-        later ones are shown on the page, and the run before starts again."""
+        """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; errors of
+        later runs are shown on the page, and the previous run starts again.
+        """
         with Painter(self._draw, self._page.lock) as painter:
             summary = self._runs(lambda: stop() or painter.error is not None)
         if painter.error is not None:
@@ -102,7 +105,8 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # Ctrl-C can end a compilation only before the first call of `stop`, which is therefore after the first run is built.
+        # Ctrl-C can end a compilation only before the first call of `stop`; therefore `stop` is first called after the first
+        # run is built.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)
@@ -130,7 +134,8 @@ class LiveView:
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
             folder = self._out / scenario.variant if len(self._plans) > 1 else self._out
-        # The first run replaces what a run of the scenario left in the folder that the user names. Nothing else is lost.
+        # The first run replaces the results of earlier runs of the scenario in the folder that the user names. Nothing else is
+        # lost.
         if self._out is None or self._episodes:
             folder = next(path for path in _numbered(folder) if not path.exists())
         self._episodes += 1
@@ -140,7 +145,7 @@ class LiveView:
         return Session(plan, folder, settings, overwrite=self._overwrite, tell=self._tell)
 
     def _desk(self, session: Session, desk: Desk | None, *, same: bool) -> Desk:
-        """The desk for a run: the desk of the run before, or a new one for another variant."""
+        """The desk for a run: the desk of the previous run, or a new desk for another variant."""
         prepared, before = session.simulation.prepared, desk.subject if desk is not None else None
         changes = differences(self._numbers, tunable(prepared)) if same else []
         self._numbers = tunable(prepared)
@@ -162,7 +167,7 @@ class LiveView:
         return desk
 
     def _ghost_of(self, variant: str) -> Companion:
-        """Motion of a variant as its scenario states it, without what is done by hand."""
+        """Motion of a variant as its scenario states it, without changes by hand."""
         run = simulate(self._plans[variant])
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
@@ -183,7 +188,7 @@ class LiveView:
     def _next(self, session: Session, desk: Desk) -> WantedRun:
         wish: Mapping[str, Any] = desk.wish or {}
         variant = str(wish.get("variant", self._wish.variant))
-        # Another variant has its own parameters.
+        # Another variant has different parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
         return WantedRun(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
 

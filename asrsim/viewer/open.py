@@ -42,17 +42,17 @@ HEIGHT = 640
 
 
 class Show(Protocol):
-    """What a page shows, until it shall stop."""
+    """Content of a page; shown until `stop` returns True."""
 
     def run(self, stop: Stop) -> Any:
-        """Show it until `stop` returns True."""
+        """Show the content until `stop` returns True."""
 
 
 class View:
     """A page that is open; a context manager that closes it. Notebooks display the page."""
 
     def __init__(self, server: PageServer, make: Callable[[Page], Show]) -> None:
-        """make: function that returns what the page shows."""
+        """make: function that returns the content of the page."""
         self.server, self._page = server, Page(server)
         self._stopped, self._thread = threading.Event(), threading.Thread(target=self._work, daemon=True)
         self.error: BaseException | None = None
@@ -74,7 +74,7 @@ class View:
             return self.show.run(stop)
 
     def start(self) -> View:
-        """Work in a thread of its own until `close`."""
+        """Work in a separate thread until `close`."""
         self._thread.start()
         return self
 
@@ -133,8 +133,7 @@ def view(
             `out/<scenario>/<variant>_view`.
         overwrite: Replace the results of another run there.
 
-    Returns:
-        The page, which works in a thread of its own until `close`.
+    Returns: The page, which works in a separate thread until `close`.
 
     Raises:
         InputError: viser is missing, the port is taken, or a file cannot be read.
@@ -162,7 +161,9 @@ def maker(
     arguments: dict[str, str] | None = None, packages: dict[str, Path] | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Callable[[Page], Show]:  # fmt: skip
-    """Function that returns what a page shows; arguments and errors as for `view`. All files are read before the page opens."""
+    """Function that returns the content of a page; arguments and errors as for `view`. All files are read before the page
+    opens.
+    """
     if not SLOWEST <= speed <= FASTEST:
         message = f"must be from {SLOWEST:g} to {FASTEST:g}"
         raise InputError(message, key="speed", value=speed, code="speed")
@@ -195,7 +196,7 @@ def maker(
 def _playback(
     path: Path, others: list[Companion], experiments: Sequence[str | Path], speed: float, recordings: dict[str, Any]
 ) -> Callable[[Page], Show]:
-    """Playback of a log, or of the first of a folder's logs, with the others as ghosts."""
+    """Playback of a log, or of the first log in a folder, with the other logs as ghosts."""
     logs = find_logs(path)[0]
     subject = logged(logs[0])
     others = [*(as_companion(logged(log), _name_of(log)) for log in logs[1:]), *others]
@@ -212,7 +213,7 @@ def _playback(
 
 
 def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: dict[str, Any]) -> list[Companion]:
-    """Recordings beside a live run, on the clock of a run of the scenario as it is written."""
+    """Recordings beside a live run, aligned with a simulated run of the unchanged scenario."""
     if not experiments:
         return []
     from asrsim.recordings.align import SampleReader

@@ -1,4 +1,4 @@
-"""The page: 3-D scene, moving plots, and what is shown. It knows samples only, not where they come from."""
+"""The page: 3-D scene, moving plots, and choices of what is shown. It receives samples, whatever their source."""
 
 from __future__ import annotations
 
@@ -25,8 +25,10 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Smallest number of ghosts with which they are hidden at first, and plots begin with one joint."""
-PREPARING = "The simulation is being prepared. The first one after an installation is compiled, which may take half a minute."
+"""Number of ghosts from which on they are hidden at first, and plots begin with one joint."""
+PREPARING = (
+    "The simulation is being prepared. After an installation, the first simulation is compiled, which may take half a minute."
+)
 NARROW = 700
 """Width of a window whose controls stand below the robot, pixels."""
 LIFT = 0.2
@@ -38,7 +40,7 @@ SAID = 3
 UP = (0.0, 0.0, 1.0)
 """Direction that is up on the page."""
 OWN = "their own"
-"""Choice of the links' own colours."""
+"""Name of the choice with which links have their original colours."""
 BRAND = (0, 90, 140)
 """Colour of the page's controls."""
 
@@ -49,7 +51,7 @@ class Page:
     def __init__(self, server: PageServer) -> None:
         self.server = server.viser
         self.lock = RLock()
-        """Held while the page is drawn or gets another subject."""
+        """Lock that is held while the page is drawn or gets another subject."""
         self.stage: ViewerStage
         self.plots: Plots
         self._drawn = self._plotted = -1.0
@@ -70,7 +72,7 @@ class Page:
             camera.position, camera.look_at = start.position - above, start.look_at - above
 
     def show(self, subject: Subject, *, companions: Sequence[Companion] = ()) -> Any:
-        """Begin with a new subject; returns the group of tabs, to which the caller adds its own."""
+        """Begin with a new subject; returns the group of tabs, to which the caller adds further tabs."""
         gui = self.server.gui
         with self.server.atomic():
             gui.reset()
@@ -90,29 +92,28 @@ class Page:
         return tabs
 
     def finish(self) -> None:
-        """Add the tab for what is shown, after the caller's own tabs."""
+        """Add the tab that selects what is shown, after the tabs of the caller."""
         with self.server.atomic():
             self._add_look(self._tabs)
 
     def renew(self, subject: Subject) -> None:
-        """Go on with another stream of the same robot."""
+        """Continue with another stream of samples of the same robot."""
         self.stage.subject = self.plots.subject = subject
         self._drawn = self._plotted = -1.0
 
     def add(self, companion: Companion) -> None:
-        """Show a second motion beside the subject's."""
+        """Show a second motion beside the motion of the subject."""
         self.stage.add(companion)
         self.plots.companions[companion.label] = companion
 
     def drop(self, label: str) -> None:
-        """Take a second motion away."""
+        """Remove a second motion."""
         self.stage.drop(label)
         self.plots.companions.pop(label, None)
 
     def say(self, text: str, *, last: bool = False) -> None:
-        """Show HTML above the tabs, where it has room for some lines; no text leaves no room.
-
-        last: whether the text is the last one of a run, which gets the room that it needs.
+        """Show HTML above the tabs, in a field of a few lines; an empty text removes the field. last: whether the text is the
+        last text of a run, whose field is as high as needed.
         """
         shown = lines(0 if last else SAID, text)
         if shown != self._status.content:
@@ -142,10 +143,13 @@ class Page:
         gui, look, stage = self.server.gui, self.stage.look, self.stage
         with tabs.add_tab("Show"):
             boxes = {
-                "equilibrium": ("Equilibrium (faint)", "A faint robot where the springs would rest without load"),
+                "equilibrium": (
+                    "Equilibrium (faint)",
+                    "A faint robot at the positions where the springs would rest without load",
+                ),
                 "forces": ("Forces and torques", "Contact forces and external torques as arrows"),
-                "trace": ("Trace of the tip", "Way of the tip in the last 5 s"),
-                "collisions": ("Collision shapes", "What touches, instead of what is seen"),
+                "trace": ("Trace of the tip", "Path of the tip in the last 5 s"),
+                "collisions": ("Collision shapes", "Shows collision shapes instead of visuals"),
             }
             for name, (label, hint) in boxes.items():
                 box = gui.add_checkbox(label, bool(getattr(look, name)), hint=hint)
@@ -204,19 +208,20 @@ def on_click(button: Any, act: Callable[[], object]) -> None:
 
 
 def lines(number: int, content: str) -> str:
-    """HTML of a text that changes while a person uses the page: as high as this number of lines whatever it says, so that the
-    controls below it stay where they are. 0: as high as the text."""
+    """HTML of a text that changes while a person uses the page: always as high as this number of lines, so that the controls
+    below it do not move. 0: as high as the text.
+    """
     room = f"height: {number * LINE}px; overflow-y: auto; " if number else ""
     style = f"{room}padding: 0 12px; margin-bottom: 8px; font-size: 14px; line-height: {LINE}px; overflow-wrap: anywhere"
     return f'<div style="{style}">{content}</div>'
 
 
 def line(content: str) -> str:
-    """HTML of one line, which is cut off where it is too long."""
+    """HTML of one line, which is cut off if it is too long."""
     return f'<div style="overflow: hidden; white-space: nowrap; text-overflow: ellipsis">{content}</div>'
 
 
 def plain(text: str) -> str:
-    """Text of others, such as names in a robot's file, without effect as Markdown or HTML."""
+    """Foreign text, such as names in a robot's file, escaped so that it does not act as Markdown or HTML."""
     escaped = html.escape(text, quote=False)
     return "".join(f"\\{sign}" if sign in "\\`*_[]()#!|{}" else sign for sign in escaped)

@@ -1,4 +1,4 @@
-"""Pictures in a thread of their own, so that no picture delays the simulation."""
+"""Draws pictures in a separate thread, so that no picture delays the simulation."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from typing import Any
 from asrsim.viewer.page import FRAME
 
 SWITCH = 5e-4
-"""Longest time for which one thread keeps Python's lock while another one waits, s. With Python's own 5 ms, each tick of the
-simulation could wait as long for a picture or a message."""
+"""Longest time for which one thread keeps Python's lock while another thread waits, s. With Python's default of 5 ms, each tick
+of the simulation could wait 5 ms for a picture or a message.
+"""
 SHARE = 0.5
 """Largest fraction of a core's time that is spent on pictures."""
 
@@ -48,8 +49,8 @@ class Painter:
                     self._draw()
                     spent = clock.thread_time() - began
                 now = clock.perf_counter()
-                # A late picture does not delay the next one; pictures that are not due any more are left out. What counts
-                # is the time of this thread's own work: neither the wait for a page that is being made, nor for a core.
+                # A late picture does not delay the next one; overdue pictures are skipped. Only the working time of this thread
+                # counts, not the time in which it waits for a page or for a core.
                 due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * spent)
                 pause = due - now
         except BaseException as error:

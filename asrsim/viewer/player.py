@@ -59,11 +59,11 @@ class Player:
         page.say(" ".join(f"{escape(text)}." for text in subject.notes[:1]))
 
     def jump(self, time: float) -> None:
-        """Go to a time in s, and stay there."""
+        """Go to a time in s, and pause there."""
         self.time, self.playing = min(max(float(time), self.start), self.end), False
 
     def toggle(self) -> None:
-        """Pause, or go on; at the end go on from the start."""
+        """Pause, or continue; at the end, start from the beginning."""
         self.playing = not self.playing
         if self.playing and self.time >= self.end:
             self.time = self.start

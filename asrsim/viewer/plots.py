@@ -1,4 +1,6 @@
-"""Plots that move: chosen quantities of chosen joints over the last seconds, with those of other runs and of recordings."""
+"""Moving plots: chosen quantities of chosen joints over the last seconds, beside the same quantities of other runs and
+recordings.
+"""
 
 from __future__ import annotations
 
@@ -19,29 +21,30 @@ if TYPE_CHECKING:
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#b3599a", "#56b4e9", "#a39700", "#1a1a1a")
 """Colours of the joints' curves."""
 POINTS = 600
-"""Largest number of points of a curve. uPlot draws stairs of whole pixels where a pixel has more than four points, and a
-plot is 180 pixels wide."""
+"""Largest number of points of a curve. With more than four points per pixel, uPlot draws stairs of whole pixels; a plot is 180
+pixels wide.
+"""
 WINDOW = 10.0
 """Time shown at first, s."""
 ALL = "all joints"
 ZERO = 1e-12
-"""Largest value of a curve that is drawn as zero."""
+"""A curve whose largest value is below this number is drawn as zero."""
 MOST = 8
 """Number of joints above which the first plots show one joint."""
 LOOK: dict[str, Any] = {"width": 1.5, "pxAlign": 0}
-"""Width of a curve in pixels; its points do not move to whole pixels, which would make stairs of a slope."""
+"""Width of a curve in pixels; its points are not rounded to whole pixels, since a slope would then look like stairs."""
 DASHES = [6, 4]
 """Dashes of the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
-"""Place of a plot's choices: below the plot, which is made later."""
+"""Position of the controls of a plot: below the plot, which is created later."""
 HEIGHT = 190
 """Height of a plot, pixels."""
 FIRST = ("link_position", "elastic_torque_1", "external_torque", "link_torque")
-"""Quantities of the first two plots, those that are recorded."""
+"""Quantities of the first two plots; those that are not recorded are left out."""
 
 
 class Plots:
-    """Plots of a page, in a panel of their own."""
+    """Plots of a page, in a separate panel."""
 
     def __init__(self, gui: viser.GuiApi, subject: Subject, container: Any, *, together: bool) -> None:
         """together: whether the first plots show all joints."""
@@ -89,7 +92,7 @@ class Plot:
         self._plot: viser.GuiUplotHandle | None = None
 
     def remove(self) -> None:
-        """Take the plot away."""
+        """Remove the plot."""
         if self in self._plots.plots:
             self._plots.plots.remove(self)
             self._folder.remove()
@@ -120,7 +123,7 @@ class Plot:
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
                     series.append({"label": name, "stroke": stroke, "dash": DASHES, **LOOK})
-        # A single sample has no width, from which the page could find a scale of the time.
+        # A single sample spans no time, so the page could not scale the time axis.
         if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))
 
@@ -138,8 +141,8 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        # A plot whose curves are replaced would show a wrong range of time: viser keeps the part of the time that it shows, and
-        # assumes for a plot that is not drawn yet that its time ends at 1 s.
+        # A plot whose curves are replaced would show a wrong range of time: viser keeps the shown fraction of the time, and
+        # assumes that the time of a new plot ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:

@@ -1,4 +1,4 @@
-"""A robot file before there is a scenario: its joints are moved by sliders, without physics."""
+"""A robot file without a scenario: sliders move its joints, without physics."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class PoseView:
     """Sliders for the positions of a robot's joints."""
 
     def __init__(self, page: Page, path: Path, **reading: Any) -> None:
-        """reading: `xacro_arguments` and `package_paths`, as for `asrsim.load_robot`, whose errors are raised."""
+        """reading: `xacro_arguments` and `package_paths`, as for `asrsim.load_robot`. Raises the errors of
+        `asrsim.load_robot`.
+        """
         self._page = page
         robot = load_robot(path, **reading)
         key = {"file": str(path.absolute()), "arguments": dict(reading.get("xacro_arguments") or {})}

@@ -1,4 +1,4 @@
-"""Touch: a spring pulls a point of a link or an object, by torques on the joints or by a held wrench."""
+"""Pulling by hand: a spring pulls a point of a link or an object, by torques on the joints or by a wrench."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SPRING, LIMIT = 50.0, 20.0
 
 @dataclass(frozen=True)
 class Grip:
-    """A held point of a body, and where the hand is."""
+    """A point of a body that the user holds, and the position of the hand."""
 
     body: str
     """Link of the robot or object of the world."""
@@ -33,7 +33,7 @@ class Grip:
         return cls(body, (x, y, z), target)
 
     def pull(self, place: Array, stiffness: float, limit: float) -> Pull:
-        """The pull on the point, which is at a place in the world (3,), m.
+        """Force (3,) on the point in N; `place`: position of the point in the world (3,), m.
 
         stiffness: stiffness of the spring, N/m; limit: largest force, N.
         """

@@ -30,8 +30,9 @@ def recorded(
         path: The recording.
         info: Description of the run.
         read: Function (quantities, joints) that returns samples of the run.
-        lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if one does.
-        mapping, rate: As for `asrsim.recordings.read_recording`; without both, as a claim of the run states.
+        lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if there is such a claim.
+        mapping, rate: As for `asrsim.recordings.read_recording`; without both, the mapping and rate that a claim of the run
+        states.
 
     Raises:
         RecordingError: No common joint or quantity, no overlap in time.

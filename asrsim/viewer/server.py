@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 
 
 class PageServer:
-    """Page at an address of this machine; a context manager that ends it whatever clients do."""
+    """Page at an address of this machine; a context manager that always ends it, even if clients are still connected."""
 
     def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
         """port: port of the page; 0: any free port. tell: receives one sentence for each refused origin. Raises InputError if
-        viser is missing or the port is taken."""
+        viser is missing or the port is taken.
+        """
         server: Any = library("viser", "view").ViserServer
         if not 0 <= port <= 65535:
             raise InputError("must be from 0 to 65535", key="port", value=port, code="port")
@@ -45,7 +46,7 @@ class PageServer:
         behind = "127.0.0.1"
         if sys.platform == "linux":
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        # viser prints its own address, which is not the page's.
+        # viser would print the address of its server, which is not the address of the page.
         with redirect_stdout(io.StringIO()):
             self.viser: viser.ViserServer = Local(host=behind, port=0, label="asrsim", verbose=False)
         self._proxy.start(behind, self.viser.get_port())
@@ -80,7 +81,7 @@ def has_display() -> bool:
 
 
 def announcement(server: PageServer) -> Sequence[str]:
-    """Lines that tell the user where the page is, and on a machine without a display how to forward its port."""
+    """Lines that tell the user the address of the page and, on a machine without a display, how to forward its port."""
     lines = [f"view: {server.address} (Ctrl-C ends it)"]
     if not has_display():
         forward = f"ssh -N -L {server.port}:localhost:{server.port} {_user()}{socket.gethostname()}"

@@ -25,15 +25,17 @@ EQUILIBRIUM: Rgb = (0, 114, 178)
 GHOSTS: tuple[Rgb, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
 """Colours of the other ghosts and their curves."""
 ROOM = 1.9
-"""Size of what the camera sees at first, as a factor on the robot's size: the robot moves, and panels cover the edges."""
+"""Size of the camera's first view, as a multiple of the robot's size: the robot moves, and panels cover the edges."""
 POSES = 12
-"""Number of poses of a known motion that the first picture has room for."""
+"""Number of poses of a known motion that fit into the camera's first view."""
 FAINT = 0.25
 """Opacity of a ghost."""
 SEEN = 0.45
 """Opacity of the robot while its collision shapes are shown."""
 APART = 0.02
-"""Distance of a joint from its reference, rad (m), below which the ghost at the references is hidden in the robot."""
+"""Distance of a joint from its reference, rad (m), below which the ghost at the references is not shown, since the robot would
+cover it.
+"""
 FORCE, TORQUE, PULL = (194, 24, 91), (86, 180, 233), (213, 94, 0)
 """Colours of contact forces, external torques and the pull."""
 LONGEST = 0.5
@@ -48,14 +50,14 @@ LEAST = 1e-6
 
 @dataclass
 class Look:
-    """What the scene shows."""
+    """Choice of what the scene shows."""
 
     equilibrium: bool = True
     forces: bool = True
     trace: bool = False
     collisions: bool = False
     colour: str = ""
-    """Quantity that colours the links; empty: their own colours."""
+    """Quantity that colours the links; empty: the links have their original colours."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,7 @@ class ViewerStage:
         self._label: Any = None
         self._lines: dict[str, Any] = {}
         self._largest: dict[str, float] = {}
-        """Largest force or torque of each kind that was drawn, which has the longest arrow."""
+        """Largest force or torque of each kind that was drawn so far; it has the longest arrow."""
         self.tip = subject.scene.tip()
         self.size = self._fit()
         if subject.path is not None:
@@ -95,7 +97,7 @@ class ViewerStage:
         """Place the camera and the ground; returns the size of the robot, m."""
         scene, server = self.subject.scene, self._server
         history = self.subject.history
-        # Of a motion that is known, the camera sees all.
+        # If the motion is known, the camera view covers the whole motion.
         poses = [one for time in np.linspace(*history.span, POSES) if (one := history.at(float(time))) is not None]
         placed = [frames_of(scene, pose) for pose in poses] or [scene.frames({}, {})]
         frames = placed[-1]
@@ -129,7 +131,7 @@ class ViewerStage:
     # -- ghosts -----------------------------------------------------------------------------------------------------
 
     def add(self, companion: Companion) -> None:
-        """Add a ghost; one of the same label is replaced."""
+        """Add a ghost; a ghost with the same label is replaced."""
         self.drop(companion.label)
         if companion.history is not None:
             colour = GHOSTS[len(self.ghosts) % len(GHOSTS)]
@@ -138,7 +140,7 @@ class ViewerStage:
             self.ghosts[companion.label] = companion, figure
 
     def drop(self, label: str) -> None:
-        """Take a ghost away, if there is one of this label."""
+        """Remove the ghost with this label, if there is one."""
         if label in self.ghosts:
             self.ghosts.pop(label)[1].remove()
 
@@ -169,7 +171,7 @@ class ViewerStage:
         self._draw_pull(pull)
 
     def draw_trace(self, time: float) -> None:
-        """Show the way of the tip in the last seconds before a time in s."""
+        """Show the path of the tip in the last seconds before a time in s."""
         points = self._trace(time) if self.look.trace else np.empty((0, 3))
         self._line("trace", points, PULL)
 
@@ -213,8 +215,9 @@ class ViewerStage:
         ]
 
     def _draw_forces(self, name: str, forces: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
-        """Draw forces or torques at their points; the largest that was seen has the longest arrow, as their lengths have no
-        common unit with the robot."""
+        """Draw forces or torques at their points; the largest force or torque so far has the longest arrow, since forces have
+        no common unit with the size of the robot.
+        """
         shown = [(point, vector) for point, vector in forces if np.linalg.norm(vector) > LEAST]
         sizes = [float(np.linalg.norm(vector)) for _, vector in shown]
         most = self._largest[name] = max([self._largest.get(name, LEAST), *sizes])
@@ -280,6 +283,6 @@ class ViewerStage:
 
 
 def _cloud(scene: RenderScene, frames: Mapping[str, Array]) -> Array:
-    """Corners (n, 3) of the boxes around the parts in a pose, m; those of a box of 1 m if there is no part."""
+    """Corners (n, 3) of the boxes around the parts in a pose, m; the corners of a box of 1 m if there are no parts."""
     boxes = [part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] for part in scene.parts]
     return np.concatenate(boxes) if boxes else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])

@@ -1,4 +1,4 @@
-"""What a page shows: a robot in its world, and the stream of its samples, whatever they come from."""
+"""The subject of a page: a robot in its world, and a stream of samples from any source."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from asrsim.samples import Array, JointInfo
 from asrsim.viewer.history import History
 
 ROWS = 20_000
-"""Number of samples that are read of a long log."""
+"""Number of samples that are read from a long log."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """Robot, world and samples. The page does not know whether they come from a log, a simulation or a live run."""
+    """Robot, world and samples. The page treats samples of logs, simulations and live runs alike."""
 
     title: str
     joints: tuple[JointInfo, ...]
@@ -39,8 +39,9 @@ class Subject:
 
 @dataclass(frozen=True, kw_only=True)
 class Companion:
-    """A second motion beside the subject's: another run or variant, or a recording. Its robot is a ghost, its curves are
-    dashed."""
+    """A second motion beside the motion of the subject: another run or variant, or a recording. Its robot is shown as a ghost,
+    and its curves are dashed.
+    """
 
     label: str
     curve: Callable[[str, str, float, float], tuple[Array, Array]]
@@ -48,7 +49,7 @@ class Companion:
     history: History | None = None
     """Motion of the ghost; None without positions."""
     scene: RenderScene | None = None
-    """Robot of the ghost; None: the subject's."""
+    """Robot of the ghost; None: the robot of the subject."""
     shown: bool = True
     """Whether the ghost is shown at first."""
     notes: tuple[str, ...] = ()

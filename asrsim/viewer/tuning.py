@@ -1,4 +1,4 @@
-"""Parameters that a user tunes on a page: those of actuators, and damping and friction of joints."""
+"""Parameters that a user can tune on a page: parameters of actuators, and damping and friction of joints."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ OF_JOINTS = {"damping": "N m s/rad", "friction": "N m"}
 
 
 def tunable(prepared: Prepared) -> dict[str, dict[str, float]]:
-    """Present values of the numbers that a user may tune, by joint and name: those that act."""
+    """Present values of the numbers that a user may tune, by joint and name; numbers without effect are left out."""
     return {drive.name: _own(drive) for drive in prepared.drives}
 
 

@@ -1,4 +1,4 @@
-"""A twin's estimates on a page: the measured robot with the external torques that were found on it."""
+"""Page with the estimates of a twin: the measured robot, and the external torques that act on it."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class TwinPage:
 
 
 class TwinView(TwinPage):
-    """A twin beside a robot in real time."""
+    """A twin of a robot in real time."""
 
     def __init__(self, page: Page, twin: LiveTwin) -> None:
         super().__init__(page, twin.prepared)
@@ -81,16 +81,17 @@ class TwinView(TwinPage):
 
 
 class FollowView(TwinPage):
-    """A twin that follows a recording: the torques as they are found, and then played back."""
+    """A twin that follows a recording: the torques are shown while they are computed, and then played back."""
 
     def __init__(self, page: Page, prepared: Prepared, work: Callable[..., Followed], done: Callable[[Followed], None]) -> None:
         """work: function that follows the recording, with the arguments `watch` and `stop` of `asrsim.twin.follow.follow`;
-        done: called with the result before it is played back."""
+        done: called with the result before it is played back.
+        """
         super().__init__(page, prepared)
         self._work, self._done = work, done
 
     def run(self, stop: Stop) -> Followed:
-        """Follow the recording, and play the result until `stop` returns True."""
+        """Follow the recording, then play the result until `stop` returns True."""
         found = self._work(watch=self.note, stop=stop)
         self._done(found)
         if not found.interrupted:

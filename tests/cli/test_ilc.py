@@ -49,7 +49,7 @@ def test_keys_of_fixed_gains_are_told_to_have_no_effect_with_the_automatic_law(a
     ("shares", "code", "words"),
     [
         ((1.0,), 0, "the best input"),
-        ((0.5,), 0, "give the recording to --experiment again"),
+        ((0.5,), 0, "give the new recording to --experiment"),
         ((0.5, 0.51), 1, "the best input"),
     ],
 )

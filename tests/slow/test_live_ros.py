@@ -181,7 +181,7 @@ def test_waiting_messages_are_limited_by_their_bytes():
     transport.close()
     assert received[-1].values == [399.0] * size
     assert sum(not one.fault for one in received) <= WAITING_BYTES / (8 * size)
-    assert {one.fault for one in received} == {"", "more messages than the run can take"}
+    assert {one.fault for one in received} == {"", "more messages than the run can process"}
     assert grown < 200e6
 
 

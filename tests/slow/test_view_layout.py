@@ -15,7 +15,7 @@ SPANS = """Object.values(window.__viserTestpoints.uplots).map(({ chart: { scales
 
 @pytest.mark.slow
 def test_plots_show_all_of_the_time_after_a_reset(tmp_path):
-    """The run before joins the curves."""
+    """The previous run joins the curves."""
     with (
         open_page() as browser,
         asrsim.view(EXAMPLES / "scenarios" / "step_2dof.yaml", variant="soft", out=tmp_path / "run") as view,

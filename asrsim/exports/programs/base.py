@@ -1,4 +1,4 @@
-"""What an exported file is made for: the interface of programs."""
+"""Interface of the programs that an exported file can be made for."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ class Program:
     title: ClassVar[str]
     """Name in texts."""
     packages: ClassVar[tuple[str, ...]] = ()
-    """Names of the packages that make the program, as pip knows them; their modules have these names with `_` for `-`."""
+    """Names of the program's packages on PyPI; the modules have these names with `_` instead of `-`."""
     modules: ClassVar[tuple[str, ...]] = ()
     """Modules that the program needs here."""
     constructs: ClassVar[Constructs] = Constructs()
     """Constructs of MJCF that the program simulates correctly."""
     longest: ClassVar[int] = 10**9
-    """Largest number of time steps of a replay: a program for thousands of robots takes long for one."""
+    """Largest number of time steps of a replay: programs for thousands of robots are slow with a single robot."""
 
     def missing(self) -> str:
-        """Why the program cannot be tried here; empty if it can."""
+        """Reason why the program cannot be tried here; empty if it can."""
         if type(self).positions is Program.positions:
             return f"asrsim has no replay in {self.title}"
         for module in self.modules:
@@ -54,8 +54,9 @@ class Program:
         raise NotImplementedError
 
     def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
-        """Write what the program needs beside the model at `path`, and return the paths. timestep: of the model, s; ranges:
-        file of the ranges of a fit."""
+        """Write the further files that the program needs beside the model at `path`, and return their paths. timestep: of the
+        model, s; ranges: file of the ranges of a fit.
+        """
         return []
 
 

@@ -30,7 +30,7 @@ UNLIMITED = -1.0, 1.0
 
 
 class Mjlab(Program):
-    """mjlab 1.6, which needs MuJoCo and MuJoCo Warp 3.11: there DC motors take their gains in volts."""
+    """mjlab 1.6, which needs MuJoCo and MuJoCo Warp 3.11: in these versions, the gains of DC motors are in volts."""
 
     name, title, packages, modules = "mjlab", "mjlab", ("mjlab", "mujoco-warp", "torch"), ("mjlab", "torch")
     constructs = Constructs(dc_motors=False, delays=False, contacts=False, stiffness_controls=False)
@@ -59,7 +59,7 @@ class Mjlab(Program):
         return written
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`. The package's own entity stands in a scene of mjlab."""
+        """See `Program`. The replay uses the entity of the package in a scene of mjlab."""
         robot = _module_at(path.parent / package_name(path) / "robot.py")
         scenes, sims, torch = (import_module(name) for name in ("mjlab.scene", "mjlab.sim", "torch"))
         scene = scenes.Scene(scenes.SceneCfg(num_envs=1, entities={robot.ROBOT: robot.robot_cfg()}), "cpu")

@@ -14,7 +14,7 @@ from asrsim.warping.program import loaded_warp
 
 
 class MujocoWarp(Program):
-    """MuJoCo Warp, on the CPU: it is compared with MuJoCo, not timed."""
+    """MuJoCo Warp on the CPU: the replay only compares its motion with MuJoCo, and does not measure speed."""
 
     name, title, packages, modules = "warp", "MuJoCo Warp", ("mujoco-warp", "warp-lang"), ("mujoco_warp", "warp")
     longest = 1000

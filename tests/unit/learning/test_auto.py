@@ -160,7 +160,7 @@ def test_learning_continues_with_recordings_of_an_independent_robot(tmp_path):
     assert errors[-1] < 0.004
     assert len(json.loads((tmp_path / "hardware.json").read_text())["trials"]) == len(errors)
     if len(errors) > 1:
-        with pytest.raises(InputError, match="was used already, as trial 0"):
+        with pytest.raises(InputError, match="was already used as trial 0"):
             next_input(plant, tmp_path, tmp_path / "trial_0.csv")
 
 
