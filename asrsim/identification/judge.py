@@ -14,6 +14,7 @@ from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothi
 from asrsim.identification.problem import Differences, FitProblem, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
+from asrsim.recordings.reading import item_of
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
@@ -175,7 +176,7 @@ def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[Cha
 
 def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array) -> str:
     if channel.quantity == "deflection" and channel.column and track.is_reversed(channel):
-        hint = f"--map '{channel.column.source}=-{channel.key}'"
+        hint = f"--map '{item_of(channel.column, gain=-1.0, joint=channel.joint)}'"
         return f"the link accelerates against the torque of its spring: is the sign of the deflection reversed? ({hint})"
     found = beside(predicted, recorded, channel.column, channel.joint, "the prediction") if channel.column else []
     return f"{found[0].message} ({found[0].hint})" if found else ""
