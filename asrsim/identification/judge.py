@@ -210,10 +210,18 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
     doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
-    found = {one.key: f"{one.key}: {one.suspicion or doubt}" for one in fits if one.explained < lowest}
-    return list(found.values())
+    return list({one.key: f"{one.key}: {one.suspicion or doubt}" for one in _not_followed(fits)}.values())
+
+
+def misread(fits: Sequence[ChannelFit]) -> bool:
+    """Whether the sign or the unit of a channel that the fit does not follow is suspected: effects then mean nothing."""
+    return any(one.suspicion for one in _not_followed(fits))
+
+
+def _not_followed(fits: Sequence[ChannelFit]) -> list[ChannelFit]:
+    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
+    return [one for one in fits if one.explained < lowest]
 
 
 def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
