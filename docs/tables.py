@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -153,28 +154,20 @@ def word_tables() -> dict[str, str]:
     }
 
 
-SAID = ("document", "recordings", "robot", "scenario", "signals", "starter")
-"""Packages of what users write, whose errors and warnings are catalogued."""
-
-
 def problem_tables() -> dict[str, str]:
     """What is said under every code, and the cure, from the places in the code that say it; a table for each package."""
-    found: dict[str, dict[str, tuple[str, str]]] = {}
+    found: dict[str, set[tuple[str, str, str]]] = {}
     root = Path(asrsim.__file__).parent
-    for path in (path for room in SAID for path in sorted((root / room).glob("*.py"))):
+    for path in root.rglob("*.py"):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         room = path.relative_to(root).parts[0].removesuffix(".py")
         for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.Module)):
-            for code, message, hint in _said(function):
-                row = found.setdefault(room, {})
-                row[code] = max(row.get(code, ("", "")), (message, hint), key=lambda pair: (bool(pair[1]), len(pair[0]) > 1))
+            found.setdefault(room, set()).update((f"`{code}`", said, cure) for code, said, cure in _said(function))
     return {
         "problems": "\n\n".join(
-            f"### {room}\n\n"
-            + markdown_table(
-                ("code", "what is said", "what to do"), [(f"`{code}`", *row) for code, row in sorted(rows.items())]
-            )
+            f"### {room}\n\n" + markdown_table(("code", "what is said", "what to do"), sorted(rows))
             for room, rows in sorted(found.items())
+            if rows
         )
     }
 
@@ -196,8 +189,8 @@ def _said(function: ast.FunctionDef | ast.Module) -> Iterator[tuple[str, str, st
             continue
         message = words.get("message", node.args[0] if node.args else None)
         cure = _template(words.get("hint"), known) or ("Choose one that the message lists" if "choices" in words else "")
-        if (said := _template(message, known)) != "...":
-            yield str(code.value), said, cure
+        if (said := _template(message, known).strip()) != "...":
+            yield str(code.value), said, cure.strip()
 
 
 def _part(part: ast.expr) -> str:
@@ -215,7 +208,7 @@ def _template(value: ast.expr | None, known: dict[str, ast.expr]) -> str:
     if isinstance(value, ast.Name) and isinstance(known.get(value.id), ast.JoinedStr | ast.Constant | ast.BinOp):
         value = known[value.id]
     if isinstance(value, ast.Constant):
-        return " ".join(str(value.value).split()) if value.value is not None else ""
+        return re.sub(r"\s+", " ", str(value.value)) if value.value is not None else ""
     if isinstance(value, ast.JoinedStr):
         return "".join(map(_part, value.values))
     if isinstance(value, ast.BinOp) and isinstance(value.op, ast.Add):

@@ -116,7 +116,7 @@ def find_unit(text: str) -> Unit | None:
     plain = text.strip().strip("[](){}<>").replace(" ", "")
     for sign, usual in (("º", "°"), ("μ", "µ"), ("²", "^2")):
         plain = plain.replace(sign, usual)
-    plain = re.sub(r"(?:_|/)?per_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
+    plain = re.sub(r"(?:_|/)?per(?!cent)_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
     # force times length with any sign between both units: newton-metre, N·m, lbf-ft; the m of tau_m_Nm means motor
     joined = re.sub("(?<=[A-Za-z])(?<!^m)[-.*·⋅_](?=[A-Za-z])", "", plain)

@@ -9,11 +9,13 @@ import numpy as np
 
 from asrsim.samples import Array
 from asrsim.signals.base import Signal
+from asrsim.signals.common import between
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Signal):
-    """Linear interpolation between samples, constant beyond the ends. Documents cannot contain this signal."""
+    """Linear interpolation between samples, constant beyond the ends. Of two samples at one time, the first is the value before
+    a jump, the second the value after it. Documents cannot contain this signal."""
 
     kind: ClassVar[str] = "sampled"
 
@@ -28,3 +30,7 @@ class Sampled(Signal):
 
     def values(self, time: Array) -> Array:
         return np.asarray(np.interp(time, self.times, self.samples), dtype=np.float64)
+
+    def jumps(self, start: float, end: float) -> Array:
+        twice = (self.times[1:] == self.times[:-1]) & (self.samples[1:] != self.samples[:-1])
+        return between(self.times[1:][twice], start, end)

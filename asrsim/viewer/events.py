@@ -14,6 +14,7 @@ from asrsim.errors import AsrsimError
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
 from asrsim.plots.limits import largest_deflection
+from asrsim.quantities import MOST_MOTORS
 from asrsim.robot.model import Robot
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.viewer.history import values_of
@@ -22,6 +23,8 @@ NEAR = 1e-3
 """Distance from a limit, as a fraction of it, within which the limit counts as reached."""
 APART = 0.05
 """Time between two events of a kind and joint, s."""
+EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs}
+"""Measures that belong to an instant: that at which this function of the series is largest."""
 
 
 @dataclass(frozen=True, order=True)
@@ -67,7 +70,9 @@ def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, pa
                 most = joint.most_effort
                 yield from _begins(samples.time, np.abs(torque[:, column]) >= (1 - NEAR) * most, f"{name} at its effort limit")
         limits = [("deflection", "max_deflection", "deflection limit")]
-        limits += [(f"motor_{i}_torque", f"motor_{i}_max_torque", f"motor {i} at its torque limit") for i in (1, 2)]
+        limits += [
+            (f"motor_{i}_torque", f"motor_{i}_max_torque", f"motor {i} at its torque limit") for i in range(1, MOST_MOTORS + 1)
+        ]
         for quantity, parameter, text in limits:
             values, limit = values_of(samples, quantity, joints), own.get(parameter) if isinstance(own, Mapping) else None
             if values is None or not isinstance(limit, float | int):
@@ -91,9 +96,9 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 def _time_of(claim: Any, samples: Samples) -> float:
     """Time at which a claim about a quantity fails most, s: that of its extreme; else the end."""
-    values = samples.values.get(claim.quantity)
-    if claim.joint in samples.joints and values is not None and claim.measure in ("maximum", "minimum", "peak", "overshoot"):
-        column = values[:, samples.joints.index(claim.joint)]
+    values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
+    if claim.joint in samples.joints and values is not None and size is not None:
+        column = size(values[:, samples.joints.index(claim.joint)])
         if np.isfinite(column).any():
-            return float(samples.time[np.nanargmin(column) if claim.measure == "minimum" else np.nanargmax(np.abs(column))])
+            return float(samples.time[np.nanargmax(column)])
     return float(samples.time[-1])

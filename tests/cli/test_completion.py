@@ -2,7 +2,10 @@
 
 import pytest
 
+from asrsim.actuators import ACTUATORS
 from asrsim.cli import complete
+from asrsim.metrics import MEASURES
+from asrsim.plots import FIGURES
 from support.paths import ROOT
 from support.plot_example import made_up_log
 
@@ -24,7 +27,17 @@ def test_variants_and_keys_of_the_named_scenario_are_completed(line):
 def test_joints_and_quantities_of_the_named_log_are_completed(line, tmp_path):
     line("asrsim", "plot", made_up_log(tmp_path / "log.mcap", joints=2, count=20), "--joint")
     assert complete.joints("joint") == ["joint_1", "joint_2"]
-    assert "link_position" in complete.quantities("link_p")
+    assert complete.joints("joint_2") == ["joint_2"]
+    assert complete.quantities("link_") == ["link_position", "link_velocity", "link_torque"]
+
+
+@pytest.mark.parametrize(
+    ("words", "known"), [(complete.actuators, ACTUATORS), (complete.measures, MEASURES), (complete.figures, FIGURES)]
+)
+def test_names_that_begin_so_are_completed(words, known):
+    assert words("") == [*known.names()]
+    for name in known.names():
+        assert words(name[:2]) == [other for other in known.names() if other.startswith(name[:2])]
 
 
 @pytest.mark.parametrize(

@@ -1,28 +1,38 @@
 """Options of the command line reach the functions of the library."""
 
+import ast
 import json
 from importlib import import_module
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from asrsim.cli.options import lag_of
 from asrsim.designs import design
 from asrsim.errors import InputError
+from asrsim.live import Access
+from asrsim.live.origin import origin_of
+from asrsim.live.session import Settings
 from asrsim.renamed import NAMES, OldKeyWarning
 from asrsim.sweeps.study import read_study
+from support.paths import ROOT
 
 SHARED = {"variant": "soft", "overrides": ["step=0.001"]}
 CALLS = {
     "asrsim.identification.task.task_of": (
-        """identify a.yaml -e a.csv --validate b.csv --free j.damping=1 --tie j.a=j.b --own j.c --map q=j.x --rate 50
+        """identify a.yaml -e a.csv -e c.csv --validate b.csv --validate d.csv --free j.damping=1 --free k.damping
+        --tie j.a=j.b --tie k.a=k.b --own j.c --own j.d --map q=j.x --map r=k.x --rate 50
         --hold-out 0.3 --variant soft --set step=0.001""",
-        SHARED | {"given": ["a.yaml", ["a.csv"]], "validate": ["b.csv"], "free": ["j.damping=1"], "ties": ["j.a=j.b"],
-                  "own": ["j.c"], "mapping": ["q=j.x"], "rate": 50.0, "hold_out": 0.3},
+        SHARED | {"given": ["a.yaml", ["a.csv", "c.csv"]], "validate": ["b.csv", "d.csv"], "free": ["j.damping=1", "k.damping"],
+                  "ties": ["j.a=j.b", "k.a=k.b"], "own": ["j.c", "j.d"], "mapping": ["q=j.x", "r=k.x"], "rate": 50.0,
+                  "hold_out": 0.3},
     ),
     "asrsim.designs.run.design": (
-        """design a.yaml --limits l.yaml --free j.damping --tie j.a=j.b --duration 3 --experiment a.csv --robust 2 --seed 7
-        --variant soft --set step=0.001""",
-        SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping"], "ties": ["j.a=j.b"], "duration": 3.0,
-                  "experiments": ["a.csv"], "robust": 2, "seed": 7},
+        """design a.yaml --limits l.yaml --free j.damping --free k.damping --tie j.a=j.b --tie k.a=k.b --duration 3
+        --experiment a.csv --experiment b.csv --robust 2 --seed 7 --variant soft --set step=0.001""",
+        SHARED | {"given": ["a.yaml", "l.yaml"], "free": ["j.damping", "k.damping"], "ties": ["j.a=j.b", "k.a=k.b"],
+                  "duration": 3.0, "experiments": ["a.csv", "b.csv"], "robust": 2, "seed": 7},
     ),
     "asrsim.exports.export": (
         "export a.yaml --out b.xml --knots 9 --step 0.002 --fit fit.json --variant soft --set step=0.001 --no-plot",
@@ -30,8 +40,9 @@ CALLS = {
          "overrides": ["step=0.001"], "plot": False},
     ),
     "asrsim.twin.follow.follow_recording": (
-        "twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --rate 50 --clock-offset 0.2 --variant soft --set step=0.001",
-        {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x"], "rate": 50.0, "clock_offset": 0.2,
+        """twin a.yaml -e a.csv --bandwidth 4 --map q=j.x --map r=k.x --rate 50 --clock-offset 0.2 --variant soft
+        --set step=0.001""",
+        {"given": ["a.yaml", "a.csv"], "bandwidth": 4.0, "mapping": ["q=j.x", "r=k.x"], "rate": 50.0, "clock_offset": 0.2,
          "variant": "soft", "overrides": ["step=0.001"]},
     ),
     "asrsim.sweeps.run.study_of": (
@@ -40,11 +51,12 @@ CALLS = {
                    "samples": 8, "seed": 7, "fit": "f.json"}]},
     ),
     "asrsim.plots.job.PlotJob": (
-        """plot -e a.csv --map q=j.x --rate 50 --joint j --quantity stiffness --measure rms --align 0.2 --format pdf --bode
+        """plot -e a.csv -e b.csv --map q=j.x --map r=k.x --rate 50 --joint j --joint k --quantity stiffness
+        --quantity deflection --measure rms --measure mean --align 0.2 --format pdf --format svg --bode
         --band 1 5 --input j.reference_1 --output j.deflection --start 0.1 --end 2 --out pictures""",
-        {"experiments": ["a.csv"], "mapping": ["q=j.x"], "rate": 50.0, "joints": ["j"], "quantities": ["stiffness"],
-         "measures": ["rms"], "lag": 0.2,
-         "formats": ["pdf"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
+        {"experiments": ["a.csv", "b.csv"], "mapping": ["q=j.x", "r=k.x"], "rate": 50.0, "joints": ["j", "k"],
+         "quantities": ["stiffness", "deflection"], "measures": ["rms", "mean"], "lag": 0.2,
+         "formats": ["pdf", "svg"], "bode": True, "band": [1.0, 5.0], "given": "j.reference_1", "output": "j.deflection",
          "start": 0.1, "end": 2.0, "folder": "pictures"},
     ),
 }  # fmt: skip
@@ -64,6 +76,49 @@ def test_options_reach_the_library(function, monkeypatch, asrsim_command):
     done = asrsim_command(*line.split())
     plain = json.loads(json.dumps(passed, default=str))
     assert {name: plain.get(name) for name in expected} == expected, done.err
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "asrsim" / "cli").glob("*.py")), ids=lambda path: path.stem)
+def test_a_command_uses_each_of_its_options(path):
+    """`asrsim --version` is a callback of the library, without a use of its own."""
+    for function in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(function, ast.FunctionDef) and function.name != "root":
+            given = [one.arg for one in (*function.args.args, *function.args.kwonlyargs)]
+            read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
+            assert [name for name in given if name not in read] == [], function.name
+
+
+def test_options_reach_a_live_run(monkeypatch, asrsim_command):
+    plan = SimpleNamespace(scenario=SimpleNamespace(name="arm", variant="soft"))
+    line = """live a.yaml --on none --speed 2 --duration 3 --publish-rate 50 --namespace lab --domain 7 --port 0 --network
+        --allow-origin https://Lab.example/ --allow-origin http://here:80 --variant soft --set step=0.001 --set duration=1
+        --overwrite"""
+    passed = {}
+
+    def examine(scenario, **options):
+        passed.update(scenario=str(scenario), **{key: options[key] for key in ("variant", "overrides")})
+        return plan
+
+    def session(*given, **options):
+        passed.update(given=given, **options)
+        raise InputError("received")
+
+    monkeypatch.setattr("asrsim.simulation.examine.examine", examine)
+    monkeypatch.setattr("asrsim.live.session.Session", session)
+    asrsim_command(*line.split())
+    origins = tuple(map(origin_of, ("https://lab.example", "http://here:80")))
+    access = Access(network=True, port=0, domain=7, origins=origins)
+    settings = Settings(speed=2.0, duration=3.0, rate=50.0, namespace="lab", transports=[], access=access)
+    assert passed["given"] == (plan, Path("out/arm/soft_live"), settings)
+    assert (passed["scenario"], passed["variant"], passed["overrides"]) == ("a.yaml", "soft", ["step=0.001", "duration=1"])
+    assert passed["overwrite"] is True
+
+
+@pytest.mark.parametrize(
+    ("text", "lag"), [("auto", "auto"), ("off", "off"), ("start", "start"), ("-0.25", -0.25), ("1e-3", 1e-3)]
+)
+def test_an_alignment_is_a_word_or_a_number_of_seconds(text, lag):
+    assert lag_of(text) == lag
 
 
 @pytest.mark.parametrize(

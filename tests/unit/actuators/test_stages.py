@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import asrsim
-from asrsim.actuators import Parameter
+from asrsim.actuators import MODES, Parameter
 from asrsim.actuators.stage_checker import check_stage, stage_problems
 from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.stages.damper import Damper
@@ -20,7 +20,8 @@ from asrsim.metrics.measures import MEASURES
 from asrsim.plugins import load_plugin_file
 from asrsim.quantities import MOST_MOTORS, QUANTITIES, of_motors
 from asrsim.recordings.names import column_quantities
-from asrsim.records import constant
+from asrsim.records import constant, numbers
+from asrsim.robot.values import block_for
 from asrsim.simulation.quantities import simulated_quantities
 from support.paths import EXAMPLES, ROOT
 
@@ -57,6 +58,16 @@ def test_the_example_passes_the_checker_and_is_documented():
 def test_the_built_in_stages_pass_the_checker(stage):
     report = check_stage(stage)
     assert report.passed, [check for check in report.checks if not check.passed]
+
+
+@pytest.mark.parametrize("stage", STAGES.loaded(), ids=lambda stage: stage.name)
+def test_a_stage_acts_alike_at_every_motor(stage):
+    """Both motors of a qbMove are equal."""
+    values = {name: value or 0.3 for name, value in block_for("joint_1", "qbmove", 6).values().items()}
+    first, second = (stage.constants(values, motor, MODES[6]) for motor in (1, 2))
+    assert first is not None
+    assert numbers(first) == numbers(second)
+    assert stage.constants(dict.fromkeys(values, 0.0), 1, MODES[6]) is None
 
 
 def failed(name, base, **laws):

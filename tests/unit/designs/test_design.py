@@ -1,11 +1,13 @@
 """Designed experiments: predicted intervals, limits, and errors for impossible requests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import asrsim
 from asrsim.designs import design
-from asrsim.designs.write import write_design
+from asrsim.designs.write import charts, write_design
 from asrsim.recordings import read_recording
 from support.identify_files import save
 from support.paths import EXAMPLES
@@ -68,6 +70,31 @@ def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
         np.abs(joint.link_position).max() / 1.4, np.abs(joint.link_velocity).max() / 60.0, np.abs(joint.deflection).max() / 0.6
     ) <= 1.0 + 1e-3  # fmt: skip
     assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
+
+
+def test_each_reference_has_its_column_and_its_chart(found, tmp_path):
+    """As if the design had two references and three parameters."""
+    other = replace(found.references[0], joint="joint_2", name="stiffness_preset", slot=1, unit="m", low=-0.5, high=2.0)
+    time = found.step * np.arange(found.found.motion.shape[1])
+    motion = np.array([found.found.motion[0], np.sin(time)])
+    halves = {"design": np.array([0.01, 0.2, 0.03]), "chirp": np.array([0.05, 0.3, 0.04])}
+    both = replace(
+        found, references=(found.references[0], other), found=replace(found.found, motion=motion), intervals=halves,
+        keys=(*found.keys, "joint_2.damping"),
+    )  # fmt: skip
+    rows = charts(both)
+    for (chart,), one, values in zip(rows[:-1], both.references, motion, strict=True):
+        assert (chart.head, chart.words, chart.unit) == (one.joint, one.name.replace("_", " "), one.unit)
+        low, high, drawn = chart.lines
+        assert (low.y.tolist(), high.y.tolist(), low.x.tolist()) == ([one.low] * 2, [one.high] * 2, [0.0, time[-1]])
+        np.testing.assert_array_equal([drawn.x, drawn.y], [time, values])
+    (intervals,) = rows[-1]
+    assert intervals.places == ["spring stiffness of joint_1", "damping of joint_1", "damping of joint_2"]
+    assert {line.label: line.x.tolist() for line in intervals.lines} == {name: (100 * x).tolist() for name, x in halves.items()}
+    assert [line.y.tolist() for line in intervals.lines] == [[0.0, 1.0, 2.0]] * 2
+    path, *_ = write_design(both, tmp_path / "excite.csv", plot=False)
+    assert path.read_text().splitlines()[1] == f"time [s],{found.references[0].heading},joint_2.reference_2 [m]"
+    np.testing.assert_allclose(np.loadtxt(path, delimiter=",", skiprows=2).T, [time, *motion], atol=1e-9)
 
 
 def test_predicted_interval_agrees_with_finite_differences_of_runs(limits, tmp_path):

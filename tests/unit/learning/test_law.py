@@ -62,9 +62,17 @@ def test_errors_of_a_static_plant_shrink_by_one_minus_gain():
 
 def test_the_picture_of_learning_shows_the_best_trial_of_each_joint():
     result = learn(problem(), static_plant, settings(max_iterations=2))
-    rows = learning_charts(problem(), result, settings())
+    rows = learning_charts(replace(problem(), units=("rad", "m")), result, settings())
     assert [charts[0].head for charts in rows] == list(problem().joints)
-    for column, (_, position, given) in enumerate(rows):
+    assert [(position.unit, given.unit) for _, position, given in rows] == [("rad", "rad"), ("m", "m")]
+    for column, (errors, position, given) in enumerate(rows):
+        norm, own = errors.lines
+        assert own.x.tolist() == norm.x.tolist() == [trial.number for trial in result.trials]
+        assert own.y.tolist() == [trial.largest[column] for trial in result.trials]
+        assert norm.y.tolist() == [trial.norm for trial in result.trials]
+        (near,), desired = position.bands, position.lines[-1]
+        wanted = np.interp(desired.x, TIME, reference()[:, column])
+        np.testing.assert_allclose([near.low, desired.y, near.high], wanted + 1e-3 * np.array([[-1], [0], [1]]), atol=1e-9)
         for chart, values in ((position, result.best.outputs), (given, result.best.inputs)):
             (best,) = [line for line in chart.lines if "best trial" in line.label]
             assert best.y[-1] == values[-1, column]

@@ -50,6 +50,10 @@ def test_unreadable_messages_have_a_fault(data):
     assert not found.values
 
 
+def test_only_this_machine_reaches_a_transport_unless_it_is_said():
+    assert Access() == Access(network=False, port=8765, origins=())
+
+
 def connected(transport, *headers):
     """A client's socket after its request, and the first line of the answer."""
     client = socket.create_connection(("127.0.0.1", transport.port), timeout=10)

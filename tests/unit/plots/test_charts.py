@@ -29,6 +29,43 @@ def test_a_column_without_values_is_left_out_and_an_empty_chart_says_so():
     assert [text.get_text() for text in figure.axes[1].texts] == ["not recorded"]
 
 
+def test_a_chart_is_drawn_as_it_is_stated():
+    y = np.array([0.5, 2.0, 1.0, np.nan])
+    x = np.array([0.1, 0.2, 0.4, 0.8])
+    lines = [
+        Line(label="one", x=x, y=y, colour="#112233", width=2.0, dash=1, opacity=0.5),
+        Line(label="two", x=x, y=2 * y, colour="#445566", kind="points"),
+        Line(label="", x=x, y=3 * y, colour="#445566", kind="both"),
+    ]
+    band = Shade(label="band", x=x, low=0 * x, high=x, colour="#778899", where=np.array([True, True, False, False]))
+    stated = Chart(
+        words="error", unit="rad", head="elbow", across="load", across_unit="N", lines=lines, bands=[band], note="RMS 2",
+        span=(-1.0, 7.0), mark=0.3, logarithmic="x",
+    )  # fmt: skip
+    with styled():
+        figure = chart_figure([[stated]], title="a title")
+        (axes,) = figure.axes
+        *drawn, mark = axes.get_lines()
+        assert [line.get_label() for line in drawn[:2]] == ["one", "two"]
+        for line, wanted in zip(drawn, lines, strict=True):
+            np.testing.assert_array_equal(line.get_xydata(), np.column_stack([wanted.x, wanted.y]))
+            assert (line.get_color(), line.get_alpha(), line.get_linewidth()) == (wanted.colour, wanted.opacity, wanted.width)
+            assert (line.get_marker() == "o", line.get_linestyle() == "None") == (
+                wanted.kind != "line",
+                wanted.kind == "points",
+            )
+        assert mark.get_xdata() == [0.3, 0.3]
+        (shade,) = axes.collections
+        assert shade.get_datalim(axes.transData).x1 == 0.2
+        texts = [axes.get_title("left"), axes.get_xlabel(), axes.get_ylabel(), *(text.get_text() for text in axes.texts)]
+        assert texts == ["elbow", "load (N)", "error (rad)", "RMS 2"]
+        assert (axes.get_ylim(), axes.get_xscale(), axes.get_yscale()) == ((-1.0, 7.0), "log", "linear")
+        assert [text.get_text() for text in axes.get_legend().get_texts()] == ["one", "two", "band"]
+        assert any(text.get_text() == "a title" for text in figure.texts)
+        plain = chart_figure([[chart("position"), chart("motion", reach=(-1.0, 2.0))]])
+    assert [axes.get_xlim() for axes in plain.axes] == [(0.0, 1.0), (-1.0, 2.0)]
+
+
 def test_a_legend_lies_outside_the_axes_and_inside_the_picture():
     long = "a recording with a very long name of its own"
     with styled():

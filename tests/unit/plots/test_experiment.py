@@ -16,7 +16,9 @@ from asrsim.plots import read_curves
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import comparison_pages, overlay_figure
 from asrsim.plots.pairing import assign
+from asrsim.plots.responses import ResponseExperiment, responses
 from asrsim.quantities import QUANTITIES
+from asrsim.recordings import read_recording
 from support.paths import ROOT
 from support.plot_example import made_up_log, simulated_log
 
@@ -163,6 +165,29 @@ def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path):
     )
     np.testing.assert_allclose(gains[0] / gains[1], 0.5, rtol=0.02)
     np.testing.assert_allclose(np.radians(phases[0] - phases[1]), -2 * np.pi * f * 0.02, atol=0.02)
+
+
+def test_the_response_of_each_joint_is_its_own_from_the_joint_that_is_named(tmp_path):
+    """Both joints follow the chirp of joint_1, with gains of 0.5 and 0.25; the recording has half of that."""
+    whole = read_log(made_up_log(tmp_path / "whole.mcap", joints=2, count=4001)).samples
+    time = whole.time
+    chirp = np.sin(2 * np.pi * (0.5 + 0.6 * time) * time)
+    values = {**whole.values, "reference_1": np.column_stack([chirp, np.cos(9.0 * time)])}
+    values["link_position"] = np.outer(chirp, [0.5, 0.25])
+    with LogWriter(tmp_path / "log.mcap", read_log(tmp_path / "whole.mcap").info) as writer:
+        writer.write(replace(whole, values=values))
+    header = (
+        "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],joint_2.reference_1 [rad],joint_2.link_position [rad]"
+    )
+    columns = np.column_stack([time, chirp, 0.25 * chirp, np.cos(9.0 * time), 0.125 * chirp])
+    np.savetxt(tmp_path / "lab.csv", columns, delimiter=",", header=header, comments="")
+    pairing = {name: name for name in ("joint_1", "joint_2")}
+    lab = ResponseExperiment(recording=read_recording(tmp_path / "lab.csv"), joints=pairing)
+    found, problems = responses(tmp_path / "log.mcap", label="soft", experiments=[lab], given="joint_1.reference_1")
+    assert problems == []
+    gains = {(one.joint.name, one.experiment): np.median(one.response.gain) for one in found}
+    wanted = {("joint_1", False): 0.5, ("joint_1", True): 0.25, ("joint_2", False): 0.25, ("joint_2", True): 0.125}
+    assert gains == {key: pytest.approx(gain, rel=0.02) for key, gain in wanted.items()}
 
 
 def test_a_run_without_excitation_has_no_bode_plot(tmp_path):

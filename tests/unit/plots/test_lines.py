@@ -123,6 +123,32 @@ def test_a_bode_plot_reaches_to_the_end_of_the_band_and_is_dotted_where_the_cohe
     assert not bode_figure([response([0.1, 0.2, 0.1, 0.49])]).axes[1].texts
 
 
+def test_the_legend_of_a_bode_plot_names_each_response():
+    rest = replace(response([0.9, 0.9, 0.9, 0.9], experiment=True), label="lab")
+    rest = replace(rest, response=replace(rest.response, moves=False))
+    figure = bode_figure([response([0.95, 0.5, 0.6, 0.49]), rest], title="title")
+    legend = [text.get_text().replace("\n", " ") for text in figure.axes[0].get_legend().get_texts()]
+    assert legend == ["simulation soft", "experiment lab (does not move)", "coherence below 0.5", "resonance"]
+    assert len(figure.axes[2].get_lines()) == 1
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "frequency (Hz)"]
+    assert figure.axes[0].get_title("left").startswith("elbow\nSeries elastic actuator, mode 5")
+
+
+def test_an_overview_shows_every_joint_of_every_run(tmp_path):
+    runs = [read_curves(made_up_log(tmp_path / f"{name}.mcap", joints=5, count=50, variant=name)) for name in ("soft", "stiff")]
+    (page, *_) = run_pages(runs)
+    shown = [axes for axes in page.figure.axes if axes.get_visible()]
+    names = [f"joint_{number}" for number in range(1, 6)]
+    assert [axes.get_title("left") for axes in shown] == names
+    for axes, joint in zip(shown, names, strict=True):
+        lines = {line.get_gid() for line in axes.get_lines()}
+        assert lines == {f"{joint}.{one}" for one in ("reference_position.0", "link_position.0", "link_position.1")}
+    assert [bool(axes.get_ylabel()) for axes in shown] == [True, False, False, True, False]
+    assert [axes.get_xlabel() for axes in shown] == ["", "", *["time (s)"] * 3]
+    legends = {text.get_text() for legend in page.figure.legends for text in legend.get_texts()}
+    assert {"soft", "stiff"} <= legends
+
+
 def test_the_title_of_a_bode_plot_leads_from_the_input_to_the_output():
     assert pair_in_words("equilibrium_position", None) == "from equilibrium position to link position"
 

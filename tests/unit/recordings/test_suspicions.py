@@ -83,7 +83,11 @@ def test_only_factors_of_units_are_suspected(tmp_path, factor, words):
 def test_negative_numbers_read_without_their_sign_are_suspected(tmp_path, bits):
     counts = np.round(3 * np.sin(20 * TIME)).astype(int) % 2**bits
     recording = read(tmp_path, "q1", (counts,), mapping=["q1=0.01*joint_1.link_position [rad]"])
-    assert [one.key for one in recording.findings if one.code == "unsigned"] == ["q1"]
+    (said,) = (one for one in recording.findings if one.code == "unsigned")
+    jumps = np.abs(np.diff(counts)) > 2 ** (bits - 1)
+    assert said.key == "q1"
+    assert said.message.startswith(f"jumps by {2**bits:.6g} {jumps.sum()} times, first at t = {TIME[1:][jumps][0]:.6g} s: ")
+    assert f"subtract {2**bits} from all numbers above {2 ** (bits - 1)}" in said.hint
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, 0.01 * counts)
 
 

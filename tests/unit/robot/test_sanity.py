@@ -364,6 +364,31 @@ def test_a_joint_that_mimics_a_fixed_joint_is_fixed_at_its_offset(tiny, kind):
     assert "mimic-fixed" in codes(warnings_of(robot))
 
 
+def test_a_chain_of_mimics_follows_its_first_joint(tiny):
+    """wrist = -2 elbow + 0.1, hand = 3 wrist + 0.5, finger = 0.5 hand - 1: hand = -6 elbow + 0.8, finger = -3 elbow - 0.6."""
+
+    def follower(name, parent, mimic):
+        return (
+            f'<link name="{name}_link"><inertial><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-4"/></inertial>'
+            f'</link><joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/>'
+            f'<axis xyz="0 1 0"/>{mimic}<limit effort="1" velocity="1" lower="-30" upper="30"/></joint>'
+        )
+
+    chain = (
+        follower("wrist", "arm", '<mimic joint="elbow" multiplier="-2" offset="0.1"/>')
+        + follower("hand", "wrist_link", '<mimic joint="wrist" multiplier="3" offset="0.5"/>')
+        + follower("finger", "hand_link", '<mimic joint="hand" multiplier="0.5" offset="-1"/>')
+    )
+    robot = changed(tiny, ("</robot>", chain + "</robot>"))
+    found = {joint.name: (joint.mimic, joint.multiplier, joint.offset) for joint in robot.joints if joint.mimic}
+    assert found == {
+        "wrist": ("elbow", -2.0, pytest.approx(0.1)),
+        "hand": ("elbow", -6.0, pytest.approx(0.8)),
+        "finger": ("elbow", -3.0, pytest.approx(-0.6)),
+    }
+    assert robot.couplings.expand([0.3, 0.0, 0.0, 0.0]) == pytest.approx([0.3, -0.5, -1.0, -1.5])
+
+
 # -- check knows what run refuses --------------------------------------------------------------------------------------
 
 LIMIT = '<limit effort="50" velocity="100" lower="-3" upper="3"/>'

@@ -2,14 +2,16 @@
 
 import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import asrsim
+from asrsim.robot.model import Joint, Robot
 from asrsim.scenario import apply_to_robot, make_scenario
 from asrsim.starter.robot import write_starter
-from asrsim.statics.sizing import problems_of_weight, sizing
+from asrsim.statics.sizing import Holding, Sizing, problems_of_weight, sizing
 from support.examined import checked_robot
 from support.random_robots import random_urdf
 from support.robots import PLAIN_ARM, write_plain_arm
@@ -111,6 +113,40 @@ def test_a_falling_arm_gets_a_warning_and_a_sufficient_proposal(tmp_path):
     assert not [warning for warning in held.summary.warnings if warning.code in ("falls", "sags")]
     for joint in held.joints:
         assert abs(held[joint].link_position[-500:].mean() - 0.5) < 0.3
+
+
+def test_a_warning_says_what_yields_and_why():
+    weak = {"sag": 0.4, "scale": 1.0, "load": -1.5, "time": 2.0, "droop": 0.0}
+    weak |= dict.fromkeys(("on_stop", "limited", "overloaded"), False)
+    cases = {
+        "turn_1": ({}, "sags by 0.4 rad", "1.5 N m at 2 s: its springs are too soft"),
+        "turn_2": ({"droop": 0.3}, "sags by 0.4 rad", "1.5 N m at 2 s: the controllers of its motors are too soft"),
+        "turn_3": ({"sag": 2.5}, "falls", "1.5 N m at 2 s: its springs are too soft"),
+        "slide": ({"on_stop": True, "limited": True}, "falls onto its stop", "1.5 N at 2 s: its motors are too weak"),
+        "slide_2": ({"overloaded": True}, "sags by 0.4 m", "1.5 N at 2 s: its effort limit of 7 N is too low"),
+    }  # fmt: skip
+    joints = tuple(
+        Joint(name=name, kind="prismatic" if "slide" in name else "revolute", parent="a", child=name, effort=7.0)
+        for name in cases
+    )
+    robot = Robot(name="arm", path=Path("arm.urdf"), text="", links=(), joints=joints, actuators=())
+    holdings = tuple(Holding(joint=name, **{**weak, **own}) for name, (own, _, _) in cases.items())
+    proposal = {"turn_1": {"spring_stiffness": 20.0, "motor_1_max_torque": 3.5}, "turn_3": {"spring_stiffness": 8.0}}
+    said = problems_of_weight(Sizing(joints=holdings, proposal=proposal), robot, Path("arm.yaml"))
+    assert [(one.key, one.message, one.code, one.file) for one in said] == [
+        (name, f"{what} under the arm's own weight, {why}", "falls" if "falls" in what else "sags", Path("arm.yaml"))
+        for name, (_, what, why) in cases.items()
+    ]
+    values = "{turn_1: {spring_stiffness: 20, motor_1_max_torque: 3.5}, turn_3: {spring_stiffness: 8}}"
+    # One warning has the proposal for all joints; no parameter raises an effort limit.
+    raised = "Raise `effort` in the <limit> of the robot's file"
+    assert [one.hint for one in said] == [
+        f"with parameters: {values} springs and motors hold the arm",
+        None,
+        None,
+        None,
+        raised,
+    ]
 
 
 def test_weak_motors_are_distinguished_from_soft_springs(tmp_path):

@@ -12,7 +12,7 @@ import asrsim
 from asrsim.errors import InputError, RecordingError
 from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
-from asrsim.twin.follow import follow_recording, write
+from asrsim.twin.follow import Followed, charts, follow_recording, write
 from asrsim.twin.live import LiveTwin
 from support.paths import EXAMPLES
 from support.soft_arm import QBMOVE, SEA, record
@@ -307,6 +307,29 @@ def test_a_recording_is_followed(tmp_path):
     assert picture.stat().st_size > 20_000
     read = read_recording(table, joints=["joint_1"])
     assert read.column("joint_1", "external_torque").values == pytest.approx(found.external_torque[:, 0], nan_ok=True)
+
+
+def test_each_joint_has_its_chart_with_threshold_and_alarms():
+    time = np.linspace(0.0, 1.0, 5)
+    table = {
+        name: np.outer(1.0 + time, scales) for name, scales in (("external_torque", (1.0, -2.0)), ("threshold", (0.5, 3.0)))
+    }
+    alarm = np.array([[False, True]] * 3 + [[True, False]] * 2)
+    units = {"external_torque": ("N m", "N"), "stiffness": ("N m/rad", "N/m")}
+    found = Followed(
+        name="arm", joints=("turn", "slide"), units=units, time=time,
+        positions=np.zeros((5, 2)), stiffness=np.outer(time, (10.0, 100.0)), residual=np.zeros((5, 2)), alarm=alarm, notes=(),
+        **table,
+    )  # fmt: skip
+    for j, (torque, stiffness) in enumerate(charts(found)):
+        assert (torque.head, torque.unit, stiffness.unit) == (("turn", "N m", "N m/rad"), ("slide", "N", "N/m"))[j]
+        quiet, loud = torque.bands
+        np.testing.assert_array_equal(torque.lines[0].y, found.external_torque[:, j])
+        np.testing.assert_array_equal([quiet.low, quiet.high], [-found.threshold[:, j], found.threshold[:, j]])
+        np.testing.assert_array_equal(loud.where, alarm[:, j])
+        np.testing.assert_array_equal(stiffness.lines[0].y, found.stiffness[:, j])
+        assert torque.span[1] > np.abs(found.external_torque[:, j]).max()
+    assert [found.alarms(j) for j in (0, 1)] == [[(0.75, 1.0)], [(0.0, 0.5)]]
 
 
 def test_a_twin_says_what_is_doubtful_in_its_recording(tmp_path):

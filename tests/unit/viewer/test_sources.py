@@ -11,14 +11,15 @@ from scipy.spatial.transform import Rotation
 import asrsim
 from asrsim.cli.app import COMMANDS
 from asrsim.errors import InputError, LogError
-from asrsim.log import open_log
+from asrsim.log import open_log, read_log
 from asrsim.outfile import csv_text
+from asrsim.robot.model import Joint
 from asrsim.runs.rerun import rerun
-from asrsim.samples import Samples
+from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow_recording
-from asrsim.viewer.events import limit_events
+from asrsim.viewer.events import events_of, limit_events
 from asrsim.viewer.figure import frames_of
 from asrsim.viewer.history import History
 from asrsim.viewer.page import Page
@@ -139,6 +140,45 @@ def test_events_are_the_beginnings_of_limits(result):
     parameters = {"joint_1": {"motor_1_max_torque": most}}
     found = [event for event in limit_events(samples, result.run.info.joints, robot, parameters) if "motor 1" in event.text]
     assert found[0].time == samples.time[np.flatnonzero(np.abs(torque) >= 0.999 * most)[0]]
+
+
+def test_every_kind_of_limit_of_every_joint_is_an_event():
+    """Each quantity reaches its limit at its own time; a second time soon after is the same event, a later one is another."""
+    time = np.arange(401) * 0.01
+    joints = tuple(JointInfo(name=name, actuator="three", mode=5, motors=3) for name in ("slow", "quick"))
+    lasting = {"link_position": 0.0, "link_torque": 0.0, **{f"motor_{i}_torque": 0.0 for i in (1, 2, 3)}, "deflection": 0.0}
+    values = {name: np.full((401, 2), value) for name, value in lasting.items()}
+    reached = [
+        ("link_position", 1, 0.5, 1.0, "quick at its upper stop"), ("link_position", 0, 1.0, -2.0, "slow at its lower stop"),
+        ("link_torque", 1, 1.5, -3.0, "quick at its effort limit"),
+        ("motor_1_torque", 0, 2.0, 0.4, "slow: motor 1 at its torque limit"),
+        ("motor_3_torque", 1, 2.5, -0.6, "quick: motor 3 at its torque limit"),
+    ]  # fmt: skip
+    for name, column, at, value, _ in reached:
+        values[name][np.isin(np.round(time, 2), [at, at + 0.03, at + 1.0]), column] = value
+    stops = {"slow": (-2.0, 2.0, 7.0), "quick": (-1.0, 1.0, 3.0)}
+    robot = SimpleNamespace(
+        joints=[
+            Joint(name=name, kind="revolute", parent="a", child=name, lower=low, upper=high, effort=most)
+            for name, (low, high, most) in stops.items()
+        ]
+    )
+    limits = {"slow": {"motor_1_max_torque": 0.4}, "quick": {"motor_3_max_torque": 0.6, "motor_1_max_torque": 0.1}}
+    found = limit_events(Samples(time=time, joints=("slow", "quick"), values=values), joints, robot, limits)
+    wanted = [(pytest.approx(later), text) for *_, at, _, text in reached for later in (at, at + 1.0)]
+    assert sorted((event.time, event.text) for event in found) == sorted(wanted, key=lambda pair: (pair[0].expected, pair[1]))
+
+
+@pytest.mark.parametrize(("measure", "at"), [("maximum", 0.9), ("minimum", 0.3), ("peak", 0.3), ("mean", 1.0)])
+def test_a_claim_that_fails_is_an_event_at_its_extreme(tmp_path, measure, at):
+    """The position falls to -3 at 0.3 s and rises to 2 at 0.9 s; a mean belongs to the end."""
+    position = np.interp(np.arange(1001) * 1e-3, [0.0, 0.3, 0.9, 1.0], [0.0, -3.0, 2.0, 0.0])
+    claim = {"joint": "joint_1", "quantity": "link_position", "measure": measure, "value": 77.0}
+    log = made_up_log(tmp_path / "log.mcap", values={"link_position": position}, expect=(claim,))
+    read = read_log(log)
+    (event,) = events_of(log, read.samples, read.info.joints, SimpleNamespace(joints=()))
+    assert event.time == pytest.approx(at)
+    assert f"{measure} of link_position" in event.text
 
 
 def test_the_preset_of_two_antagonistic_springs_uses_up_part_of_the_largest_deflection(result):
