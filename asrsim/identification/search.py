@@ -27,8 +27,8 @@ from asrsim.identification.problem import (
     FitProblem,
     differences,
     huber,
-    jacobian,
     residuals,
+    slopes_along,
     solve,
     weighed,
     with_own_substeps,
@@ -251,7 +251,7 @@ def _timed(problem: FitProblem, x: Array) -> Array:
     ]  # fmt: skip
     for _ in range(TIMED if late else 0):
         left = residuals(whole, x)
-        slopes = jacobian(whole, x, base=left, columns=late)
+        slopes = slopes_along(whole, x, late, base=left)
         x[late] += lsq_linear(slopes, -left, bounds=(low[late] - x[late] - 1e-12, high[late] - x[late] + 1e-12)).x
         x[late] = np.clip(x[late], low[late], high[late])
     return x

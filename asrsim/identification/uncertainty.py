@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.identification.noise import autocovariances, autoregression
-from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, weigh
+from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, slopes_along, weigh
 from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
@@ -226,7 +226,7 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     n, left = len(x), residuals(problem, x)
     # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
     at_bound = problem.layout.at_bound(x) & (not foreseen)
-    slopes = jacobian(problem, x, base=left)
+    slopes = jacobian(problem, x)
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
     # Clip outliers, as the fit does.
@@ -256,14 +256,15 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
 
     Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. Directions with another
     derivative over one standard deviation are corrected by central differences; those whose derivatives change are corrected
-    again. Entries near a bound have one-sided derivatives.
+    again. If the Jacobian predicts the effect of all directions together, no direction is looked at alone. Entries near a bound
+    have one-sided derivatives.
     """
     low, high = problem.layout.bounds
     inside = (x - REACH >= low) & (x + REACH <= high)
     basis, slopes, base = np.eye(len(x))[inside], slopes.copy(), residuals(problem, x)
     if not inside.all():
-        slopes[:, ~inside] = jacobian(problem, x, CORNER, columns=np.flatnonzero(~inside).tolist())
-    for _ in range(ROUNDS):
+        slopes[:, ~inside] = slopes_along(problem, x, np.flatnonzero(~inside).tolist(), CORNER)
+    for first in (True, *(False,) * (ROUNDS - 1)):
         if not len(basis):
             break
         _, sizes, vectors = np.linalg.svd(np.linalg.qr(slopes @ basis.T, mode="r"))
@@ -271,6 +272,8 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
         sizes = np.append(sizes, np.zeros(len(basis) - len(sizes)))
         reach = np.minimum(1.0 / np.maximum(sizes, 1.0 / REACH), REACH)[:, None]
         known = slopes @ basis.T
+        if first and _predicts(problem, x, slopes, basis, sizes):
+            break
         ahead = residuals_at(problem, [*(x + reach * basis)])
         bent = np.linalg.norm((ahead - base) / reach - known.T, axis=1) > SMOOTH * np.linalg.norm(known, axis=0)
         if not bent.any():
@@ -280,6 +283,18 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
         slopes = slopes + (along - known) @ basis
         basis = basis[np.linalg.norm(along - known, axis=0) > AGREES * np.linalg.norm(known, axis=0)]
     return slopes
+
+
+def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes: Array) -> bool:
+    """Whether a Jacobian (m, n) predicts a move along all directions (k, n), such that a wrong derivative along any of them
+    would show: each has the same part of the effect. sizes: sizes (k,) of the Jacobian along the directions.
+    """
+    if not sizes.min() > 0.0:
+        return False
+    part = min(1.0, REACH / float(np.linalg.norm(1.0 / sizes)))
+    move = (part / sizes) @ basis
+    ahead, behind = residuals_at(problem, [x + move, x - move])
+    return bool(np.linalg.norm(0.5 * (ahead - behind) - slopes @ move) < SMOOTH * part)
 
 
 def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
