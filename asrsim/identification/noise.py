@@ -37,8 +37,8 @@ LEVELS = 20_000
 third of a turn.
 """
 MOVES = 8.0
-"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving: the range of 4,000
-samples of noise alone is 7.
+"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving: the range of
+4,000 samples of noise alone is 7.
 """
 WITHIN = 0.99
 """Fraction of the power of a motion that lies within its band: a tenth of its amplitude is outside. The levels of the search
