@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import sys
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -71,13 +72,23 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     return decorate
 
 
+def _caller() -> int:
+    """Level of the stack, as `warnings.warn` counts from the calling function, of the line outside asrsim that called it."""
+    level, found, frame = 1, 1, sys._getframe(1)
+    while frame.f_back is not None:
+        frame, level = frame.f_back, level + 1
+        if frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
+            found = level
+    return found + 1
+
+
 def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
     """Dotted key of a document by its present name; warns if it is given by an old name. place: file and line, if known."""
     head, dot, rest = key.partition(".")
     if head not in names:
         return key
     start = f"{place}: " if place else ""
-    warnings.warn(tell(f"{start}the key `{head}`", f"`{names[head]}`"), OldKeyWarning, stacklevel=3)
+    warnings.warn(tell(f"{start}the key `{head}`", f"`{names[head]}`"), OldKeyWarning, stacklevel=_caller())
     return f"{names[head]}{dot}{rest}"
 
 

@@ -56,7 +56,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     array with an additional first axis.
 
     The last argument of a spring law is the tuple of parameters: numbers, or columns (joints, 1). A law with branches is
-    evaluated sample by sample, which is slower and gives the same numbers.
+    evaluated sample by sample, which is slower and gives the same numbers (NaN where Python's mathematics raises an error).
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
@@ -75,11 +75,20 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
         *positions, parameters = (first, *rest) if springs else (first, *rest, ())
         points = zip(*(np.broadcast_to(values, shape).ravel().tolist() for values in (*positions, *parameters)), strict=True)
         count = len(positions)
-        results = [law(*point[:count], point[count:]) if springs else law(*point) for point in points]
-        table = np.array(results, dtype=float)
+        results = [_at(law, point[:count], (point[count:],) if springs else ()) for point in points]
+        undefined = np.full_like(next((one for one in results if one is not None), 0.0), np.nan, dtype=float)
+        table = np.array([undefined if one is None else one for one in results], dtype=float)
         return table.T.reshape(*table.shape[1:], *shape)
 
     return evaluate
+
+
+def _at(law: Callable[..., Any], positions: tuple[float, ...], parameters: tuple[Any, ...]) -> Any:
+    """Result of a law at one place; None where Python's mathematics, unlike NumPy's, raises an error in place of NaN or inf."""
+    try:
+        return law(*positions, *parameters)
+    except (OverflowError, ZeroDivisionError):
+        return None
 
 
 def _energy_law(actuator: Any) -> Callable[..., float]:

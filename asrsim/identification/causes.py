@@ -30,7 +30,7 @@ from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
-from asrsim.identification.problem import FitProblem, differences, jacobian, mean_square, residuals
+from asrsim.identification.problem import FitProblem, differences, mean_square, residuals, slopes_along
 from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
@@ -341,7 +341,7 @@ def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
     for i, entry in enumerate(problem.layout.entries):
         if not entry.logarithmic or not any(word in entry.name for word in SPRINGS):
             continue
-        slope = jacobian(problem, x, base=left, columns=[i])[:, 0]
+        slope = slopes_along(problem, x, [i], base=left)[:, 0]
         sizes, pulls, counts = (np.bincount(numbers, one) for one in (slope**2, slope * left, np.ones(len(left))))
         known = sizes > 25.0
         if known.sum() < 6:

@@ -13,7 +13,16 @@ import numpy as np
 
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import JUMP, FitParameter, parameters_of
-from asrsim.identification.problem import FitProblem, huber, jacobian, mean_square, residuals, solve, with_own_substeps
+from asrsim.identification.problem import (
+    FitProblem,
+    huber,
+    jacobian,
+    mean_square,
+    residuals,
+    slopes_along,
+    solve,
+    with_own_substeps,
+)
 from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
@@ -118,7 +127,7 @@ class Optimum:
 
     def __init__(self, problem: FitProblem, x: Array) -> None:
         self.problem, self.x, self.residuals = problem, x, residuals(problem, x)
-        self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
+        self._free = np.linalg.qr(jacobian(problem, x))[0]
         """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
         self._left = self._uncompensated(self.residuals)
 
@@ -140,7 +149,7 @@ class Optimum:
         if extension.begins:
             change, limits = (residuals(wider, start) - self.residuals)[:, None], (np.zeros(1), np.full(1, np.inf))
         else:
-            change = jacobian(wider, start, PROBE_STEP, base=self.residuals, columns=new)
+            change = slopes_along(wider, start, new, PROBE_STEP, base=self.residuals)
             limits = np.minimum(low[new], -1e-9), high[new]
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.noise import SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
+from asrsim.identification.noise import MOVES, SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Differences, FitProblem, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
@@ -34,8 +34,6 @@ FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
-MOVES = 8.0
-"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving."""
 
 
 @dataclass(frozen=True)

@@ -24,24 +24,31 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 STEP = 1e-6
-"""Step of finite differences, in the vector's units: logarithms, or typical sizes."""
-FAR = 1e3
-"""Residual of a diverged simulation, in standard deviations of the noise."""
-REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
-LINEAR = 0.3
-"""Relative error of the predicted effect of a step above which derivatives are computed again."""
-NEAR, EXACT = 1.0, 0.01
-"""Move, in standard deviations of the estimate, within which the derivatives of a neighbouring vector are used; the same for
-derivatives with which a search begins.
+"""Step of finite differences, in the vector's units: logarithms, or typical sizes. It is far above the rounding of a
+simulation, about 1e-13 of the motion, and far below the moves that bend the residuals.
 """
+FAR = 1e3
+"""Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
+"""
+REACH, ROUNDS = 0.3, 60
+"""Initial trust region of a search, relative to a parameter's size: a third, since starts are often wrong by as much; and
+largest number of evaluations, several times what a search needs that ends by its tolerance (5 to 15).
+"""
+LINEAR, TRUSTED = 0.3, 0.05
+"""Largest relative error of the change of the residuals, as the latest derivatives predict it, with which these derivatives are
+used again: in a search, whose next step shows the error; and elsewhere, where an interval may be wrong by a twentieth.
+"""
+SLIGHT = 0.01
+"""Change of the residuals, in standard deviations of the estimate, below which it shows nothing of the derivatives."""
 RIDGE = 1e-4
 """Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
 at full rank: SciPy's trust region takes wrong steps if a parameter has no effect yet. The pull on a logarithm that is known
 within 1 % is 1e-12 of its move.
 """
 HUBER = 3.0
-"""Residual, in standard deviations of the noise, above which the Huber loss is linear."""
+"""Residual, in standard deviations of the noise, above which the Huber loss is linear: noise alone exceeds it once in 370
+samples, so that without outliers the loss is that of least squares.
+"""
 
 
 def weigh(values: Array, noise: float, quantum: float) -> Array:
@@ -73,6 +80,51 @@ class Part:
         return np.nan_to_num(np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8), nan=FAR)
 
 
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """A Jacobian with the place at which it was computed."""
+
+    problem: FitProblem
+    x: Array
+    left: Array
+    """Residuals (m,) at x."""
+    matrix: Array
+    """Derivatives (m, n) of the residuals."""
+
+    def seen_by(self, problem: FitProblem) -> Slopes | None:
+        """The same with the weights of another problem of the same recordings; None for other recordings, parameters or
+        simulations.
+        """
+        own = self.problem
+        same = (problem.tracks, problem.playing, problem.ends) == (own.tracks, own.playing, own.ends)
+        if not same or problem.layout is not own.layout:
+            return None
+        left, matrix = self.left.copy(), self.matrix.copy()
+        for part, was in zip(problem.parts, own.parts, strict=True):
+            if part.noise == was.noise:
+                continue
+            if part.channel.quantum:
+                # The residuals of encoders do not scale with the weights.
+                return None
+            left[part.rows] *= was.noise / part.noise
+            matrix[part.rows] *= was.noise / part.noise
+        return replace(self, problem=problem, left=left, matrix=matrix)
+
+    def moved(self, x: Array, left: Array, trust: float) -> Slopes | None:
+        """The same at another place, with Broyden's update; None if the derivatives predict the change of the residuals with a
+        larger relative error than `trust`. left: residuals (m,) at x.
+        """
+        move = x - self.x
+        foretold = self.matrix @ move
+        size, surprise = float(np.linalg.norm(foretold)), left - self.left - foretold
+        if size < SLIGHT:
+            return self
+        if float(np.linalg.norm(surprise)) > trust * size:
+            return None
+        matrix = self.matrix + np.outer(surprise, move / float(move @ move))
+        return Slopes(self.problem, x.copy(), left, matrix)
+
+
 @dataclass
 class Meter:
     """Counter of the evaluations of a fit, and the latest derivatives."""
@@ -80,8 +132,8 @@ class Meter:
     evaluations: int = 0
     cost: float = np.inf
     """Smallest mean Huber loss of the present search."""
-    latest: tuple[FitProblem, Array, Array] | None = None
-    """Problem, vector and complete Jacobian that were computed last."""
+    latest: Slopes | None = None
+    """The latest complete Jacobian."""
 
     def count(self) -> None:
         """Count an evaluation."""
@@ -261,49 +313,35 @@ def residuals(problem: FitProblem, x: Array) -> Array:
     return np.concatenate([part.weighted(values) for part, values in differences(problem, x)])
 
 
-def jacobian(
-    problem: FitProblem, x: Array, step: float = STEP, *, base: Array | None = None, columns: Sequence[int] | None = None,
-    near: float = NEAR,
-) -> Array:  # fmt: skip
-    """Jacobian (m, n) of the residuals by one-sided differences within the bounds. base: residuals (m,) at x; columns: indices
-    of the columns to compute; near: move, in standard deviations of the estimate, within which the latest Jacobian is used.
+def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED) -> Array:
+    """Jacobian (m, n) of the residuals: the latest one if it still holds, or by differences. trust: relative error with which
+    the latest Jacobian may predict the change of the residuals.
     """
-    complete = columns is None and step == STEP
-    if complete and (known := _known_slopes(problem, x, near)) is not None:
-        return known
+    meter, left = problem.meter, residuals(problem, x)
+    latest = meter.latest and meter.latest.seen_by(problem)
+    moved = latest and latest.moved(x, left, trust)
+    meter.latest = moved or Slopes(problem, x.copy(), left, slopes_along(problem, x, range(len(x)), base=left))
+    return meter.latest.matrix
+
+
+def slopes_along(
+    problem: FitProblem, x: Array, columns: Sequence[int], step: float | Array = STEP, *, base: Array | None = None
+) -> Array:
+    """Columns (m, k) of the Jacobian by one-sided differences within the bounds.
+
+    step: step of all entries, or (n,) of each, in the vector's units; base: residuals (m,) at x.
+    """
     at = residuals(problem, x) if base is None else base
-    wanted = range(len(x)) if columns is None else columns
-    matrix, moves = np.zeros((len(at), len(wanted))), np.where(x + step <= problem.layout.bounds[1], step, -step)
+    matrix, moves = np.zeros((len(at), len(columns))), np.where(x + step <= problem.layout.bounds[1], step, -step)
     for track in problem.fitted:
-        touched = [column for column, i in enumerate(wanted) if problem.layout.entries[i].track in (None, track)]
-        points = [x + moves * (np.arange(len(x)) == wanted[column]) for column in touched]
+        touched = [column for column, i in enumerate(columns) if problem.layout.entries[i].track in (None, track)]
+        points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
             # A diverged simulation gives no derivative.
             valid = (there != FAR) & (at[rows] != FAR)
-            matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[wanted[column]], 0.0)
-    if complete:
-        problem.meter.latest = problem, x.copy(), matrix
+            matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[columns[column]], 0.0)
     return matrix
-
-
-def _known_slopes(problem: FitProblem, x: Array, near: float) -> Array | None:
-    """The latest Jacobian with the weights of this problem, if it is that of the same recordings, near x; None otherwise."""
-    if problem.meter.latest is None:
-        return None
-    other, there, matrix = problem.meter.latest
-    same = (problem.tracks, problem.playing, problem.ends) == (other.tracks, other.playing, other.ends)
-    if not same or problem.layout is not other.layout:
-        return None
-    scaled = matrix.copy()
-    for part, was in zip(problem.parts, other.parts, strict=True):
-        if part.noise == was.noise:
-            continue
-        if part.channel.quantum:
-            return None
-        scaled[part.rows] *= was.noise / part.noise
-    change = scaled @ (x - there)
-    return scaled if float(change @ change) < near**2 else None
 
 
 def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
@@ -373,21 +411,15 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         return np.append(found, RIDGE * move)
 
     def slopes(move: Array) -> Array:
-        there = left(move)
-        if known:
-            at, here, matrix, updates = known.pop()
-            step = move - at
-            foretold, surprise = matrix @ step, there - here - matrix @ step
-            # If the last derivatives predicted the step well, Broyden's update replaces new derivatives.
-            if updates < max(2, len(x) // 2) and np.linalg.norm(surprise) < LINEAR * np.linalg.norm(foretold):
-                matrix = matrix + np.outer(surprise, step / float(step @ step))
-                known.append((move.copy(), there, matrix, updates + 1))
-                return matrix
-        matrix = jacobian(problem, inside + move, base=there[: len(there) - len(x)], near=EXACT)
-        known.append((move.copy(), there, np.vstack([matrix, RIDGE * np.eye(len(x))]), 0))
-        return known[-1][2]
+        there = inside + move
+        at = residuals(problem, there)
+        costs.append(huber(at) if robust else float(np.mean(at**2)))
+        # The search ends after a step that hardly reduces the error: it needs no new derivatives.
+        ends = costs[-2] - costs[-1] < tolerance * costs[-1]
+        matrix = jacobian(problem, there, np.inf if ends else LINEAR)
+        return np.vstack([matrix, RIDGE * np.eye(len(x))])
 
-    known: list[tuple[Array, Array, Array, int]] = []
+    costs = [np.inf]
     found = least_squares(
         left, np.zeros(len(x)), jac=slopes, bounds=(low - inside, high - inside),
         method="trf", x_scale=scale, loss="huber" if robust else "linear", f_scale=HUBER,

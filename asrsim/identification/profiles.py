@@ -13,11 +13,11 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-"""Places of a profile, in standard deviations of the parameter."""
+"""Places of a profile, in standard deviations of the parameter: beyond the ends of a 99 % interval, 2.58."""
 SIMULATED = 2.0
-"""Places on both sides that are simulated: close to the ends of a 95 % interval, 1.96."""
+"""Place that is simulated, on the side with more room: close to the end of a 95 % interval, 1.96."""
 FARTHEST = 1.0
-"""Largest move of a parameter or of a follower, in the vector's units; farther out the others do not follow slopes."""
+"""Largest move of a parameter or of a follower, in the vector's units: a factor e, within which the others follow slopes."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,11 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     """Profiles of the entries with a standard deviation and away from their bounds.
 
     Along a profile the other parameters follow the valley of least misfit, to first order: column i of the inverse of J'J over
-    its diagonal element. Between two simulations, on both sides, the misfit is a cubic with its minimum at the estimate.
+    its diagonal element. The residuals are a parabola of the way along the valley, with the slope of the derivatives, through
+    one simulation; the misfit has its minimum at the estimate.
     """
     low, high = problem.layout.bounds
-    known, points, moves = [], [], []
+    known, points, squares = [], [], []
     for i in range(len(x)):
         deviation, own = float(found.deviation[i]), float(found.inverse[i, i])
         if not (np.isfinite(deviation) and deviation > 0.0 and own > 0.0) or found.at_bound[i]:
@@ -48,21 +49,23 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
         valley = found.inverse[i] / own
         # The valley's own width: the standard deviation may include the spread between parts of the recordings.
         width = min(own**0.5, FARTHEST / (WIDTHS[-1] * float(np.abs(valley).max())))
+        ahead = width if high[i] - x[i] >= min(x[i] - low[i], SIMULATED * width) else -width
         known.append(i)
-        points += [*np.clip(x + np.outer((-width * SIMULATED, width * SIMULATED), valley), low, high)]
-        moves.append(np.square(width) / own)
+        points.append(np.clip(x + ahead * SIMULATED * valley, low, high))
+        squares.append(width**2 / own)
     if not known:
         return ()
-    base = float(np.sum(np.square(residuals(problem, x))))
-    sums = np.sum(np.square(residuals_at(problem, points)), axis=1).reshape(-1, 2) - base
+    base = residuals(problem, x)
+    moves = np.array(points) - x
+    slopes = moves @ found.jacobian.T
+    bends = residuals_at(problem, points) - base - slopes
     result = []
-    for place, (i, share) in enumerate(zip(known, moves, strict=True)):
+    for i, move, slope, bend, square in zip(known, moves, slopes, bends, squares, strict=True):
         entry = problem.layout.entries[i]
-        ends = np.array([point[i] - x[i] for point in points[2 * place : 2 * place + 2]])
-        # Coefficients of d^2 and d^3; at a bound, a side has no length, and the other side gives a parabola.
-        matrix = np.column_stack([ends**2, ends**3])
-        square, cube = np.linalg.lstsq(matrix, sums[place])[0].tolist()
-        steps = np.clip(x[i] + 0.5 * np.ptp(ends) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]
+        steps = np.clip(x[i] + abs(move[i]) * WIDTHS / SIMULATED, low[i], high[i]) - x[i]
+        way = steps / move[i]
+        terms = (slope @ slope + 2.0 * (base @ bend), 2.0 * (slope @ bend), bend @ bend)
+        rise = way**2 * (terms[0] + terms[1] * way + terms[2] * way**2)
         values = np.array([entry.value(float(x[i] + step)) for step in steps])
-        result.append(Profile(names[i], values, (square * steps**2 + cube * steps**3) / share))
+        result.append(Profile(names[i], values, rise / square))
     return tuple(result)

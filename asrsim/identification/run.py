@@ -57,9 +57,11 @@ class FitProgress(Progress):
 
 
 OFTEN = 0.2
-"""Time between progress reports, s."""
-SEARCH, AFTERWARDS = 30, 40
-"""Estimated number of evaluations per parameter in a search, and in all later stages together."""
+"""Time between progress reports, s: a person sees five a second as steady."""
+EXPECTED = 15
+"""Estimated number of evaluations per parameter that are left in a fit: those of the cases of `benchmarks/identify.py` take 9
+to 14 in all.
+"""
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
 """
@@ -113,7 +115,7 @@ class FitWatch(Meter):
             return
         elapsed, left, cost = self._reported - self.began, math.nan, math.nan
         if self.best is not None:
-            cost, wanted = min(self.best.cost, self.cost), (AFTERWARDS + SEARCH) * (len(self.best.x) + 1)
+            cost, wanted = min(self.best.cost, self.cost), EXPECTED * (len(self.best.x) + 1)
             missing = max(self._before + wanted - self.evaluations, 0)
             left = min(missing * elapsed / max(self.evaluations, 1), max(self.seconds - elapsed, 0.0))
         told = FitProgress(task=self._stage, cost=cost, evaluations=self.evaluations, elapsed=elapsed, remaining=left)
@@ -262,7 +264,7 @@ def _causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack, from the training part, or from whole recordings if the training part fits."""
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
-        plain, x = plain.whole, refined(plain.whole, x, 20)
+        plain, x = plain.whole, refined(plain.whole, x)
     return missing_causes(plain, x)
 
 
@@ -280,7 +282,7 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
         return problem, trained, uncertainty(problem, trained, foreseen=status == CHECKED, quick=status == INTERRUPTED)
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
-        x = min((refined(whole, x, 20), x), key=lambda there: mean_square(whole, there))
+        x = min((refined(whole, x), x), key=lambda there: mean_square(whole, there))
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
     return whole, x, widened(whole, x, uncertainty(whole, x))

@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.identification.data import Channel, Data, PlayedCommand, RecordedSignal
 from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
 from asrsim.identification.flexible import with_elastic_link
-from asrsim.identification.noise import motion_band
+from asrsim.identification.noise import MOVES, motion_band
 from asrsim.identification.observed import Measured, is_reversed, link_channel
 from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
 from asrsim.robot.model import Robot
@@ -134,7 +134,7 @@ class Track:
         scale, and a delay has no effect.
         """
         self._begin(freed)
-        self.onset = min(float(c.time[min(onset(c, 8.0), len(c.time) - 1)]) for c in self.channels)
+        self.onset = min(float(c.time[min(onset(c, MOVES), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
         self.jumps = sorted({time for command in data.commands for time in command.curve.jumps.tolist() if time > 0.0})
         """Times of the first samples after jumps of commands, s. Commands that jump together have one time."""

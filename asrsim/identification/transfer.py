@@ -18,8 +18,6 @@ from asrsim.samples import Array
 
 TRANSFERS = 1.5
 """Ratio of the error of a prediction to the error of a fit to the same motion up to which the estimates hold for the motion."""
-ROUNDS = 15
-"""Largest number of steps of the fit to all recordings."""
 
 
 def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
@@ -31,7 +29,7 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
         return
     # Without separate values for them, only the robot's parameters and common ones follow the predicted recordings.
     everything = weighed(problem.everything, x)
-    there = refined(everything, x, ROUNDS)
+    there = refined(everything, x)
     before, after = _errors(everything, x), _errors(everything, there)
     for track in predicted:
         name, ratio = problem.tracks[track].data.name, before[track] / max(after[track], 1e-300)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
 
 from asrsim import __version__
@@ -52,7 +51,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     run = {
         "format": FORMAT,
         **{name: getattr(info, name) for name in _COPIED},
-        "joints": [asdict(joint) for joint in info.joints],
+        "joints": [vars(joint) for joint in info.joints],
         "metadata": dict(info.metadata),
     }
     files = {

@@ -151,7 +151,7 @@ class LogReader:
 
         # Without an index, the channels stand in the chunks, so that no chunk may be skipped.
         places = self._structure.chunks
-        if self._structure.channels:
+        if not self._structure.truncated:
             places = [place for place in places if not outside(place)]
         for place, found in self._decoded(places, lambda data: columns.read(data, names, joints)):
             if not outside(place):

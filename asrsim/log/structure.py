@@ -7,6 +7,7 @@ import struct
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -49,12 +50,17 @@ class Structure:
 
     path: Path
     chunks: list[ChunkPlace] = field(default_factory=list)
-    channels: list[Channel] = field(default_factory=list)
-    """Channels listed in the summary; empty if the file is truncated."""
+    summary: bytes = b""
+    """Records of the summary; empty if the file is truncated."""
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     truncated: bool = False
     """True: the file has no summary; its writer was killed or is still running, or the file was cut."""
+
+    @cached_property
+    def channels(self) -> list[Channel]:
+        """Channels listed in the summary."""
+        return [Channel.read(stream(content)) for content in _summarised(self.summary, Opcode.CHANNEL)]
 
 
 def corrupt(path: Path, what: str) -> LogError:
@@ -124,11 +130,7 @@ def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> Non
     Chunks that the summary lists are not read, as a file contains many of them, each with a message index for each channel.
     """
     structure.truncated = not summary
-    structure.channels = [
-        Channel.read(stream(summary[place : place + length]))
-        for opcode, place, length in split_records(summary)
-        if opcode == Opcode.CHANNEL
-    ]
+    structure.summary = summary
     listed = _listed_chunks(summary)
     position = len(MAGIC)
     while position + 9 <= end:
@@ -159,16 +161,21 @@ def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> Non
 def _listed_chunks(summary: bytes) -> dict[int, tuple[ChunkPlace, int]]:
     """Chunks that the summary lists, by the offset of their record, each with the end of the message indexes after it."""
     found = {}
-    for opcode, place, length in split_records(summary):
-        if opcode == Opcode.CHUNK_INDEX:
-            content = summary[place : place + length]
-            first, last, offset, size, map_size = _CHUNK_INDEX.unpack_from(content)
-            (indexes_size,) = struct.unpack_from("<Q", content, _CHUNK_INDEX.size + map_size)
-            if size < 9 + CHUNK_TIMES.size:
-                raise ValueError("the summary lists a chunk that is too short")
-            chunk = ChunkPlace(offset=offset + 9, length=size - 9, start=first, end=last)
-            found[offset] = chunk, offset + size + indexes_size
+    for content in _summarised(summary, Opcode.CHUNK_INDEX):
+        first, last, offset, size, map_size = _CHUNK_INDEX.unpack_from(content)
+        (indexes_size,) = struct.unpack_from("<Q", content, _CHUNK_INDEX.size + map_size)
+        if size < 9 + CHUNK_TIMES.size:
+            raise ValueError("the summary lists a chunk that is too short")
+        chunk = ChunkPlace(offset=offset + 9, length=size - 9, start=first, end=last)
+        found[offset] = chunk, offset + size + indexes_size
     return found
+
+
+def _summarised(summary: bytes, wanted: int) -> Iterator[bytes]:
+    """Contents of the summary's records of one kind."""
+    for opcode, place, length in split_records(summary):
+        if opcode == wanted:
+            yield summary[place : place + length]
 
 
 def _keep(opcode: int, content: bytes, structure: Structure) -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -68,10 +70,17 @@ def align_recording(
             "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
         )
     name, time, values, column = best
-    try:
+    with naming(recording.path):
         return align(time, values, column.time, column.values, choice=lag, name=name)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Context in which RecordingErrors name the recording's file."""
+    try:
+        yield
     except RecordingError as error:
-        raise RecordingError(replace(problem, file=recording.path) for problem in error.problems) from None
+        raise RecordingError(replace(problem, file=path) for problem in error.problems) from None
 
 
 def matched_columns(

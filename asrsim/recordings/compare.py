@@ -18,6 +18,7 @@ from asrsim.recordings.align import (
     LagChoice,
     align_recording,
     matched_columns,
+    naming,
     require_overlap,
     resample,
     simulated,
@@ -134,12 +135,11 @@ def compare(
 
     prismatic = {info.name for info in infos if info.prismatic}
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
-    series = tuple(
-        _series(
-            joint, quantity, samples.time, own, columns[joint, quantity], alignment.lag, further, prismatic=joint in prismatic
+    with naming(recording.path):
+        series = tuple(
+            _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, further, prismatic=joint in prismatic)
+            for (joint, name), own in found.items()
         )
-        for (joint, quantity), own in found.items()
-    )
     findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]

@@ -331,7 +331,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     odd = valid[min(behind, ahead, key=np.sum)]
     leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "two time bases, or two recordings")
     if keep.sum() < 2:
-        message = f"{int(keep.sum())} samples have increasing times; at least 2 are needed"
+        message = f"only {counted(int(keep.sum()), 'sample')} with increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")
     found = table.selected(keep)
     t, steps = found.time, np.diff(found.time)

@@ -120,7 +120,7 @@ class Registry(Generic[T]):
         if self.base is not None and not (isinstance(entry, type) and issubclass(entry, self.base)):
             return f"is not a class derived from {self.base.__module__}.{self.base.__name__}: {entry!r}"
         if self.instance is not None and not isinstance(entry, self.instance):
-            return f"is no {self.instance.__module__}.{self.instance.__name__}: {entry!r}"
+            return f"is not an instance of {self.instance.__module__}.{self.instance.__name__}: {entry!r}"
         missing = [one for one in inspect.get_annotations(kind) if not hasattr(entry, one)] if kind is not None else []
         if missing:
             return f"lacks the attribute `{missing[0]}`"

@@ -150,6 +150,8 @@ def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], Sequence[floa
 
 def require_recorded(names: Sequence[str], columns: Collection[str], choices: tuple[str, ...]) -> None:
     """Raise InputError for names of quantities without a column. choices: names for the message."""
+    if isinstance(names, str) or not isinstance(names, Iterable):
+        raise InputError("must be a list of quantities", key="names", value=names, choices=choices, code="not-a-list")
     problems = [
         Problem(f"no joint records '{name}'", choices=choices, hint=did_you_mean(name, choices), code="unknown-quantity")
         for name in names

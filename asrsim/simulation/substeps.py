@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import math
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import Any
 
 import numpy as np
 
-from asrsim.actuators.vectorised import energy_law
 from asrsim.errors import UnresolvedSpringError
 from asrsim.registry.steppings import stepping_called
 from asrsim.robot.couplings import Couplings, uncoupled
@@ -26,6 +23,7 @@ from asrsim.scenario.load import MAX_STEPS
 from asrsim.simulation.drives import EXTERNAL_TORQUE, SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
+from asrsim.simulation.reach import reachable_stiffness
 
 SAMPLES = 2000
 """Number of intervals in which the references are sampled."""
@@ -36,11 +34,6 @@ TARGET = 0.2
 """Largest omega h with the automatic number of substeps, chosen for accuracy; above 2 the step is unstable."""
 MOTOR_TARGET = 0.3
 """Largest omega h of motor and spring with a fixed link, with the automatic number of motor substeps."""
-OVERSHOOT = 2.0
-"""Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
-speeds of the references."""
-BISECTIONS = 30
-"""Number of bisections of a deflection: to 1e-9 of the largest one."""
 UNSTABLE = 2.0
 """omega h above which a spring gains energy in every step."""
 DAMPED = 1.0
@@ -60,8 +53,6 @@ RINGING = 0.5
 step."""
 MOST_MOTOR_SUBSTEPS = 10_000
 """Largest number of motor substeps in a substep. The motor of a real drive needs some ten."""
-STANDING = 1e-3
-"""Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +95,8 @@ def resolution_of(
     # The spring of a follower moves all that its master moves; one that hardly moves has a share of it.
     ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
-    rows = zip(drives, sampled[GOALS:].swapaxes(0, 1), loads.tolist(), inertias.tolist(), strict=True)
-    interval = scenario.duration / SAMPLES
-    stiffness = [softer * _reachable_stiffness(*row, interval) for row in rows]
+    reach = reachable_stiffness(drives, sampled[GOALS:].swapaxes(0, 1), loads, inertias, scenario.duration / SAMPLES)
+    stiffness = [softer * (k + _bound(drive, "stiffness_bound")) for drive, k in zip(drives, reach, strict=True)]
     return _resolve(scenario, drives, couplings, places, masses, stiffness)
 
 
@@ -119,70 +109,6 @@ def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     return [initial, *([generator.uniform(low, max(low, high)) for low, high in pairs] for _ in range(CONFIGURATIONS))]
 
 
-def _reachable_stiffness(drive: SteppedJoint, references: Array, load: float, inertia: float, interval: float) -> float:
-    """Largest stiffness in N m/rad that the joint's spring can reach in this run; a run that exceeds this stiffness gets a
-    warning.
-
-    references: values (columns, n), sampled every `interval` s over the run; load: bound of the torques of gravity and of
-    external torques on the link in N m; inertia: largest inertia that the joint can carry in kg m^2. A spring is deflected at
-    most to max_deflection, and by no more than its pretension (half the references' spread) plus the deflections by load and
-    motion. Ideal motors jump with their references. Motors with dynamics are at most as fast as their references or their speed
-    limit; they deflect the springs at most until the springs have absorbed the joint's kinetic energy at this speed, and the
-    springs' torque is at most the motors' largest torque (with a safety factor) plus the load.
-    """
-    own = drive.drive
-    if own is None or not own.mode.spring:
-        return 0.0
-    actuator, mode = own.actuator, own.mode
-    count, limit = actuator.motors, drive.values.get("max_deflection", math.pi)
-    # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
-    torque_driven = drive.stepping.released and mode.direct
-    sigma = float(references[1][np.argmax(np.abs(references[1]))]) if actuator.adjuster and not torque_driven else 0.0
-    rest, elastic = [sigma] * (drive.positions - count), drive.elastic
-
-    def largest(law: Callable[..., Any], link: float, motors: Sequence[float]) -> float:
-        """Largest magnitude of the values of a law for these positions; infinite if a value is not finite."""
-        try:
-            values = law(link, *motors, *rest, elastic)
-        except (OverflowError, ZeroDivisionError):
-            return math.inf
-        if not isinstance(values, tuple):
-            return float(abs(values)) if math.isfinite(values) else math.inf
-        return float(max(map(abs, values))) if all(map(math.isfinite, values)) else math.inf
-
-    def torque_at(deflection: float) -> float:
-        torques = actuator.elastic_torques
-        return max(largest(torques, 0.0, [deflection] * count), largest(torques, 0.0, [-deflection] * count))
-
-    goals = drive.goals(references)[:count]
-    centre = goals.mean(axis=0)
-    spread = float(np.max(np.abs(goals - centre))) if not mode.direct else 0.0
-    offset = abs(float(centre[0]) - drive.initial_position)
-    change = float(np.max(np.abs(np.diff(centre)), initial=0.0))
-    if mode.motor:
-        pull, speed = max(own.max_torque), max(own.max_velocity)
-        if mode.direct:
-            torques = [electric.torque_of(np.abs(goal)) for electric, goal in zip(own.electric, goals, strict=True)]
-            pull = min(pull, float(np.max(torques)))
-            spread = _largest_below(torque_at, pull, limit)
-        elif offset < STANDING:
-            speed = min(speed, OVERSHOOT * change / interval)
-        pretension = [spread, *[-spread] * (count - 1)]
-        energy = energy_law(actuator)
-        stored = largest(energy, 0.0, pretension)
-        # The link moves until the springs have absorbed its kinetic energy.
-        moved = _largest_below(
-            lambda deflection: largest(energy, -deflection, pretension) - stored, 0.5 * inertia * speed * speed, limit
-        )
-        bound = min(torque_at(min(spread + moved, limit)), OVERSHOOT * pull) + OVERSHOOT * load
-    else:
-        bound = torque_at(min(spread + max(offset, change), limit)) + OVERSHOOT * load
-    reach = _largest_below(torque_at, bound, limit)
-    grid = np.linspace(-reach, reach, 9).tolist()
-    best = max(largest(actuator.stiffness, 0.0, deflections) for deflections in product(grid, repeat=count))
-    return best + _bound(drive, "stiffness_bound")
-
-
 def _bound(drive: SteppedJoint, law: str) -> float:
     """Sum of the bounds of the joint's stages for all springs. law: `stiffness_bound` or `damping_bound`."""
     total = 0.0
@@ -191,19 +117,6 @@ def _bound(drive: SteppedJoint, law: str) -> float:
             own = drive.stage_constants(stage, i)
             total += 0.0 if own is None else getattr(stage, law)(own)
     return total
-
-
-def _largest_below(law: Callable[[float], float], bound: float, limit: float) -> float:
-    """Largest deflection, at most `limit`, at which the torque is below `bound`. The function bisects a monotone law."""
-    if bound <= 0.0:
-        return 0.0
-    if law(limit) <= bound:
-        return limit
-    low, high = 0.0, limit
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if law(middle) <= bound else (low, middle)
-    return high
 
 
 def _resolve(

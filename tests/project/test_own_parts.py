@@ -232,7 +232,7 @@ def test_plots_say_that_an_actuator_is_not_here(tiny, asrsim_command):
 ENTRIES = {
     "a measure that is a function": (
         "from asrsim.metrics import MEASURES\nMEASURES.add('mine', lambda time, values: 0.0)",
-        "the measure 'mine' is no asrsim.metrics.measures.Measure",
+        "the measure 'mine' is not an instance of asrsim.metrics.measures.Measure",
     ),
     "a program that is no class of programs": (
         "from asrsim.exports import PROGRAMS\nclass Mine: name = 'mine'\nPROGRAMS.add('mine', Mine)",

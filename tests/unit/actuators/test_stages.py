@@ -60,6 +60,20 @@ def test_the_built_in_stages_pass_the_checker(stage):
     assert report.passed, [check for check in report.checks if not check.passed]
 
 
+def test_a_law_that_raises_names_the_command_that_checks_it(tmp_path):
+    text = EXAMPLE.read_text(encoding="utf-8")
+    (tmp_path / "torn.py").write_text(
+        text.replace("return own.level * tanh(velocity / own.speed)", "raise RuntimeError('torn')")
+    )
+    load_plugin_file(tmp_path / "torn.py")
+    with pytest.raises(ActuatorError) as caught:
+        asrsim.run(scenario({"clutch_torque": 0.3}))
+    (problem,) = caught.value.problems
+    assert problem.hint == (
+        f"asrsim check --stage clutch --plugin {tmp_path / 'torn.py'} evaluates the laws over their whole range"
+    )
+
+
 @pytest.mark.parametrize("stage", STAGES.loaded(), ids=lambda stage: stage.name)
 def test_a_stage_acts_alike_at_every_motor(stage):
     """Both motors of a qbMove are equal."""

@@ -46,6 +46,11 @@ def test_functions_of_all_states_give_what_functions_of_one_give():
     assert any(step[0].any() for step in at_once[2])
     for step, other in zip(singly[2], at_once[2], strict=True):
         np.testing.assert_array_equal(step[0], other[0])
+    rewarded, ended = (
+        played(made(batched=True, **own)) for own in ({"reward": every, **options}, {"terminated": lambda s: s.time > 9})
+    )
+    assert not any(step[0].any() for step in (*rewarded[2], *ended[2]))
+    assert not ended[1].any()
 
 
 def test_a_batched_reward_of_the_wrong_shape_is_refused():

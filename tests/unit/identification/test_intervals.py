@@ -17,7 +17,7 @@ from asrsim.identification.combinations import combinations
 from asrsim.identification.extensions import Extension, extended, presliding, pruned
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import FitParameter, make_layout
-from asrsim.identification.problem import FitProblem, Meter, jacobian, residuals
+from asrsim.identification.problem import FitProblem, Meter, jacobian, residuals, slopes_along
 from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
 from asrsim.identification.task import Tie
@@ -46,11 +46,11 @@ def test_differences_are_never_taken_beyond_bounds():
     ]
     problem = modelled(lambda x: tried.append(x) or slopes @ x + 100.0 * x.sum() ** 2, parameters, 50)
     x = np.array([0.0, 0.0, 0.4 * step, -0.4 * step, 0.01])
-    for found in (jacobian(problem, x, step), with_faint_directions(problem, x, jacobian(problem, x))):
+    for found in (slopes_along(problem, x, range(5), step), with_faint_directions(problem, x, jacobian(problem, x))):
         assert np.all((np.array(tried) >= low - 1e-12) & (np.array(tried) <= high + 1e-12))
         np.testing.assert_allclose(found, slopes + 200.0 * x.sum(), atol=101.0 * step)
-    # Central differences of a parabola are exact.
-    np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 200.0 * x.sum(), atol=1e-9)
+    # Away from bounds the step is 1e-6.
+    np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 200.0 * x.sum(), atol=2e-4)
 
 
 def test_white_noise_gives_the_deviation_of_least_squares():
@@ -128,9 +128,30 @@ def test_a_tenth_does_not_identify_what_nothing_distinguishes():
     assert np.isnan(uncertainty(linear(slopes, slopes[::-1, 0]), np.zeros(2)).of_a_block.deviation).all()
 
 
+@pytest.mark.parametrize(("bend", "simulations"), [(0.0, 1), (0.01, 1), (10.0, 4)])
+def test_derivatives_are_used_again_where_they_predict_the_residuals(bend, simulations):
+    tried, slopes = [], np.random.default_rng(0).normal(size=(50, 3))
+    problem = modelled(lambda x: tried.append(x) or slopes @ x + bend * (x @ x), 3, 50)
+    jacobian(problem, np.zeros(3))
+    tried.clear()
+    there = np.array([1.0, 0.0, 0.0])
+    # The update makes the derivatives along the move those of its chord.
+    along = jacobian(problem, there) @ there
+    assert len(tried) == simulations
+    np.testing.assert_allclose(along, slopes[:, 0] + (bend if simulations == 1 else 2.0 * bend), atol=1e-4)
+
+
+def test_directions_of_a_smooth_model_are_looked_at_together():
+    """A simulation at the estimate, and one on each side of it."""
+    tried, slopes = [], np.random.default_rng(0).normal(size=(50, 3))
+    with_faint_directions(modelled(lambda x: tried.append(x) or slopes @ x, 3, 50), np.zeros(3), slopes)
+    assert len(tried) == 3
+
+
 def test_a_diverged_simulation_gives_no_derivative():
     slopes = np.random.default_rng(0).normal(size=(50, 3))
-    found = jacobian(modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50), np.zeros(3), 1e-3)
+    problem = modelled(lambda x: None if x[1] > 0.0 else slopes @ x, 3, 50)
+    found = slopes_along(problem, np.zeros(3), range(3), 1e-3)
     np.testing.assert_allclose(found, slopes * [1.0, 0.0, 1.0], atol=1e-9)
 
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from asrsim.actuators import Actuator, Sea
-from asrsim.kinematics.drive_inverse import drive_backwards
+from asrsim.actuators import Actuator, QbMove, Sea
+from asrsim.kinematics.drive_inverse import DriveMotion, drive_backwards
 from asrsim.kinematics.inverse import demands_of
 from support.robots import drive_with
 
@@ -39,6 +39,16 @@ def test_demands_on_a_spring_and_its_motor_are_those_of_the_closed_form():
         assert (abs(one.needed), abs(one.limit), one.unit) == (pytest.approx(needed, rel=0.01), pytest.approx(limit), unit), (
             what
         )
+
+
+def test_of_two_springs_the_less_deflected_one_counts():
+    drive = drive_with(QbMove, (9.0, 0.002, 9.0, 0.002, 0.8), mode=3)
+    time, still = np.linspace(0.0, 1.0, 11), np.ones(11)
+    item = DriveMotion(inputs=still, motors=np.outer(still, [0.5, -0.4]), motor_torques=np.empty((11, 0)), holdable=2.0 * still)
+    joint = SimpleNamespace(most_effort=3.0, stops=(-1.0, 1.0), kind="revolute")
+    demands = {one.what: one for one in demands_of(drive, time, 0.2 * still, 0.5 * still, item, joint)}
+    assert demands.keys() == {"joint effort", "spring torque", "spring deflection"}
+    assert demands["spring deflection"].needed == pytest.approx(0.3)
 
 
 def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_says():

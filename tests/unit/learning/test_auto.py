@@ -109,6 +109,9 @@ def test_after_a_worse_trial_the_best_gets_ten_times_weight():
     assert (best.number, failed) == (3, 0)
     assert rho == pytest.approx(1.0 / 3.0)
     assert standing(trials(1.0, float("nan"))[1])[0].number == 0
+    # Less than a hundredth is no progress.
+    best, rho, failed = standing(trials(1.0, 0.4, 0.399)[1])
+    assert (best.number, failed) == (2, 1)
 
 
 @pytest.mark.parametrize("patience", [2, 3])

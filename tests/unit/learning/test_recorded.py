@@ -104,6 +104,13 @@ def test_a_shifted_clock_is_reported_and_a_lagging_robot_not(plant, tmp_path):
     assert not take(write(path, plant, "time [s],joint_1 [rad],joint_2 [rad]"), plant).findings
 
 
+def test_a_short_gap_is_bridged_and_noted(plant, tmp_path):
+    path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.05))
+    (said,) = (one for one in take(path, plant).findings if one.code == "gaps")
+    assert said.file == path
+    assert said.message == "has gaps of up to 0.049 s, which are interpolated linearly"
+
+
 def test_a_recording_with_a_long_gap_is_refused(plant, tmp_path):
     """Linear interpolation would hide the motion in a gap of 0.2 s."""
     path = write(tmp_path / "gap.csv", plant, "time [s],joint_1 [rad],joint_2 [rad]", gap=(1.0, 1.2))

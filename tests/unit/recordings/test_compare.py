@@ -152,8 +152,9 @@ def test_clocks_without_overlap_are_aligned_by_motion_or_refused(tmp_path):
     assert found.lag == pytest.approx(100.3, abs=3e-3)
     recording = read(write(tmp_path, "time,elbow_pos", t, np.random.default_rng(1).normal(size=len(t))))
     for lag in ("auto", "off"):
-        with pytest.raises(RecordingError, match=r"no overlap.*from 0 to 5 s.*from 100 to 104.*--align start"):
+        with pytest.raises(RecordingError, match=r"no overlap.*from 0 to 5 s.*from 100 to 104.*--align start") as caught:
             compare(simulation(), recording, lag=lag)
+        assert caught.value.problems[0].file == recording.path
     assert compare(simulation(), recording, lag="start").alignment.lag == 100.0
 
 

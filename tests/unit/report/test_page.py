@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import asrsim
@@ -17,6 +18,8 @@ from asrsim.quantities import QUANTITIES
 from asrsim.render import Film
 from asrsim.report import write_report
 from asrsim.report.content import read_parameters
+from asrsim.report.motion import motion_data
+from asrsim.report.page import page_html
 from asrsim.report.plots import joint_sections
 from asrsim.report.series import pack, read_runs, unpack
 from support.browser import CHROMIUM, Browser
@@ -62,7 +65,8 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page, folder):
     text = " ".join(Page(page).text.split())
     for wanted in (
         "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
-        "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
+        "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", f"asrsim rerun {folder / 'stiff' / 'log.mcap'}",
+        "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
     assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
@@ -91,6 +95,34 @@ def test_a_short_push_is_on_the_page_at_its_time(tmp_path):
     shown = run.get("box", "force").values
     assert (grid.thinned, shown.max(), np.count_nonzero(shown)) == (True, 5.0, 2)
     assert np.abs(grid.time[shown > 0.0] - [2.345, 6.789]).max() < 2.0 * grid.step
+
+
+def test_the_moving_view_puts_each_body_where_the_film_has_it(folder):
+    film = Film(folder / "soft" / "log.mcap")
+    (run,) = motion_data([film], ["soft"])["runs"]
+    count, bodies = run["count"], {body["name"]: body for body in run["bodies"]}
+    times = unpack(run["time"], count)
+
+    def frame(name, number):
+        *place, x, y, z, w = (unpack(column, count)[number] for column in bodies[name]["pose"])
+        own = np.eye(4)
+        own[:3, :3], own[:3, 3] = Rotation.from_quat([x, y, z, w]).as_matrix(), place
+        parent = bodies[name]["parent"]
+        return own if parent is None else frame(parent, number) @ own
+
+    for number in (0, count // 2, count - 1):
+        wanted = film.frames(int(np.abs(film.samples.time - times[number]).argmin()))
+        assert bodies.keys() == wanted.keys()
+        for name, place in wanted.items():
+            np.testing.assert_allclose(frame(name, number), place, atol=1e-3, err_msg=name)
+    assert np.abs(film.frames(0)["link_2"] - film.frames(len(film.samples.time) - 1)["link_2"]).max() > 0.02
+
+
+def test_a_title_is_text():
+    page = page_html("a <b> & c", ["<section></section>"], head="<p>head</p>", foot="foot")
+    assert "<h1>a &lt;b&gt; &amp; c</h1><p>head</p>" in page
+    assert "<b>" not in page
+    assert page.index("head</p>") < page.index("<section>") < page.index("foot</footer>")
 
 
 def test_twenty_seconds_of_five_joints_fit_in_two_megabytes(tmp_path):

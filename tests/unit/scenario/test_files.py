@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from asrsim.document.yaml_reader import parse_yaml, plain_scalar
 from asrsim.errors import InputError, ScenarioError
+from asrsim.samples import JointInfo
 from asrsim.scenario import load_scenario, make_scenario, scenario_from_data
+from asrsim.scenario.carried import unknown_actuators
 from asrsim.scenario.data import KEYS, Imperfections, LinkDamping
 from asrsim.signals import Constant, Step
 
@@ -395,3 +397,12 @@ def test_file_names_that_are_not_utf_8_are_refused(tmp_path):
         pytest.skip("this file system has no such names")
     with pytest.raises(ScenarioError, match=r"must be UTF-8.* Rename it"):
         load_scenario(path)
+
+
+def test_each_actuator_that_is_not_here_is_named_with_its_joints():
+    kinds = {"a": "torn", "b": "sea", "c": "lost", "d": "rigid", "e": "torn"}
+    joints = [JointInfo(name=name, actuator=kind, mode=6) for name, kind in kinds.items()]
+    said = unknown_actuators(joints, ["plugins/lost.py", "arm.urdf"])
+    told = [one.message.partition(" is not known here")[0] for one in said]
+    assert told == ["the actuator 'torn' of a, e", "the actuator 'lost' of c"]
+    assert {one.hint for one in said} == {"The run used lost.py: name your copy with --plugin"}

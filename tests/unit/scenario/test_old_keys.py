@@ -25,6 +25,7 @@ def test_old_keys_of_a_file_have_the_same_meaning(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     with pytest.warns(OldKeyWarning) as told:
         old = load_scenario(tmp_path / "old.yaml")
+    assert {one.filename for one in told} == {__file__}, "the warnings name the line of the caller"
     for place in ("3: the key `effects` is", "5: the key `effects` is", "6: the key `substep_cap` is"):
         assert any(f"old.yaml:{place} called" in str(one.message) for one in told)
     expected = load_scenario(tmp_path / "new.yaml")

@@ -115,6 +115,7 @@ MOVED = asrsim.Start(positions={"elbow": 0.2})
     ("call", "said"),
     [
         (lambda w: w.advance(worlds=[0, 0]), "different numbers from 0 to 2"),
+        (lambda w: w.advance(worlds=[0, 3]), "different numbers from 0 to 2"),
         (lambda w: w.advance(worlds=[0.7]), "different numbers"),
         (lambda w: w.counts(-1), "different numbers"),
         (lambda w: w.set_reference("elbow", "equilibrium_position", [0.1, 0.2]), "must be numbers of the shape"),
@@ -129,6 +130,8 @@ MOVED = asrsim.Start(positions={"elbow": 0.2})
         (lambda w: w.reset([MOVED, MOVED, asrsim.Start(parameters={"elbow": {"damping": -1.0}})]), "damping"),
         (lambda w: w.reset([]), "one start for each world"),
         (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
+        (lambda w: w.record("link_position"), "names.*must be a list of quantities.*link_position"),
+        (lambda w: w.record(60), "names.*must be a list of quantities.*60"),
     ],
 )
 def test_wrong_calls_of_worlds_change_nothing(tiny, call, said):

@@ -115,3 +115,45 @@ def test_a_spring_without_finite_stiffness_is_refused():
     keys = {"parameters": {"spring_exponent": 1e3, "max_deflection": 0.75}, "mode": 2, "duration": 0.01, "gravity": 0.0}
     with pytest.raises(UnresolvedSpringError, match="'joint_1' is not finite"):
         run(robot, references={"reference_1": 1.0, "reference_2": -1.0}, **keys)
+
+
+def test_each_joint_of_a_kind_is_resolved_by_its_own_references():
+    """Ideal motors that pretension two sinh springs by sigma give 2 a k cosh(a sigma), whatever the other joints do."""
+    presets = {"joint_1": 0.1, "joint_2": 0.4, "joint_3": 0.2}
+    references = {name: {"equilibrium_position": 0.0, "stiffness_preset": preset} for name, preset in presets.items()}
+    robot = chain(*(replace(BODY, actuator="qbmove") for _ in presets))
+    found = run(robot, mode=3, joints=references, duration=0.01, gravity=0.0, compiled=False).resolution.stiffness
+    assert found == pytest.approx([2.0 * 8.9992 * 0.0019 * np.cosh(8.9992 * preset) for preset in presets.values()])
+
+
+BRANCHED = """
+import math
+from asrsim.actuators import Actuator, Parameter
+
+class Kneed(Actuator):
+    name = "kneed"
+    title = "Linear spring up to a knee, and exponential beyond it"
+    source = "this test"
+    motors = 1
+    parameters = (Parameter(name="max_deflection", default=2.0, unit="rad", doc="largest deflection"),)
+
+    @staticmethod
+    def elastic_torques(q, theta_1, theta_2, parameters):
+        size = min(abs(theta_1 - q), parameters[0])
+        return math.copysign(5.0 * size if size < 0.2 else math.exp(1e3 * (size - 0.2)), theta_1 - q), 0.0
+
+    @staticmethod
+    def stiffness(q, theta_1, theta_2, parameters):
+        size = min(abs(theta_1 - q), parameters[0])
+        return 5.0 if size < 0.2 else 1e3 * math.exp(1e3 * (size - 0.2))
+"""
+
+
+def test_a_law_that_overflows_beyond_the_reach_of_its_spring_is_resolved(tmp_path):
+    """Python's exponential raises an error there, where NumPy's is infinite. The motor jumps by 0.1 rad."""
+    (tmp_path / "kneed.py").write_text(BRANCHED)
+    (tmp_path / "arm.urdf").write_text(chain(replace(BODY, actuator="sea")).text.replace("libsea", "libkneed"))
+    (tmp_path / "step.yaml").write_text(
+        "robot: arm.urdf\nduration: 0.1\nmodes: 2\ngravity: [0, 0, 0]\nreferences: {joint_1: {reference_1: 0.1}}\n"
+    )
+    assert prepare(tmp_path / "step.yaml", plugins=[tmp_path / "kneed.py"]).resolution.stiffness == (5.0,)

@@ -17,7 +17,7 @@ from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.run import simulate
 from asrsim.summary import Collector, collect
-from asrsim.summary.collect import Seen
+from asrsim.summary.collect import Seen, step_start
 from asrsim.summary.make import make_summary
 from asrsim.summary.table import limit_columns, limit_note, measure_columns
 from support.paths import EXAMPLES, ROOT
@@ -334,3 +334,20 @@ def test_joints_that_end_stuck_or_on_stops_get_warnings(tiny, usual, otherwise, 
     told = make_summary(run, Seen(measures=(measures,), tip={}, travels=(now.travel,)), samples=1).warnings
     assert [one.key for one in told] == ([] if said is None else ["elbow"])
     assert said is None or re.search(said, told[0].message)
+
+
+@pytest.mark.parametrize(
+    ("reference", "start"),
+    [
+        ([0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1], 7),
+        ([0, 0, 0, 1, 2, 3, 4, 4, 4, 4, 4, 4], 3),
+        ([4, 4, 4, 1, 1, 0, 0, 0, 0, 0, 0, 0], 3),
+        ([1] * 12, 0),
+        ([0] * 12, None),
+        ([0, 0, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0], None),
+        ([0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11], None),
+    ],
+    ids=["step", "ramp", "down", "elsewhere", "at rest", "back", "moving to the end"],
+)
+def test_a_motion_starts_with_the_first_sample_that_differs(reference, start):
+    assert step_start(np.array(reference, dtype=float), 0.0) == start

@@ -240,6 +240,9 @@ def test_folders_of_others_and_of_other_studies_are_refused(tmp_path):
     asrsim.sweep(study, out=tmp_path / "s", workers=1)
     with pytest.raises(InputError, match="contains rows"):
         asrsim.sweep(study, out=tmp_path / "s", workers=1)
+    with pytest.raises(InputError, match="contains no study") as caught:
+        Table(tmp_path)
+    assert caught.value.problems[0].file == tmp_path
     with pytest.raises(InputError, match="other values of over"):
         asrsim.sweep(study_of({"link_1.mass": [0.3, 0.5]}), out=tmp_path / "s", workers=1, resume=True)
     other = study_of({"link_1.mass": [0.3, 0.5, 0.6]})

@@ -12,7 +12,7 @@ import asrsim
 from asrsim.errors import InputError, RecordingError
 from asrsim.live import TRANSPORTS, Received, TransportEntry
 from asrsim.recordings import read_recording
-from asrsim.twin.follow import Followed, charts, follow_recording, write
+from asrsim.twin.follow import FIELDS, Followed, charts, follow_recording, write
 from asrsim.twin.live import LiveTwin
 from support.paths import EXAMPLES
 from support.soft_arm import QBMOVE, SEA, record
@@ -141,6 +141,22 @@ def test_an_external_torque_is_observed_only_at_its_joint(five):
             robot.advance()
     np.testing.assert_allclose(found.external_torque, [0.0, 0.0, 2.0, 0.0, 0.0], atol=0.06)
     assert found.time == pytest.approx(1.499)
+
+
+def test_a_mirrored_motion_has_mirrored_torques_and_the_same_alarms(tmp_path):
+    """A hanging link with an SEA and dry friction, pushed to one side for a while."""
+    scenario, time = SEA.write(tmp_path), 1e-3 * np.arange(700)
+    goals = 0.3 * np.sin(9.0 * time)
+    measured = goals + np.where(time > 0.5, 0.4, 0.0) * np.sin(np.pi * (time - 0.5) / 0.2)
+    found = []
+    for sign in (1.0, -1.0):
+        with asrsim.Twin(scenario, bandwidth=8, compiled=False) as twin:
+            steps = [twin.step([sign * q], goal(sign * to)) for q, to in zip(measured, goals, strict=True)]
+        found.append({name: np.array([getattr(one, name)[0] for one in steps]) for name in FIELDS})
+    right, left = found
+    assert right["alarm"].any()
+    for name, sign in (("external_torque", -1), ("residual", -1), ("threshold", 1), ("alarm", 1), ("stiffness", 1)):
+        np.testing.assert_allclose(left[name], sign * right[name], atol=1e-9, err_msg=name)
 
 
 def test_a_joint_that_is_not_measured_runs_free(five):
