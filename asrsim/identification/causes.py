@@ -147,6 +147,11 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
         if not isinstance(one, Extension):
             message = f"the cause '{name}' must return or yield asrsim.identification.Extension; it gives {one!r}"
             raise result_fault(function, message)
+        if not isinstance(one.parameters, tuple) or not all(isinstance(own, FitParameter) for own in one.parameters):
+            message = f"the cause '{name}' must free a tuple of parameters of `problem.fixed`; it gives {one.parameters!r}"
+            raise result_fault(function, message)
+        if not one.text and (one.parameters or one.ties):
+            raise result_fault(function, f"the cause '{name}' must give each extension a `text` that names it")
         for parameter in one.parameters if one.elastic is None else ():
             if parameter.key not in problem.known:
                 message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"
@@ -423,4 +428,4 @@ for name, cause in {
     "ties": Cause(title="wrong ties", extensions=_wrong_ties),
     "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
 }.items():
-    CAUSES.add(name, cause)
+    CAUSES.own(name, cause)
