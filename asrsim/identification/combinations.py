@@ -16,24 +16,28 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 UNKNOWN = 0.3
-"""Relative half width of an interval above which a parameter or a combination is unidentifiable."""
+"""Relative half width of an interval above which a parameter or a combination is unidentifiable: at most one digit is known."""
 FAR = 2.3
-"""Largest change of the logarithms along an unidentifiable direction."""
+"""Largest change of the logarithms along an unidentifiable direction: a factor of ten, beyond which a guess is rarely wrong."""
 NICE, NICER = 1.5, 2e-3
-"""A simpler expression is preferred if its interval is at most this factor times the narrowest interval, plus this summand."""
-HIGHEST = 4.0
-"""Largest exponent in a combination."""
-DENOMINATORS = (1.0, 2.0, 3.0, 4.0)
-"""Denominators of the ratios of two exponents in a combination."""
+"""A simpler expression is preferred if its interval is at most this factor times the narrowest interval, plus this summand: a
+sum or a product of powers is easier to read, even with a slightly wider interval.
+"""
+LARGEST = 4
+"""Largest integer in a formula: powers, their denominators, and factors of terms. Formulas of mechanics have no larger
+integers.
+"""
 MULTIPLIED = ("1", "m")
 """Units of gains, ratios and lever arms: positive parameters with these units are factors, never terms of a sum."""
-MOST, WHOLE = 4, 0.08
-"""Largest integer factor of a term in a sum; largest relative deviation of a factor from the integer."""
+WHOLE = 0.08
+"""Largest relative deviation of a factor of a term in a sum from an integer, so small that the ranges around 4 and 5 do not
+overlap.
+"""
 AXES = ("ixx", "iyy", "izz")
 """Names of the moments of inertia about the axes."""
 TINY, NEAR = 1e-6, 0.05
-"""Exponent below which a parameter does not belong to a combination; distance from the span of known combinations below which
-a combination follows from them.
+"""Exponent below which a parameter does not belong to a combination, far above rounding; distance of a unit vector from the
+span of known combinations below which a combination follows from them, 5 %.
 """
 
 
@@ -163,9 +167,9 @@ def _forms(known: _Known, chosen: Sequence[int], exponents: Array) -> Iterator[C
     if np.all(values == known.scales[chosen]):
         # The first entry with nearly the smallest exponent stands in the numerator.
         least = exponents[np.argmin(np.round(np.abs(exponents), 1))]
-        for denominator in DENOMINATORS:
+        for denominator in map(float, range(1, LARGEST + 1)):
             powers = np.round(denominator * exponents / least)
-            if np.abs(powers).max() <= HIGHEST * denominator:
+            if np.abs(powers).max() <= LARGEST * denominator:
                 named = [(known.names[i], power) for i, power in zip(chosen, powers.tolist(), strict=True)]
                 text = " * ".join(_power(name, p) for name, p in named if p > 0.0)
                 text += "".join(f" / {_power(name, -p)}" for name, p in named if p < 0.0)
@@ -202,7 +206,7 @@ def _sum(known: _Known, other: int, pivot: int, power: float) -> Iterator[Combin
     whole = round(times)
     factors = first.logarithmic and first.unit in MULTIPLIED
     total = a + whole * b
-    near = 0 < abs(whole) <= MOST and abs(times - whole) <= WHOLE * abs(whole)
+    near = 0 < abs(whole) <= LARGEST and abs(times - whole) <= WHOLE * abs(whole)
     if near and total and first.unit == second.unit and not factors:
         factor = "" if abs(whole) == 1 else f"{abs(whole)} "
         text = f"{known.names[other]} {'+' if whole > 0 else '-'} {factor}{known.names[pivot]}"

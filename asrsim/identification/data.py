@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import EXTERNAL, comparable
-from asrsim.identification.noise import fine_noise, quantum_of
+from asrsim.identification.noise import MOVES, fine_noise, quantum_of
 from asrsim.identification.task import Experiment, Task
 from asrsim.quantities import unit_of
 from asrsim.recordings import read_recording
@@ -32,7 +32,9 @@ APART = 3.0
 link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
 """
 COMPUTED = 1e-3
-"""Relative residual of a linear regression on another column below which a column counts as computed from it."""
+"""Relative residual of a linear regression on another column below which a column counts as computed from it: digits of a file
+leave less, and two sensors more.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,7 +162,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         message = f"no channel of the recording is compared; its channels are {known}"
         hint = "; ".join(remarks) or None
         raise RecordingError(message, file=recording.path, hint=hint, code="nothing-compared")
-    if not any(np.ptp(channel.values) > 8.0 * max(channel.noise, channel.quantum) for channel in channels):
+    if not any(np.ptp(channel.values) > MOVES * max(channel.noise, channel.quantum) for channel in channels):
         message = "no channel moves by more than its noise, so no parameter can be identified"
         raise RecordingError(message, file=recording.path, code="nothing-moves")
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step

@@ -9,29 +9,45 @@ import numpy as np
 from asrsim.samples import Array
 
 ORDER = 12
-"""Largest order of the autoregressive models."""
+"""Largest order of the autoregressive models: Schwarz's criterion selects the order, mostly 0 to 4."""
 STATIONARY = 0.9999
-"""Largest partial correlation of an autoregressive model; that of a stationary process is below 1."""
+"""Largest partial correlation of an autoregressive model; that of a stationary process is below 1. The limit is noise that
+remembers ten thousand samples.
+"""
 NOTHING = 0.5
-"""Ratio of residuals to estimated noise below which residuals count as zero."""
+"""Ratio of residuals to estimated noise below which residuals count as zero: residuals of the right model are as large as the
+noise, and only where there is no noise, its estimate is the rounding of the file.
+"""
 CLIPPED = 4.0
-"""Robust standard deviations to which larger residuals are clipped."""
+"""Robust standard deviations to which larger residuals are clipped: noise exceeds them once in 16,000 samples."""
 AROUND, WIDTH = 25, 3
 """Number of neighbouring frequencies on each side whose median is the local level of a spectrum; number of frequencies in a
-spectral line.
+spectral line, whose power leaks into its neighbours.
 """
 SELDOM, SWING = 1e-4, 0.03
 """Probability that pure noise has such a spectral line, above which the line is not reported; smallest fraction of the power in
-a reported line.
+a reported line: a line of a large recording may stand out and mean nothing.
 """
 STILL, FINE = 0.15, 0.5
-"""Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation."""
+"""Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation: with
+more noise, steps no longer show.
+"""
 LEVELS = 20_000
-"""Largest number of different values of a recording that counts as quantised."""
+"""Largest number of different values of a recording that counts as quantised: an encoder of 16 bits shows 20,000 steps over a
+third of a turn.
+"""
+MOVES = 8.0
+"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving: the range of
+4,000 samples of noise alone is 7.
+"""
 WITHIN = 0.99
-"""Fraction of the power of a motion that lies within its band."""
+"""Fraction of the power of a motion that lies within its band: a tenth of its amplitude is outside. The levels of the search
+were found with this fraction.
+"""
 LOUD = 30.0
-"""Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth."""
+"""Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth: white noise exceeds it at a frequency
+once in 10^13, as its power is exponentially distributed.
+"""
 
 
 def fine_noise(values: Array, quantum: float = 0.0) -> float:

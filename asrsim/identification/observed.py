@@ -18,13 +18,19 @@ from asrsim.identification.door import SteppedJoint
 from asrsim.samples import Array
 
 BETWEEN = 0.2
-"""Interval between corrections in units of 1 / w if samples are closer together: fewer corrections add less noise."""
+"""Interval between corrections in units of 1 / w, if samples are closer: fewer corrections add less noise, and within this
+interval an error grows by a fifth at most.
+"""
 FASTEST = 0.5
 """Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
 REVERSED = 0.7
-"""A deflection has the wrong sign if with the other sign at most this fraction of the unexplained acceleration remains."""
+"""A deflection has the wrong sign if with the other sign at most this fraction of the unexplained acceleration remains: a right
+sign leaves less than the wrong one, and noise and friction hide a part of the difference.
+"""
 GAP = 3.0
-"""Distance of two samples, in usual intervals, above which the time between them counts as unmeasured."""
+"""Distance of two samples, in usual intervals, beyond which nothing is measured between them: a spline through single lost
+samples is still close to the motion.
+"""
 
 
 class Measured:

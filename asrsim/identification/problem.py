@@ -24,24 +24,33 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 STEP = 1e-6
-"""Step of finite differences, in the vector's units: logarithms, or typical sizes."""
+"""Step of finite differences, in the vector's units: logarithms, or typical sizes. It is far above the rounding of a
+simulation, about 1e-13 of the motion, and far below the moves that bend the residuals.
+"""
 FAR = 1e3
-"""Residual of a diverged simulation, in standard deviations of the noise."""
+"""Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
+"""
 REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size; largest number of evaluations with derivatives."""
+"""Initial trust region of a search, relative to a parameter's size: a third, since starts are often wrong by as much; and
+largest number of evaluations, several times what a search needs that ends by its tolerance (5 to 15).
+"""
 LINEAR, TRUSTED = 0.3, 0.05
 """Derivatives are used again if their prediction of the change of the residuals has at most this relative error: in a search,
-whose next step shows the error; and elsewhere.
+whose next step shows the error; and elsewhere, where an interval may be wrong by a twentieth.
 """
 SLIGHT = 0.01
-"""Change of the residuals, in standard deviations of the estimate, below which it shows nothing of the derivatives."""
+"""Change of the residuals, in standard deviations of the estimate, below which the change contains no information about the
+derivatives.
+"""
 RIDGE = 1e-4
 """Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
 at full rank: SciPy's trust region takes wrong steps if a parameter has no effect yet. It reduces the move of a logarithm that
 is known within 1 % by the fraction 1e-12.
 """
 HUBER = 3.0
-"""Residual, in standard deviations of the noise, above which the Huber loss is linear."""
+"""Residual, in standard deviations of the noise, above which the Huber loss is linear: noise alone exceeds it once in 370
+samples, so that without outliers the loss is that of least squares.
+"""
 
 
 def weigh(values: Array, noise: float, quantum: float) -> Array:
@@ -318,9 +327,12 @@ def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED) -> Array:
 
 
 def slopes_along(
-    problem: FitProblem, x: Array, columns: Sequence[int], step: float = STEP, *, base: Array | None = None
+    problem: FitProblem, x: Array, columns: Sequence[int], step: float | Array = STEP, *, base: Array | None = None
 ) -> Array:
-    """Columns (m, k) of the Jacobian by one-sided differences within the bounds. base: residuals (m,) at x."""
+    """Columns (m, k) of the Jacobian by one-sided differences within the bounds.
+
+    step: step of all entries, or (n,) of each, in the vector's units; base: residuals (m,) at x.
+    """
     at = residuals(problem, x) if base is None else base
     matrix, moves = np.zeros((len(at), len(columns))), np.where(x + step <= problem.layout.bounds[1], step, -step)
     for track in problem.fitted:

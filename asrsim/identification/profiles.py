@@ -13,13 +13,11 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-"""Positions at which a profile is given, in standard deviations of the parameter."""
+"""Places of a profile, in standard deviations of the parameter: beyond the ends of a 99 % interval, 2.58."""
 SIMULATED = 2.0
 """Position that is simulated, in standard deviations, on the side with more room: near the end of a 95 % interval, 1.96."""
 FARTHEST = 1.0
-"""Largest move of a parameter or of a follower, in the vector's units; beyond it, slopes do not predict the other
-parameters.
-"""
+"""Largest move of a parameter or of a follower, in the vector's units: a factor e, within which the others follow slopes."""
 
 
 @dataclass(frozen=True)

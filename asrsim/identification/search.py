@@ -24,7 +24,6 @@ from asrsim.identification.extensions import extended, jumps, presliding, stairs
 from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
-    ROUNDS,
     FitProblem,
     differences,
     huber,
@@ -40,22 +39,27 @@ from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
 """Bandwidths of the observer, in units of the band of the motion. A prototype found the right minima of five recorded machines
-at 0.25 to 8, from starts ten times off; at bandwidths below 0.1 it did not.
+at 0.25 to 8, from starts ten times off; at bandwidths at bandwidths below 0.1 it did not.
 """
 EVALUATIONS, TWICE = 10, 2
-"""Largest number of evaluations of a search with an observer, and number of searches with new weights at each level."""
+"""Largest number of evaluations of a search with an observer, and number of searches with new weights at each level, as in the
+prototype.
+"""
 AGREES = 1.1
-"""Two neighbouring levels agree if the estimate of the first raises the mean square error at the next by at most this factor: 5
-% of the error.
+"""Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error,
+as in the prototype.
 """
 TIMED = 3
-"""Number of linear solutions for instants of jumps."""
+"""Number of linear solutions for instants of jumps: the error is nearly linear in them, so that each leaves a small part of it.
+"""
 RISE = 2.0
-"""Factor between rising bandwidths."""
+"""Factor between rising bandwidths: neighbours then predict over similar times, so that none is passed over."""
 CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
 """Standard error of the logarithm of a standard deviation from tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
-"""Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel."""
+"""Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel: one and
+two decades to both sides, since the guess of a spring is the worst of all.
+"""
 SPRINGS = ("stiffness", "spring_k")
 """Words in the names of stiffnesses."""
 
@@ -183,7 +187,7 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
         if observed:
             x = solve(problem, x, robust=True, rounds=EVALUATIONS, tolerance=1e-2)
         else:
-            x = refined(problem, x, ROUNDS)
+            x = refined(problem, x)
             break
     return problem, x
 
@@ -229,9 +233,9 @@ def has_outliers(values: Array) -> bool:
     return float(np.mean(alone)) > 1e-3
 
 
-def refined(problem: FitProblem, x: Array, rounds: int) -> Array:
+def refined(problem: FitProblem, x: Array) -> Array:
     """Least-squares solution, from a start vector near the solution; with the Huber loss if there are outliers."""
-    return solve(problem, x, robust=has_outliers(residuals(problem, x)), rounds=rounds)
+    return solve(problem, x, robust=has_outliers(residuals(problem, x)))
 
 
 def settle(best: Best) -> None:
@@ -268,6 +272,6 @@ def _resolve(best: Best) -> None:
         resolved = with_own_substeps(best.problem, best.x)
         if resolved is best.problem:
             break
-        best.problem, best.x = resolved, refined(resolved, best.x, 20)
+        best.problem, best.x = resolved, refined(resolved, best.x)
     best.problem = weighed(best.problem, best.x)
-    best.x = refined(best.problem, best.x, 15)
+    best.x = refined(best.problem, best.x)

@@ -21,8 +21,6 @@ TRANSFERS = 1.5
 """Largest ratio of the prediction error to the error of a fit to the same motion at which the estimates count as valid for this
 motion.
 """
-ROUNDS = 15
-"""Largest number of steps of the fit to all recordings."""
 
 
 def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
@@ -35,7 +33,7 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
     # The predicted recordings get no separate values: only parameters of the robot and parameters that all recordings share are
     # fitted to them.
     everything = weighed(problem.everything, x)
-    there = refined(everything, x, ROUNDS)
+    there = refined(everything, x)
     before, after = _errors(everything, x), _errors(everything, there)
     for track in predicted:
         name, ratio = problem.tracks[track].data.name, before[track] / max(after[track], 1e-300)

@@ -13,39 +13,47 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from asrsim.identification.noise import autocovariances, autoregression
+from asrsim.identification.noise import CLIPPED, autocovariances, autoregression
 from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, slopes_along, weigh
 from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Number of blocks of each recording whose gradients give the spread."""
+"""Number of blocks of each recording whose gradients give the spread: with ten, the 95 % interval of Student's distribution is
+only 15 % wider than with many, and each block is still long against the memory of a motion.
+"""
 CHANCE = 0.95
-"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise."""
+"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise: as often as an interval
+misses.
+"""
 GONE = 1e3
-"""Standard deviation, in the vector's units, above which a direction is unidentifiable."""
-CORNER = 1e-5
-"""Step of finite differences, in the vector's units: larger than the kinks that sticking causes, smaller than the standard
-deviations.
+"""Standard deviation, in the vector's units, above which a direction is unidentifiable: even the exponent of a number would be
+unknown.
 """
 REACH = 1e-3
-"""Largest step of a directional derivative, in the vector's units."""
+"""Largest step of a directional derivative, in the vector's units: 0.1 % of a number, over which residuals hardly bend."""
 DRAWS = 100
-"""Number of random draws of an encoder's quantisation."""
+"""Number of random draws of an encoder's quantisation: they give a standard deviation within 7 %."""
 SMOOTH = 0.02
 """Relative change of a directional derivative over a standard deviation below which the residuals are smooth: small compared
 with 5 %, the largest half width of an identified parameter.
 """
 AGREES, ROUNDS = 0.3, 4
-"""Relative change below which corrected directional derivatives are accepted; largest number of rounds of correction."""
+"""Relative change below which corrected directional derivatives are accepted, since the correction is by one standard deviation
+to both sides, the width of the interval; largest number of rounds of correction, for directions that a correction uncovers.
+"""
+BEYOND, SINGLE = 6.0, 0.05
+"""Residual, in standard deviations of the noise, above which a sample is an outlier; fraction of the samples above which such
+samples are errors of the model, and count in full.
+"""
 PLAYED = 8
-"""Number of random draws of the commands' noise."""
+"""Number of random draws of the commands' noise: they give a standard deviation within 25 %, of a part of the whole one."""
 CORRECTIONS = 3
-"""Number of rounds that correct autocovariances for the fitted parameters."""
+"""Number of rounds that correct autocovariances for the fitted parameters, which converge by the ratio of parameters to
+samples.
+"""
 STATIONARY = 1e-3
-"""Smallest allowed distance of an autoregressive model from instability."""
-FINER = 2
-"""Factor by which substeps are refined to estimate the time-step error."""
+"""Smallest allowed distance of an autoregressive model from instability: noise that remembers a thousand samples."""
 
 
 @dataclass(frozen=True)
@@ -232,7 +240,7 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
     # Clip outliers, as the fit does.
-    left = np.clip(left, -4.0, 4.0) if np.mean(np.abs(left) > 6.0) < 0.05 else left
+    left = np.clip(left, -CLIPPED, CLIPPED) if np.mean(np.abs(left) > BEYOND) < SINGLE else left
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
     inverse = (vectors[kept].T / singular[kept] ** 2) @ vectors[kept]
@@ -265,7 +273,8 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
     inside = (x - REACH >= low) & (x + REACH <= high)
     basis, slopes, base = np.eye(len(x))[inside], slopes.copy(), residuals(problem, x)
     if not inside.all():
-        slopes[:, ~inside] = slopes_along(problem, x, np.flatnonzero(~inside).tolist(), CORNER)
+        alone = 1.0 / np.maximum(np.linalg.norm(slopes, axis=0), 1.0 / REACH)
+        slopes[:, ~inside] = slopes_along(problem, x, np.flatnonzero(~inside).tolist(), alone)
     for first in (True, *(False,) * (ROUNDS - 1)):
         if not len(basis):
             break
@@ -313,7 +322,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
     if all(any(one.noise for one in track.data.commands) for track in tracks):
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
-        finer = replace(playing, substeps=(FINER * playing.substeps[0], playing.substeps[1]))
-        # Extrapolate the time-step error to infinitely fine substeps; sticking joints cause an error of first order.
-        variance += (shift(finer) / (1.0 - 1.0 / FINER)) ** 2
+        finer = replace(playing, substeps=(2 * playing.substeps[0], playing.substeps[1]))
+        # Half the substep halves the time-step error, since sticking joints cause an error of first order.
+        variance += (2.0 * shift(finer)) ** 2
     return replace(found, deviation=np.sqrt(variance))

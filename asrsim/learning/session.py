@@ -243,7 +243,7 @@ def write_playback(
             for joint, error in zip(plant.joints, largest, strict=True)
             if isfinite(error)  # a joint of a simulation that diverged has no error
         ]
-    text = f"# Plays the inputs that `asrsim ilc` learned; they are in {inputs.name}.\n"
+    text = f"# Plays what `asrsim ilc` learned; the inputs are in {inputs.name}.\n"
     write_text(path, text + yaml.safe_dump(data, sort_keys=False, allow_unicode=True), "learned scenario")
 
 
