@@ -23,6 +23,8 @@ from asrsim.registry import Registry, all_or_none, plugin_file
 
 C = TypeVar("C")
 
+_MISFIT_CALL = re.compile(r"([\w.]+)\(\) (?:takes|missing|got) ")
+"""Beginning of Python's message on a call with arguments that the function does not take."""
 MODULES = "asrsim_plugin_"
 """Prefix of the module names of plugin files."""
 
@@ -87,6 +89,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
             for stage in stages:
                 STAGES.add(stage.name, stage, replace=True)
     problems += [problem for actuator in found for problem in declaration_problems(actuator)]
+    problems += [problem for one in [*stages, *found] for problem in _names_of_joints(one)]
     problems = problems or _taken_names(ACTUATORS, found, path)
     if problems:
         raise ActuatorError(problems)
@@ -119,6 +122,17 @@ def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: 
     ]
 
 
+def _names_of_joints(one: Any) -> list[Problem]:
+    """Problems of parameters with the name of a number that a joint has without an actuator: `elbow.damping` is its own."""
+    from asrsim.robot.vary import JOINT_NAMES
+
+    return [
+        declaration_problem(one, "a joint has a number of this name", "bad-parameter", key=f"parameters.{parameter.name}")
+        for parameter in one.parameters
+        if parameter.name in JOINT_NAMES
+    ]
+
+
 @contextmanager
 def blame_plugins() -> Iterator[None]:
     """Convert exceptions that a plugin file raises to an ActuatorError with file and line; asrsim's own errors stay."""
@@ -140,6 +154,24 @@ def plugin_fault(error: BaseException) -> ActuatorError | None:
         file, key = Path(frame.f_code.co_filename), frame.f_code.co_name
         message = f"the plugin raised {type(error).__name__}: {error}"
         return ActuatorError(message, file=file, line=line, key=key, hint=_law_hint(frame), code="plugin-raised")
+    return _call_fault(error)
+
+
+def _call_fault(error: BaseException) -> ActuatorError | None:
+    """An ActuatorError if asrsim called a function of a plugin file with arguments that this function does not take: Python
+    raises this error at the call, outside of the file."""
+    match = _MISFIT_CALL.match(str(error)) if isinstance(error, TypeError) else None
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(MODULES)] if match else []
+    for module in modules:
+        found: Any = module
+        for part in match[1].split(".") if match else ():
+            found = getattr(found, part, None)
+        code = getattr(inspect.unwrap(found), "__code__", None) if callable(found) else None
+        if code is not None and code.co_filename == module.__file__:
+            message = f"asrsim calls it with other arguments: {error}"
+            return ActuatorError(
+                message, file=Path(code.co_filename), line=code.co_firstlineno, key=code.co_name, code="plugin-arguments"
+            )
     return None
 
 

@@ -1,7 +1,10 @@
 """Renews what the documentation takes from the code: the schema, README's first run, the tutorial's pictures, and every
 part marked as generated.
 
-Usage: python docs/generate.py        a part stands from `<!-- generated: NAME -->` to `<!-- end -->`
+Usage: python docs/generate.py           all of it, in some minutes
+       python docs/generate.py --text    the generated parts of the pages and the schema, in seconds
+
+A part stands from `<!-- generated: NAME -->` to `<!-- end -->`
 """
 
 from __future__ import annotations
@@ -345,10 +348,8 @@ def home_pictures(folder: Path) -> None:
             shutil.copy(folder / made, PICTURE.parent / name)
 
 
-def main() -> None:
-    """Writes all pages and the schema."""
-    from asrsim.scenario.schema import schema_text
-
+def runs_and_pictures() -> None:
+    """Renew what README's run prints, and the pictures. Raises CalledProcessError."""
     text = PAGES[0].read_text(encoding="utf-8")
     printed = run_example()
     fresh = PRINTED.sub(lambda found: f"{found[1]}{printed}\n```", text)
@@ -358,6 +359,14 @@ def main() -> None:
         for shown, made in run_tutorial(Path(folder)).items():
             save_small(made, shown)
         home_pictures(Path(folder))
+
+
+def main() -> None:
+    """Writes all pages and the schema."""
+    from asrsim.scenario.schema import schema_text
+
+    if "--text" not in sys.argv:
+        runs_and_pictures()
     for page in PAGES:
         page.write_text(renewed(page.read_text(encoding="utf-8")), encoding="utf-8")
     (Path(__file__).parent / "scenario.schema.json").write_text(schema_text(), encoding="utf-8")

@@ -16,6 +16,6 @@ from asrsim.registry import Registry
 
 ACTUATORS: Registry[type[Actuator]] = Registry("actuator", "asrsim.actuators", base=Actuator, label="name")
 for _actuator in (Sea, QbMove, Bavs, AwasII, Maccepa, Awas, QuadraticCam):
-    ACTUATORS.add(_actuator.name, _actuator)
+    ACTUATORS.own(_actuator.name, _actuator)
 
 __all__ = ["ACTUATORS", "MODES", "Actuator", "Antagonistic", "Mode", "Parameter", "max_deflection", "saturate"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -19,7 +19,7 @@ from asrsim.actuators.declaration import declaration_problem
 from asrsim.actuators.modes import MODES
 from asrsim.actuators.parameters import Parameter
 from asrsim.actuators.sea import Sea
-from asrsim.actuators.stages import STAGES, Stage
+from asrsim.actuators.stages import OF_JOINTS, STAGES, Stage
 from asrsim.errors import Problem
 from asrsim.quantities import Quantity, each_motor
 from asrsim.records import declared
@@ -38,6 +38,8 @@ LARGEST = 5.0
 """Torque limit and largest torque of the motor in a motion, N m."""
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
+SAMPLE = {"deflection": 0.03, "velocity": 0.2, "torque": 1.0, "step": 1e-3}
+"""Numbers at which a law is called to see what it returns: rad, rad/s, N m, s."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
 """Values of the motor on which a stage is tried."""
 
@@ -68,11 +70,26 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         if not (isinstance(kind, type) and is_dataclass(kind)):
             yield key, "must be a dataclass with slots of numbers (asrsim.records)", "bad-declaration"
             return
+        maker = "value" if key == "Memory" else "constant"
+        if bare := [one.name for one in fields(kind) if "doc" not in one.metadata]:
+            yield f"{key}.{bare[0]}", f"must be declared by asrsim.records.{maker}(...)", "bad-declaration"
+            return
     if not (isinstance(stage.quantities, tuple) and all(isinstance(one, Quantity) for one in stage.quantities)):
         yield "quantities", "must be a tuple of Quantity(...), of asrsim.quantities", "bad-declaration"
         return
     known = {one.name for one in stage.quantities}
-    logged = [each_motor(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
+    logs = [one["log"] for one in declared(stage.Memory).values() if one["log"]]
+    if shared := [log for log in logs if "{}" not in log]:
+        said = f"must log '{shared[0]}' with {{}} for the number of the motor: each motor has a memory"
+        yield "Memory", said, "bad-declaration"
+        return
+    logged = [each_motor(log) for log in logs]
+    if unlogged := known - {stage.lost}.union(*logged):
+        said = f"has '{min(unlogged)}', which no number of the memory logs (`log=`)"
+        yield "quantities", said, "bad-declaration"
+    others = OF_JOINTS.union(one.name for other in STAGES.loaded() if other.name != name for one in other.quantities)
+    if shared := sorted(known & others):
+        yield "quantities", f"must not have '{shared[0]}': another quantity has this name", "bad-declaration"
     for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):
         missing = [name for name in names if name not in known]
         if missing:
@@ -83,6 +100,48 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
     for law in LAWS:
         if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
             yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
+            return
+    for own in vars(stage):
+        if isinstance(inspect.getattr_static(stage, own), staticmethod) and own not in LAWS and not own.startswith("_"):
+            yield own, f"is no law; laws are {', '.join(LAWS)}; begin the names of your functions with _", "bad-law"
+    yield from _law_faults(stage)
+
+
+def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
+    """What is wrong with the constants, and with the results of the laws at a few numbers."""
+    if stage.constants.__func__ is Stage.constants.__func__:  # type: ignore[attr-defined]
+        yield "constants", "is missing: it gives the constants at a motor, or None where the stage does not act", "bad-law"
+        return
+    source = np.random.default_rng(48)
+    values = {one.name: one.default for one in Sea.all_parameters()} | ELECTRIC
+    values |= {one.name: _drawn(one, source) for one in stage.parameters}
+    law = "constants"
+    try:
+        own = stage.constants(values, 1, MODES[5])
+        if own is None:
+            return
+        if not isinstance(own, stage.Constants):
+            yield law, f"must return {stage.Constants.__name__} or None", "bad-law"
+            return
+        memory = stage.Memory()
+        for law in LAWS:
+            before = replace(memory)
+            takes = inspect.signature(getattr(Stage, law)).parameters
+            found = getattr(stage, law)(*(({"memory": memory, "own": own} | SAMPLE)[name] for name in takes))
+            if law != "remember" and not _is_number(found):
+                yield law, f"must return a number (got {found!r})", "bad-law"
+            if law != "remember" and memory != before:
+                yield law, "must not change the memory; only `remember` does", "bad-law"
+            if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
+                yield law, f"must keep a number in `{wrong[0]}` of the memory (got {getattr(memory, wrong[0])!r})", "bad-law"
+                return
+    except (Exception, SystemExit) as error:
+        arguments = ", ".join(inspect.signature(getattr(Stage, law)).parameters)
+        yield law, raised_text(error) + (f"; it must take {arguments}" if isinstance(error, TypeError) else ""), "bad-law"
+
+
+def _is_number(found: object) -> bool:
+    return isinstance(found, (float, int, np.floating, np.integer))
 
 
 def check_stage(stage: type[Stage]) -> CheckReport:

@@ -75,6 +75,8 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
             given = {"plugin": files or [], "quiet": silent or json, "json": json}
             with json_errors(json), blaming(files):
                 done = function(**arguments, **{name: value for name, value in given.items() if name in own})
+            if not isinstance(done, Done):
+                raise TypeError(f"the command '{function.__name__}' must return Done(data=...), not {done!r}")
             if json:
                 say_json(done.data)
             else:

@@ -39,6 +39,8 @@ def declare(
         spread: The key sets several constructor arguments, as in `Key`.
         field_default: Default of the dataclass, if it differs; REQUIRED for none; a function makes the default.
     """
+    if not isinstance(kind, Kind):
+        raise TypeError(f"declare(...) takes a kind of asrsim.document.kinds, such as Number(), not {kind!r}")
     metadata = {"key": Key(name=key, kind=kind, default=default, doc=doc, unit=unit, shown=shown, spread=spread)}
     value = default if field_default is None else field_default
     if value is REQUIRED:

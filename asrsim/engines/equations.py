@@ -13,6 +13,9 @@ from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
+ROUNDING = 1e-8
+"""Largest asymmetry of a mass matrix, relative to its largest entry, that counts as a rounding error."""
+
 
 class EquationEngine(RigidEngine):
     """Engine for robots on a fixed base in a world without ground and objects: M(q) dv/dt + b(q, v) = torques.
@@ -44,24 +47,46 @@ class EquationEngine(RigidEngine):
 
     def begin(self) -> None:
         """Check what the equations give at the start. Raises RobotError."""
-        count, positions = len(self.joints), self._state[: len(self.joints)]
-        matrix = np.asarray(self.mass_matrix(positions.copy()), dtype=float)
-        bias = np.asarray(self.bias(positions.copy(), np.zeros(count)), dtype=float)
-        if matrix.shape != (count, count) or bias.shape != (count,):
-            message = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
-            raise RobotError(message, key=type(self).__name__, value=(matrix.shape, bias.shape), code="engine")
-        if not np.isfinite(bias).all():
-            message = "the engine's bias is not finite at the start"
-            raise RobotError(message, key=type(self).__name__, value=bias.tolist(), code="engine")
-        if not np.allclose(matrix, matrix.T) or not (np.linalg.eigvalsh(matrix) > 0.0).all():
-            message = "the engine's mass matrix is not symmetric and positive definite at the start"
-            raise RobotError(message, key=type(self).__name__, value=matrix.tolist(), code="engine")
+        count = len(self.joints)
+        _, _, fault, value = self._equations(self._state[:count], np.zeros(count))
+        if fault:
+            at = "" if "must" in fault else " at the start"
+            raise RobotError(f"{fault}{at}", key=type(self).__name__, value=value, code="engine")
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `full_matrix` and `full_bias` of the room."""
         room = self._room
-        room.full_matrix[:] = self.mass_matrix(room.qpos.copy())
-        room.full_bias[:] = self.bias(room.qpos.copy(), room.qvel.copy())
-        if not np.isfinite(room.full_matrix).all() or not np.isfinite(room.full_bias).all():
+        matrix, bias, fault, _ = self._equations(room.qpos, room.qvel)
+        if fault:
             at = f"at the positions {room.qpos.tolist()} and the velocities {room.qvel.tolist()}"
-            raise SimulationError(f"{type(self).__name__}: mass matrix or bias of the engine is not finite {at}")
+            raise SimulationError(f"{type(self).__name__}: {fault} {at}")
+        room.full_matrix[:], room.full_bias[:] = matrix, bias
+
+    def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, str, object]:
+        """Mass matrix and bias, and what is wrong with them: the beginning of a sentence, empty if nothing is, and a value."""
+        count = len(self.joints)
+        positions, velocities = positions.copy(), velocities.copy()
+        positions.flags.writeable = velocities.flags.writeable = False
+        found = self.mass_matrix(positions), self.bias(positions, velocities)
+        try:
+            matrix, bias = (np.asarray(one, dtype=float) for one in found)
+        except (TypeError, ValueError):
+            return np.empty(0), np.empty(0), "the engine's mass matrix and its bias must be arrays of numbers", found
+        fault, value = "", None  # type: tuple[str, object]
+        if matrix.shape != (count, count) or bias.shape != (count,):
+            fault = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
+            value = matrix.shape, bias.shape
+        elif not np.isfinite(bias).all():
+            fault, value = "the engine's bias is not finite", bias.tolist()
+        elif not _is_positive(matrix):
+            fault, value = "the engine's mass matrix is not symmetric and positive definite", matrix.tolist()
+        return matrix, bias, fault, value
+
+
+def _is_positive(matrix: Array) -> bool:
+    """Whether a matrix is symmetric, but for rounding errors, and positive definite."""
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= ROUNDING * np.abs(matrix).max(initial=0.0))

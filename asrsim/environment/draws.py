@@ -62,8 +62,13 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     found = plan_keys([key for key in keys if key not in late], dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
     numbers = {**found.numbers, **{key: _late_joints(key, name, prepared) for key, name in late.items()}}
     wrong = [key for key in keys if key not in numbers and key not in found.references]
+    # A number that a scenario without such a start could draw.
+    freed = replace(prepared.scenario, initial_equilibrium=False) if prepared.scenario.initial_equilibrium else None
+    able = plan_keys(wrong, dict.fromkeys(wrong, True), freed, prepared.robot).numbers if freed and wrong else {}
+    anew = "the scenario would have to be read anew"
+    start = "the start, `initial: equilibrium`, depends on it: state another `initial`"
     problems = [
-        Problem("cannot change from episode to episode: the scenario would have to be read anew", key=key, code="randomise")
+        Problem(f"cannot change from episode to episode: {start if key in able else anew}", key=key, code="randomise")
         for key in wrong
     ]
     joints = ("*", *(drive.name for drive in prepared.drives))

@@ -17,7 +17,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
-from asrsim.identification.judge import channel_fits, fits_noise, foreign, verdict
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
@@ -218,10 +218,11 @@ def _judged(
         others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
         watch.stage("what may be missing")
-        causes += foreign(channel_fits(problem, before, trained) if observed else fits)
+        predicted = channel_fits(problem, before, trained) if observed else fits
+        causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
         with watch.in_time(), suppress(OutOfTime):
-            for level in slow:
+            for level in slow if not misread((*predicted, *fits)) else ():
                 for one in _causes(*level):
                     # A cause that is found without a trial fit is the same at every level: take it once.
                     if one.trials or level is slow[0]:

@@ -8,8 +8,8 @@ from asrsim.live.transport import TRANSPORTS, Access, Interface, LiveTopic, Rece
 
 __all__ = ["TRANSPORTS", "Access", "Interface", "LiveTopic", "Received", "Transport", "TransportEntry"]
 
-TRANSPORTS.add("ros", TransportEntry(make=RosTransport, doc="ROS 2 topics, by rclpy", module="rclpy", extra="ros"))
-TRANSPORTS.add(
+TRANSPORTS.own("ros", TransportEntry(make=RosTransport, doc="ROS 2 topics, by rclpy", module="rclpy", extra="ros"))
+TRANSPORTS.own(
     "foxglove",
     TransportEntry(make=FoxgloveTransport, doc="a WebSocket for Foxglove and Lichtblick", module="foxglove", extra="foxglove"),
 )

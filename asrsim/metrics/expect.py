@@ -217,11 +217,12 @@ def _unmeasurable(expectation: Expectation) -> list[Problem]:
     except InputError as error:
         return list(error.problems)
     except (TypeError, ValueError, ArithmeticError, LookupError) as error:
-        if not options and (fault := plugin_fault(error)):
+        fault = plugin_fault(error)
+        if fault and not options:
             raise fault from error
         given = ", ".join(f"{key}: {value}" for key, value in options.items())
         how = f" with {given}" if given else ""
-        return [Problem(f"cannot be measured{how}: {error}", key="options", code="bad-option")]
+        return [Problem(f"cannot be measured{how}: {fault or error}", key="options", code="bad-option")]
     return []
 
 

@@ -100,7 +100,7 @@ for _function, _unit, _needs in (
     (motion.maximum_displacement, "m", "poses"),
     (motion.distance, "m", "poses"),
 ):
-    MEASURES.add(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
+    MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
 """Measures that a comparison of two series reports."""
@@ -138,9 +138,10 @@ def measure(
     if not len(time):
         return math.nan
     # Other measures get the same arrays: a function that writes into them is an error.
-    result = found.function(*map(_read_only, (time, *arguments)), **options)
+    lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
+    result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
     try:
-        return float(result)
+        return float(result if np.isrealobj(result) else "")
     except (TypeError, ValueError):
         kind = type(result).__name__
         raise result_fault(found.function, f"a measure must return a number; this one returns a value of type {kind}") from None

@@ -148,7 +148,7 @@ for name, figure in {
         pages=_object_pages,
     ),
 }.items():
-    FIGURES.add(name, figure)
+    FIGURES.own(name, figure)
 
 
 def joint_names(runs: Sequence[RunCurves]) -> tuple[str, ...]:

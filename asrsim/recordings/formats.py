@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from asrsim.confined.run import ConfinedError, run_confined
 from asrsim.document.file import lfs_pointer
 from asrsim.errors import InputError, Problem, RecordingError, similar_file
+from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy
 from asrsim.recordings.bags import read_bag
 from asrsim.recordings.data import Content, RawColumn, RawTable
@@ -45,6 +46,19 @@ class Reader:
     confined: bool = True
     """True: the file is read in a child process with limits on time and memory. True for all formats except text and JSON."""
 
+    def __post_init__(self) -> None:
+        for key, values, kind, valid in (
+            ("suffixes", self.suffixes, str, "must be a tuple of endings in lower case with their point, such as ('.lab',)"),
+            ("magic", self.magic, bytes, "must be a tuple of bytes, such as (b'LAB1',)"),
+        ):
+            if not (isinstance(values, tuple) and all(isinstance(one, kind) and _is_mark(one) for one in values)):
+                raise InputError(valid, key=key, value=values, code="reader")
+
+
+def _is_mark(mark: str | bytes) -> bool:
+    """Whether an ending begins with a point and is in lower case, as it is compared with; first bytes may be any."""
+    return isinstance(mark, bytes) or (mark[:1] == "." and len(mark) > 1 and mark == mark.lower())
+
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
 """Classes in the answer of the child process, by name."""
@@ -60,7 +74,7 @@ _OURS = {
 }
 """asrsim's readers by name; all others are users'."""
 for _name, _reader in _OURS.items():
-    READERS.add(_name, _reader)
+    READERS.own(_name, _reader)
 
 
 def content_of(path: Path, reading: Reading) -> Content:
@@ -161,13 +175,18 @@ def checked(name: str, found: Any, reading: Reading) -> Content:
 
     if not isinstance(found, Content):
         raise refuse(f"must return asrsim.recordings.data.Content; it returns a value of type {type(found).__name__}")
-    tables = []
+    tables, known = [], (*QUANTITIES, *DERIVED)
     for table in found.tables:
         if not isinstance(table, RawTable):
             raise refuse(f"must return tables (asrsim.recordings.data.RawTable); one is of type {type(table).__name__}")
         for column in table.columns:
             if not isinstance(column, RawColumn) or not isinstance(column.name, str):
                 raise refuse(f"must return columns (asrsim.recordings.data.RawColumn) with texts as names; one is {column!r}")
+            if name not in _OURS and column.quantity and column.quantity not in known:
+                raise RecordingError(
+                    f"the reader '{name}' states a quantity of the column '{column.name}' that does not exist",
+                    value=column.quantity, choices=known, meant=column.quantity, code="no-such-quantity",
+                )  # fmt: skip
         columns, names = [], name_columns([column.name for column in table.columns])
         for number, column in enumerate(table.columns):
             values = np.asarray(column.values)

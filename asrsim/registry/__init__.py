@@ -29,12 +29,15 @@ def plugin_file(path: str) -> Iterator[None]:
 @contextmanager
 def all_or_none() -> Iterator[None]:
     """Context in which entries are added to registries: if it ends with an error, all of them are removed."""
-    before = [(one, one.state()) for one in Registry.everyone]
+    before = {one: one.state() for one in Registry.everyone}
     try:
         yield
     except BaseException:
-        for one, state in before:
-            one.put(state)
+        for one in list(Registry.everyone):
+            if one in before:
+                one.put(before[one])
+            else:  # a registry of a module that the user's file was the first to import
+                one.forget_files()
         raise
 
 
@@ -67,7 +70,7 @@ class Registry(Generic[T]):
     everyone: ClassVar[WeakSet[Registry[Any]]] = WeakSet()
     """All registries."""
     added: ClassVar[int] = 0
-    """Number of entries that all registries together have received so far."""
+    """Number of entries that all registries together have received from plugin files so far."""
     file: ClassVar[str] = ""
     """Plugin file that is running; it may register its entries again when it runs again."""
 
@@ -98,10 +101,18 @@ class Registry(Generic[T]):
             raise InputError(f"the {self.noun} '{name}' {fault}", code=f"broken-{self.noun}")
         again = bool(Registry.file) and self._files.get(name) == Registry.file
         if name in self._entries and not replace and not again:
-            raise InputError(f"{self.noun} '{name}' is registered already", code="name-taken")
+            raise InputError(f"{self.noun} '{name}' is registered already", hint="Choose another name", code="name-taken")
         self._files[name] = Registry.file
-        Registry.added += 1
+        Registry.added += bool(Registry.file)
         return self._take(name, entry)
+
+    def own(self, name: str, entry: T) -> T:
+        """Register an entry of asrsim itself: it belongs to no plugin file, even if such a file is the first to import it."""
+        before, Registry.file = Registry.file, ""
+        try:
+            return self.add(name, entry)
+        finally:
+            Registry.file = before
 
     def _fault(self, name: str, entry: object) -> str:
         """Why the registry refuses an entry, as the end of a sentence; empty if it takes the entry."""
@@ -129,6 +140,12 @@ class Registry(Generic[T]):
     def put(self, state: Any) -> None:
         """Restore this earlier state of the registry."""
         self._entries, self._files, self._broken, self._searched = state
+
+    def forget_files(self) -> None:
+        """Remove the entries of plugin files."""
+        for name in [name for name, file in self._files.items() if file]:
+            del self._files[name]
+            self._entries.pop(name, None)
 
     def get(self, name: str) -> T:
         """Entry with this name; raises InputError that lists the known names."""

@@ -42,7 +42,7 @@ def _make(name: str, scenario: Any, robot: Any) -> tuple[Any, tuple[Any, ...]]:
     return made
 
 
-ENGINES.add(
+ENGINES.own(
     "bullet",
     EngineEntry(
         make=partial(_make, "bullet"),
@@ -51,10 +51,10 @@ ENGINES.add(
         faster="mujoco",
     ),
 )
-ENGINES.add(
+ENGINES.own(
     "mujoco", EngineEntry(make=partial(_make, "mujoco"), doc="MuJoCo, many times faster; contacts are softer", module="mujoco")
 )
-ENGINES.add(
+ENGINES.own(
     "bench", EngineEntry(make=partial(_make, "bench"), doc="a test bench: the links' motion is prescribed", prescribed=True)
 )
 

@@ -12,7 +12,7 @@ from asrsim.signals.sines import Chirp, Multisine, Sinusoid
 for _signal in (
     Constant, Step, Ramp, Sinusoid, Chirp, Multisine, MinimumJerk, Waypoints, PulseTrain, Playback, Sum, Delay, Scale
 ):  # fmt: skip
-    SIGNALS.add(_signal.kind, _signal)
+    SIGNALS.own(_signal.kind, _signal)
 
 __all__ = [
     "SIGNALS",

@@ -90,4 +90,4 @@ class Saltelli(Sobol):
 
 SAMPLERS: Registry[Sampler] = Registry("sampler", "asrsim.samplers", instance=Sampler)
 for name, sampler in {"random": Random(), "lhs": LatinHypercube(), "sobol": Sobol(), "saltelli": Saltelli()}.items():
-    SAMPLERS.add(name, sampler)
+    SAMPLERS.own(name, sampler)

@@ -7,11 +7,11 @@ import pytest
 
 from asrsim.actuators.stages import STAGES
 from asrsim.engines import ENGINES
-from asrsim.errors import ActuatorError, RecordingError, RobotError
+from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
-from asrsim.metrics import MEASURES, Measure
+from asrsim.metrics import MEASURES, Measure, measure
 from asrsim.plugins import blame_plugins, load_plugin_file
-from asrsim.recordings import READERS, read_recording
+from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.runs.rerun import rerun
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
@@ -52,7 +52,14 @@ def test_the_engine_moves_as_the_other_engines_do(own, asrsim_command, tmp_path)
     ("line", "wrong", "said"),
     [
         ("return [[self.inertia]]", "return [self.inertia]", "must have the shape (1, 1)"),
-        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite"),
+        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite at the start"),
+        ("return [[self.inertia]]", "return [[self.inertia], []]", "must be arrays of numbers"),
+        (
+            "return [[self.inertia]]",
+            "return [[self.inertia if positions[0] < 0.1 else -1.0]]",
+            "positive definite at the positions",
+        ),
+        ("(q,) = positions", "positions *= 2.0; (q,) = positions", "output array is read-only"),
     ],
 )
 def test_an_engine_with_an_impossible_mass_matrix_is_refused(line, wrong, said, tmp_path, asrsim_command):
@@ -97,6 +104,33 @@ def test_the_measures_are_claimed(own, tiny, asrsim_command):
     done = asrsim_command("run", tiny.scenario, "--set", f"expect=[{above}, {lead}]", "--plugin", plugin, "--no-plot")
     assert done.code == 0, done.err
     assert done.out.count("holds") == 2
+
+
+def test_the_measure_of_the_page_counts_the_whole_time(own):
+    load_plugin_file(own("metrics.md", "A measure of your own"))
+    time = np.linspace(0.0, 2.0, 201)
+    assert MEASURES.get("time_above").function(time, np.where(time > 0.5, 1.0, 0.0)) == pytest.approx(1.5, abs=0.01)
+
+
+def test_a_measure_that_needs_either_gets_none_without_a_reference():
+    def nearness(time, values, reference, *, target=0.0):
+        return float(np.mean(values - (target if reference is None else reference)))
+
+    MEASURES.add("nearness", Measure(name="nearness", function=nearness, unit="series", needs="either"))
+    time = np.linspace(0.0, 1.0, 11)
+    assert measure("nearness", time, np.ones(11), target=0.25) == 0.75
+    assert measure("nearness", time, np.ones(11), np.full(11, 0.5)) == 0.5
+
+
+def test_the_error_of_a_measure_with_options_names_its_file_and_line(tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(
+        "from asrsim.metrics import MEASURES, Measure\n\ndef broken(time, values, *, level=1.0):\n    return 1 / 0\n\n"
+        'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
+    )
+    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, options: {level: 2}}]"
+    done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
+    assert done.code == 1
+    assert re.search(r"with level: 2: .*mine\.py:4: broken: the plugin raised ZeroDivisionError", done.err), done.err
 
 
 def test_the_error_of_a_measure_names_its_file_and_line(tiny, asrsim_command):
@@ -264,6 +298,15 @@ def test_what_a_reader_must_not_return_is_named_with_the_readers_line(result, sa
         read_recording(tmp_path / "lab.mine", joints=["elbow"])
 
 
+def test_a_quantity_that_a_reader_states_exists(tmp_path):
+    stated = "Content(tables=(RawTable(columns=(RawColumn(name='a', values=time, joint='elbow', quantity='link_postion'),)),))"
+    (tmp_path / "mine.py").write_text(READING.replace("RESULT", stated).replace("CONFINED", "False"))
+    (tmp_path / "lab.mine").write_text("numbers")
+    load_plugin_file(tmp_path / "mine.py")
+    with pytest.raises(RecordingError, match=r"quantity of the column 'a' that does not exist .*Did you mean 'link_position'"):
+        read_recording(tmp_path / "lab.mine")
+
+
 def test_a_reader_may_return_lists_of_numbers(tmp_path):
     columns = "table(time=time.tolist(), q1=[*range(50)])"
     (tmp_path / "mine.py").write_text(READING.replace("RESULT", columns).replace("CONFINED", "True"))
@@ -333,6 +376,10 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
         ({"(PendulumEngine(scenario, robot), ())": "PendulumEngine(scenario, robot)"}, "must return an engine and a tuple"),
         ({'version = "pendulum 1"': "pass"}, "must have the member `version`; PendulumEngine lacks it"),
         ({"def bias": "def torque"}, "abstract method"),
+        (
+            {"super().__init__(scenario, robot)\n        if len(self.joints) != 1:": "if False:"},
+            "its `__init__` must call super().__init__",
+        ),
         ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite at the start"),
         ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite at the positions"),
     ],
@@ -409,3 +456,92 @@ def test_results_that_a_program_must_not_return_are_named(written, rows, said, t
     )
     assert done.code == 1
     assert re.search(said, done.err), done.err
+
+
+def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
+    code = EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges", "path")
+    (tiny.folder / "mine.py").write_text(code)
+    done = asrsim_command(
+        "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
+    )
+    assert done.code == 1
+    assert re.search(r"mine\.py:8: write: asrsim calls it with other arguments: Mine\.write\(\) takes 2", done.err), done.err
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"suffixes": ("lab",)}, r"suffixes: must be a tuple of endings"),
+        ({"suffixes": (".LAB",)}, r"suffixes: must be a tuple of endings"),
+        ({"suffixes": ".lab"}, r"suffixes: must be a tuple of endings"),
+        ({"suffixes": (".lab",), "magic": b"LAB"}, r"magic: must be a tuple of bytes"),
+    ],
+)
+def test_marks_by_which_no_file_would_be_found_are_refused(wrong, said):
+    with pytest.raises(InputError, match=said):
+        Reader(**wrong, read=lambda path, reading: None)
+
+
+def test_a_parameter_cannot_have_the_name_of_a_number_of_the_joint(tmp_path):
+    code = (EXAMPLES / "plugins" / "my_vsa.py").read_text()
+    (tmp_path / "mine.py").write_text(code.replace('"linear"', '"damping"').replace('"my_vsa"', '"own_vsa"'))
+    with pytest.raises(ActuatorError, match=r"parameters\.damping: a joint has a number of this name"):
+        load_plugin_file(tmp_path / "mine.py")
+
+
+METER = (ROOT / "docs" / "stages.md").read_text(encoding="utf-8").partition("## Log a quantity of your own")[2]
+METER = METER.partition("```python\n")[2].partition("```")[0].replace("meter_", "gauge_").replace('"meter"', '"gauge"')
+LAW = "    @staticmethod\n    def "
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
+        ("velocity, torque, step)", "velocity, step)", r"remember: raised TypeError: .*; it must take memory, own, deflection"),
+        ("abs(deflection))", "abs(deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
+        ("def remember(", "def remembers(", "remembers: is no law; laws are place, torque"),
+        ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
+        (
+            'value("largest deflection so far", "rad", log="gauge_{}_reach")',
+            "0.0",
+            r"Memory\.reach: must be declared by asrsim",
+        ),
+        ('log="gauge_{}_reach"', 'log="gauge_reach"', "must log 'gauge_reach' with {} for the number of the motor"),
+        (', log="gauge_{}_reach"', "", "quantities: has 'gauge_1_reach', which no number of the memory logs"),
+        ("gauge_{}_reach", "motor_{}_position", "must not have 'motor_1_position': another quantity has this name"),
+        (
+            f"{LAW}remember",
+            f"{LAW}energy(memory, own):\n        pass\n\n{LAW}remember",
+            r"energy: must return a number \(got None",
+        ),
+        (
+            f"{LAW}remember",
+            f"{LAW}limit(memory, own, torque):\n        memory.reach = 1.0\n        return torque\n\n{LAW}remember",
+            "limit: must not change the memory; only `remember` does",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_stage_is_said_when_its_file_is_read(right, wrong, said, tmp_path):
+    assert right in METER
+    (tmp_path / "mine.py").write_text(METER.replace(right, wrong))
+    with pytest.raises(ActuatorError, match=said):
+        load_plugin_file(tmp_path / "mine.py")
+
+
+def test_a_key_declared_with_the_class_of_a_kind_is_refused():
+    from asrsim.document import block, kinds
+
+    with pytest.raises(TypeError, match=r"takes a kind of asrsim\.document\.kinds, such as Number\(\), not <class"):
+        block.declare(kinds.Number, doc="a number")
+
+
+def test_a_command_that_returns_nothing_is_named():
+    from asrsim.cli.command import command
+
+    @command(plugins=False)
+    def forgetful():
+        """Return nothing."""
+
+    with pytest.raises(TypeError, match=r"the command 'forgetful' must return Done\(data=\.\.\.\), not None"):
+        forgetful()

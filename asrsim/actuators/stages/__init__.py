@@ -9,9 +9,11 @@ from asrsim.actuators.stages.base import Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
-from asrsim.quantities import QUANTITIES
+from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.registry import Registry, is_declared
 
+OF_JOINTS = frozenset((*QUANTITIES, *DERIVED))
+"""Names of the quantities that joints have without stages."""
 GROUP = "asrsim.stages"
 """Entry point group of the stages of installed packages."""
 
@@ -43,6 +45,6 @@ class Stages(Registry[type[Stage]]):
 
 STAGES = Stages("stage", GROUP, base=Stage, label="name")
 for _stage in (Hysteresis, Damper, Backlash, Heating):
-    STAGES.add(_stage.name, _stage)
+    STAGES.own(_stage.name, _stage)
 
-__all__ = ["STAGES", "Stage"]
+__all__ = ["OF_JOINTS", "STAGES", "Stage"]

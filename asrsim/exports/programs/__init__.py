@@ -11,6 +11,6 @@ from asrsim.registry import Registry
 
 PROGRAMS: Registry[type[Program]] = Registry("program", "asrsim.programs", base=Program, label="name")
 for one in (Mujoco, MujocoWarp, Mjx, Mjlab):
-    PROGRAMS.add(one.name, one)
+    PROGRAMS.own(one.name, one)
 
 __all__ = ["PROGRAMS", "Program"]

@@ -180,6 +180,7 @@ def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
     assert {problem.key for problem in stage_problems(keeps)} == {
         "Keeps.parameters.hysteresis_torque",
         "Keeps.parameters.hysteresis_deflection",
+        "Keeps.quantities",
         "Keeps.lost",
     }
     assert not stage_problems(Damper)
@@ -190,9 +191,12 @@ def test_stages_of_one_file_have_different_names(tmp_path):
     path = tmp_path / "twice.py"
     own = "(Parameter(name='{}', default=0.0, unit='N m s/rad', minimum=0.0, optional=True, doc='damping'),)"
     classes = (
-        f"class {one}(Damper):\n    name = 'twice'\n    parameters = {own.format(one.lower())}\n" for one in ("One", "Two")
+        f"class {one}(Damper):\n    name = 'twice'\n    parameters = {own.format(one.lower())}\n"
+        f"    lost = '{one}_loss'\n    quantities = (Quantity(lost, 'J', 'E', 'loss'),)\n"
+        for one in ("One", "Two")
     )
     imports = "from asrsim.actuators import Parameter\nfrom asrsim.actuators.stages.damper import Damper\n"
+    imports += "from asrsim.quantities import Quantity\n"
     path.write_text("\n\n".join((imports, *classes)))
     with pytest.raises(ActuatorError, match="another stage is called 'twice'") as caught:
         load_plugin_file(path)

@@ -10,7 +10,7 @@ import pytest
 
 from asrsim.engines import EngineEntry
 from asrsim.errors import InputError
-from asrsim.registry import Registry
+from asrsim.registry import Registry, all_or_none, plugin_file
 from support.paths import ROOT
 
 MODULE = """
@@ -100,3 +100,30 @@ def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
         registry.get("nothing")
     with pytest.raises(InputError, match=r"no engine is called 'mising'.*missing.*Did you mean 'missing'"):
         registry.get("mising")
+
+
+def test_entries_of_asrsim_are_its_own_also_if_a_plugin_file_is_the_first_to_import_them():
+    registry = Registry("sampler")
+    before = Registry.added
+    with plugin_file("mine.py"):
+        registry.own("lhs", 1)
+        assert Registry.added == before, "the file itself has added nothing"
+        with pytest.raises(InputError, match="sampler 'lhs' is registered already"):
+            registry.add("lhs", 2)
+    assert registry.file_of("lhs") == ""
+    assert registry.get("lhs") == 1
+
+
+def test_of_a_failed_file_nothing_stays_in_registries_that_it_was_the_first_to_import():
+    made = []
+
+    def run():
+        with all_or_none(), plugin_file("mine.py"):
+            made.append(Registry("sampler"))
+            made[0].own("lhs", 1)
+            made[0].add("mine", 2)
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run()
+    assert made[0].names() == ("lhs",)

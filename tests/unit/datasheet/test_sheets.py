@@ -18,6 +18,7 @@ from asrsim.datasheet.statics import Statics
 from asrsim.datasheet.trials import BAND
 from asrsim.errors import InputError, RecordingError
 from asrsim.plots.chart import Line
+from asrsim.robot.tags import tag_parameters
 from support.paths import ROOT
 
 SEA = """<?xml version="1.0"?>
@@ -48,6 +49,17 @@ def qbmove():
 def value(sheet, key):
     assert sheet.entry(key).known, sheet.entry(key)
     return sheet.entry(key).value
+
+
+def test_what_a_sheet_does_not_state_names_the_tags_that_would(qbmove, sea):
+    """Each tag once, all of the actuator or of a joint in a URDF."""
+    for sheet, actuator in ((qbmove, "qbmove"), (sea, "sea")):
+        tags = {*tag_parameters(ACTUATORS.get(actuator)), "inertial", "limit", "dynamics"}
+        for entry in sheet.entries:
+            named = re.findall(r"<(\w+)>", entry.how)
+            assert {*named} <= tags, entry.how
+            assert len(named) == len({*named}), entry.how
+    assert qbmove.entry("rotation").how == "not stated: <mot_1_minPos> and <mot_1_maxPos>, or the joint's limits"
 
 
 @pytest.mark.parametrize(("key", "expected"), [
@@ -224,6 +236,13 @@ def test_the_usual_presets_stay_within_the_limits_that_a_robot_states():
         low, high = statics.presets
         assert 0.0 < low < high < next(iter(values.values()))
         assert statics.reach(high) > 0.0
+
+
+def test_the_slower_of_two_motors_limits_the_speed():
+    (source,) = sources_of(["qbmove"])
+    values = {"motor_1_max_velocity": 3.0, "motor_2_max_velocity": 2.0}
+    for given in (values, dict(zip(values, reversed(values.values()), strict=True))):
+        assert Statics(drive=replace(source.drive, values={**source.drive.values, **given})).top_speed == 2.0
 
 
 def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):

@@ -149,6 +149,10 @@ def test_the_picture_moves_with_the_arm(scenario):
         ({"tip": ("hand", (0, 0, 0))}, "has no link 'hand'"),
         ({"randomise": {"link_9.mass": [1]}}, "no key, joint or link"),
         ({"randomise": {"step": [0.001]}}, "read anew"),
+        (
+            {"randomise": {"joint_1.motor_1_damping": [0.1]}, "overrides": {"initial": "equilibrium"}},
+            "the start, `initial: equilibrium`, depends on it: state another `initial`",
+        ),
         ({"initial": {"elbow": [0.1]}}, "initial.elbow: the robot has no moving joint"),
         ({"initial": {"joint_1": "uniform(1, 3)"}}, "initial.joint_1: lies outside the limits"),
         ({"control_rate": "fast", "observe": 3}, "(?s)control_rate: must be a number.*observe: must be a name"),

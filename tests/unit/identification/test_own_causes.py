@@ -64,3 +64,21 @@ def test_a_cause_with_a_parameter_that_the_robot_lacks_is_refused_with_its_name(
     scenario, recording = recorded(tmp_path)
     with pytest.raises(InputError, match=r"joint_1\.belt: the cause 'belts' frees a parameter"):
         identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+
+
+@pytest.mark.parametrize(
+    ("words", "parameters", "said"),
+    [
+        ("a loose belt", lambda known: (known, None), r"a tuple of parameters of `problem.fixed`; it gives .*None\)"),
+        ("a loose belt", lambda known: known, "a tuple of parameters of `problem.fixed`"),
+        ("", lambda known: (known,), "must give each extension a `text`"),
+    ],
+)
+def test_an_extension_that_cannot_be_tried_is_refused_with_the_line_of_the_cause(words, parameters, said, tmp_path):
+    def loose(problem, x):
+        yield Extension(text=words, parameters=parameters(problem.fixed["joint_1.spring_damping"]))
+
+    CAUSES.add("loose", Cause(title="loose", extensions=loose), replace=True)
+    scenario, recording = recorded(tmp_path)
+    with pytest.raises(InputError, match=rf"{said}.*test_own_causes.py:\d+\)"):
+        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])

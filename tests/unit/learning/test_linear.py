@@ -71,6 +71,21 @@ def test_response_of_motor_and_link_satisfies_both_equations_of_motion():
     assert left == pytest.approx(2.0 * (theta - q), rel=1e-6)
 
 
+def test_two_unequal_motors_and_springs_satisfy_their_equations_of_motion():
+    """At rest, with both motors at the link, the slope of k sinh(a x) is k a."""
+    stiffness, masses, losses = np.array([9.0 * 0.2, 6.0 * 0.5]), np.array([0.02, 0.05]), np.array([0.3, 0.7])
+    gains, rates = np.array([80.0, 125.0]), np.array([2.0, 4.5])
+    motors = {"inertia": masses, "damping": losses, "proportional": gains, "derivative": rates, "integral": (0.0, 0.0)}
+    limits = {"max_torque": (6.0, 6.0), "max_velocity": (6.0, 6.0), "friction_torque": (0.0, 0.0)}
+    drive = drive_with(QbMove, (9.0, 0.2, 6.0, 0.5, 0.8), mode=6, joint="one", **motors, **limits)
+    omega = 25.0
+    s = 1j * omega
+    motor = masses * s**2 + (losses + rates) * s + gains + stiffness
+    link = INERTIA * s**2 + 0.02 * s + MASS * GRAVITY * LENGTH + stiffness.sum()
+    expected = (stiffness * gains / motor).sum() / (link - (stiffness**2 / motor).sum())
+    assert response(linear_at(drive, damping=0.02), omega) == pytest.approx(expected, rel=1e-6)
+
+
 def test_a_motion_that_is_held_keeps_its_time_step_and_its_last_joints():
     linear = linear_at(sea(), 0.3, (0.5, 0.0), count=41, end=2.0)
     held = linear.held(0.3)

@@ -1,13 +1,16 @@
 """Whatever writes a log: the log alone repeats the run bit for bit, and is judged by the claims that are its own."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import asrsim
+from asrsim.actuators import MODES
 from asrsim.errors import LogError
 from asrsim.log import open_log
+from asrsim.log.topics import reference_topics
 from asrsim.plots.claims import judge
 from asrsim.robot import load_robot, with_overrides
 from asrsim.runs.rerun import rerun
@@ -86,3 +89,11 @@ def test_the_log_names_changes_that_no_document_can_express(tmp_path):
         log = asrsim.run(given, robot=own, out=tmp_path, overwrite=True).log
         with pytest.raises(LogError, match=rf"cannot be repeated: .*{what}"):
             rerun(log)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_topics_of_references_are_in_the_order_of_the_references(mode):
+    """Those of a motor have the motor's number; an equilibrium and a preset have their names."""
+    topics, references = reference_topics(mode, 2), MODES[mode].references_of(2)
+    assert [re.findall(r"\d", topic) for topic in topics] == [re.findall(r"\d", reference) for reference in references]
+    assert topics == references or not MODES[mode].mapped

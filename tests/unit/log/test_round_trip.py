@@ -1,6 +1,7 @@
 """Samples and RunInfo go into a log and come out of it bit for bit, whole or in parts."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,6 +66,22 @@ def test_selection_by_quantity_and_joint(log_path, samples):
     assert log.samples.joints == ("lever", "shoulder")
     assert list(log.samples.values) == ["motor_1_torque", "link_position"]
     np.testing.assert_array_equal(log.samples.values["motor_1_torque"], samples.values["motor_1_torque"][:, [3, 0]])
+
+
+def test_the_index_of_attachments_leads_to_their_records(tmp_path):
+    """Other programs read an attachment at its place: a byte 9, the length, and the record."""
+    files = {"arm/robot.urdf": b"<robot/>", "lab.csv": b"t,q\n" * 500}
+    with LogWriter(tmp_path / "log.mcap", replace(INFO, attachments=files)) as log:
+        log.write(example_samples(20))
+    data = (tmp_path / "log.mcap").read_bytes()
+    with (tmp_path / "log.mcap").open("rb") as stream:
+        places = {one.name: one for one in make_reader(stream).get_summary().attachment_indexes}
+    for name, content in files.items():
+        place = next(one for key, one in places.items() if key.endswith(name))
+        record = data[place.offset : place.offset + place.length]
+        assert (record[0], int.from_bytes(record[1:9], "little")) == (9, place.length - 9)
+        assert content in record
+        assert place.data_size == len(content)
 
 
 @pytest.mark.parametrize("stride", [None, 1, 7, 1000, 5000])

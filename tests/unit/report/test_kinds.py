@@ -69,7 +69,8 @@ def learned(tmp_path):
     data = {
         "scenario": "lab.yaml", "variant": "soft", "outcome": "converged", "converged": True,
         "reason": "converged after 1 iteration",
-        "iterations": 1, "best": 1, "law": "auto", "reach": "the joints can do it", "demands": [],
+        "iterations": 1, "best": 1, "law": "auto", "reach": "the joints can do it",
+        "demands": [{"joint": "arm", "what": "motor torque", "needed": 2.5, "limit": 4.0, "unit": "N m"}],
         "trials": [
             {"iteration": n, "largest_error": {"arm": error}, "rms_error": {"arm": 0.5 * error}}
             for n, error in ((0, 0.1), (1, 0.01))
@@ -129,7 +130,10 @@ def test_a_twin_s_page_counts_alarms_and_keeps_the_peak(twin):
 
 def test_a_learning_s_page_has_errors_and_motions(learned):
     page = write_report(learned)
-    assert "converged after 1 iteration" in Page(page).text
+    text = " ".join(Page(page).text.split())
+    assert "converged after 1 iteration" in text
+    assert "joint demand needed limit unit arm motor torque 2.5 4 N m" in text
+    assert "iteration largest error of arm RMS error of arm 0 0.1 0.05 1 0.01 0.005" in text
     error, motion = data_of(page)["groups"][0]["plots"]
     assert unpack(error["series"][0], 2) == pytest.approx(np.log10([0.1, 0.01]))
     assert [line["label"] for line in motion["series"]] == ["desired position", "learned input"]

@@ -65,7 +65,8 @@ def test_the_page_says_what_ran_and_how_to_repeat_it(page, folder):
     text = " ".join(Page(page).text.split())
     for wanted in (
         "dof2_horizontal", "soft", "stiff", "leapfrog", default_engine(), "Numerical error", "spring_a_1", "1/rad", "tag <",
-        "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", "motor_1_inertia", "Scenario as read",
+        "default", f"asrsim rerun {folder / 'soft' / 'log.mcap'}", f"asrsim rerun {folder / 'stiff' / 'log.mcap'}",
+        "motor_1_inertia", "Scenario as read",
     ):  # fmt: skip
         assert wanted in text, wanted
     assert "log.mcap\nasrsim rerun" in page.read_text(encoding="utf-8")  # each command on a line of its own
