@@ -39,6 +39,7 @@ MARKS = {
     "ranges": rb"\A# Ranges by asrsim export",
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",
+    "fitted command": rb"\A# Command as `asrsim identify` played it",
     "fit file": rb"\A# Fit for `asrsim identify`",
     "sheet scenario": rb"\A# Trials of the data sheet of ",
     "sheet robot": rb"<!-- Test load of the data sheet of ",
@@ -53,6 +54,7 @@ _LOOKED_AT = 1 << 16
 
 def is_ours(path: Path, kind: str) -> bool:
     """Whether asrsim wrote this file, according to its mark. An empty file counts as asrsim's: nothing can be lost."""
+    mark = MARKS[kind]
     if path.is_symlink() or not path.is_file():
         return False
     try:
@@ -63,7 +65,7 @@ def is_ours(path: Path, kind: str) -> bool:
                 ends.append(stream.read())
     except OSError:
         return False
-    return not ends[0] or any(re.search(MARKS[kind], part, re.DOTALL) for part in ends)
+    return not ends[0] or any(re.search(mark, part, re.DOTALL) for part in ends)
 
 
 def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace: bool = False) -> None:
@@ -82,7 +84,8 @@ def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace:
         return
     if path.is_symlink():
         raise OutputError(f"{path}: is a link: use the path of its target")
-    if not replace and path.exists() and not is_ours(path, kind):
+    # A kind without a mark is an error for new files, too.
+    if not is_ours(path, kind) and path.exists() and not replace:
         raise OutputError(f"{path}: exists and was not written by asrsim: remove it, or choose another path")
 
 

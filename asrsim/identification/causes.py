@@ -40,10 +40,14 @@ PARTLY = 0.5
 """Causes are named if at most this fraction of the squared misfit beyond the noise remains with them."""
 NOISE = 2.0
 """Mean square residual, relative to the recorded noise, below which the suspected causes explain everything."""
+RIVALS = 2
+"""Largest number of equally likely causes that are named beside a suspected one."""
 MOST, ROUNDS = 3, 15
 """Largest number of causes in one suggestion; largest number of steps of a search with a cause."""
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
+EFFORTS = ("N m", "N", "V", "A")
+"""Units of commands whose scale may be unknown."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
@@ -168,18 +172,12 @@ def _suspected(found: Extended, rest: str) -> str:
     """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
     error that remains with the causes.
     """
-    texts, options, links, new = [], [], [], sum(len(cause.parameters) for cause in found.chosen)
-    values = iter(found.problem.layout.values(found.x).tolist()[-new:])
+    texts, options, links = [], list[str](), []
+    values = iter(_last_values(found, sum(len(cause.parameters) for cause in found.chosen)))
     for cause in found.chosen:
-        for one, value in zip(cause.parameters, values, strict=False):
-            if cause.elastic is None:
-                options.append(f"--free {one.key}={value:.4g}" if one.track is None else f"--own {one.key}")
-        options += [f"--tie {tie.key}={tie.to}" for tie in cause.ties]
+        texts.append(_with_size(cause, values))
+        options += _options(found, cause)
         links += [cause.elastic[0]] if cause.elastic is not None else []
-        # Small delays and offsets are shown in ms and mrad.
-        unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
-        size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
-        texts.append(cause.text if one.track is not None else f"{cause.text} ({size})")
     verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
     ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
     ways += [
@@ -189,7 +187,48 @@ def _suspected(found: Extended, rest: str) -> str:
         for joint in links
     ]
     added = f" ({'; '.join(ways)})" if ways else ""
-    return f"{' and '.join(texts)} {verb} the error to {rest}{added}"
+    return f"{' and '.join(texts)} {verb} the error to {rest}{added}{''.join(_rivals(found))}"
+
+
+def _rivals(found: Extended) -> Iterator[str]:
+    """Ends of the sentence on causes that explain the recordings as well as suspected ones."""
+    for i, cause in enumerate(found.chosen):
+        before = found.chosen[:i]
+        likely = [
+            one for one in found.rivals
+            if len(one.chosen) == i + 1 and all(a is b for a, b in zip(one.chosen, before, strict=False))
+        ][:RIVALS]  # fmt: skip
+        names = []
+        for one in likely:
+            other = one.chosen[-1]
+            ways = " ".join(dict.fromkeys(_options(one, other)))
+            names.append(_with_size(other, iter(_last_values(one, len(other.parameters)))) + (f" ({ways})" if ways else ""))
+        if names:
+            yield f"; as likely in the place of {cause.text}: {', or '.join(names)}"
+
+
+def _last_values(found: Extended, count: int) -> list[float]:
+    """Values of the last parameters."""
+    return found.problem.layout.values(found.x).tolist()[-count:] if count else []
+
+
+def _with_size(cause: Extension, values: Iterator[float]) -> str:
+    """Text of a cause with the value of its last parameter. values: of its parameters and those of later causes."""
+    text = cause.text
+    for one, value in zip(cause.parameters, values, strict=False):
+        # Small delays and offsets are shown in ms and mrad.
+        unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
+        size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
+        text = cause.text if one.track is not None else f"{cause.text} ({size})"
+    return text
+
+
+def _options(found: Extended, cause: Extension) -> Iterator[str]:
+    """Options of `asrsim identify` that add a cause to the problem."""
+    values = found.problem.layout.named(found.x)
+    for one in cause.parameters if cause.elastic is None else ():
+        yield f"--free {one.key}={values[one.name]:.4g}" if one.track is None else f"--own {one.key}"
+    yield from (f"--tie {tie.key}={tie.to}" for tie in cause.ties)
 
 
 def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
@@ -246,11 +285,16 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 
 def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that free the zeros of commands, such as that of an amplifier."""
+    """Extensions that free the zeros of commands, such as that of an amplifier, and the scales of torques, voltages and
+    currents: a drive computes its torque from a nominal torque constant, and a voltage sags.
+    """
     for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
         offset = FitParameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
+        gain = FitParameter(key=f"{command.key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
         if offset.key not in problem.layout.keys:
             yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
+        if gain.key not in problem.layout.keys and command.unit in EFFORTS:
+            yield Extension(text=f"another scale of {command.key}", parameters=(gain,))
 
 
 def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
@@ -374,7 +418,7 @@ def _correlation(a: Array, b: Array) -> float:
 
 for name, cause in {
     "sensors": Cause(title="zeros and scales of sensors, such as a gear ratio", extensions=_sensors),
-    "commands": Cause(title="zeros of commands", extensions=_commands),
+    "commands": Cause(title="zeros of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
         title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
         "motors and of deflections, masses of links",

@@ -46,6 +46,12 @@ STAIRS = 0.9
 """A command is played as a staircase if at most this fraction of the mean square error then remains."""
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause."""
+DECISIVE = 10.0
+"""Difference of Schwarz's criterion (BIC) above which the evidence for an extension instead of another is very strong (Kass and
+Raftery 1995).
+"""
+NEAR = 4.0
+"""Trials within this multiple of DECISIVE from the best are fitted further before they are compared."""
 CLEAR = 0.4
 """A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it."""
 
@@ -127,7 +133,7 @@ class Optimum:
 
     def __init__(self, problem: FitProblem, x: Array) -> None:
         self.problem, self.x, self.residuals = problem, x, residuals(problem, x)
-        self._free = np.linalg.qr(jacobian(problem, x))[0]
+        self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
         """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
         self._left = self._uncompensated(self.residuals)
 
@@ -176,6 +182,8 @@ class Extended:
     """Number of independent samples to which the residuals are equivalent."""
     trials: tuple[Mapping[str, float], ...] = ()
     """Estimates, by name, of the extended problems that were tried and that have smaller errors."""
+    rivals: tuple[Extended, ...] = ()
+    """Extended problems whose last extension explains the recordings as well as the one that was adopted in its place."""
 
     def criterion(self, samples: float) -> float:
         """Schwarz's criterion (BIC) without a constant, from a number of independent samples; the smallest is the best."""
@@ -203,21 +211,34 @@ def extended(
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
         for one in sorted(promises, key=lambda promise: -promise.share)[:TRIED]:
             if one.share:
-                there = solve(one.problem, one.start, rounds=rounds, tolerance=1e-5)
-                left = residuals(one.problem, there)
-                trial = Extended(
-                    (*found.chosen, one.extension), one.problem, there, huber(left), max(independent_samples(left), 2.0)
-                )
+                trial = _trial((*found.chosen, one.extension), one.problem, one.start, rounds)
                 if trial.cost < found.cost:
-                    named.append(one.problem.layout.named(there))
+                    named.append(one.problem.layout.named(trial.x))
                 if one.extension.accepts(found.cost, trial.cost, trial.samples):
                     trials.append(trial)
         if not trials:
             break
-        # Residuals of the best trial are most like noise, so that they show best how many samples are independent.
-        samples = min(trials, key=lambda trial: trial.cost).samples
-        found = min(trials, key=lambda trial: trial.criterion(samples))
+        likely = _most_likely(trials, NEAR * DECISIVE)
+        if len(likely) > 1:
+            # Which of them is best is not yet known: their searches may not have ended.
+            likely = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in likely], DECISIVE)
+        found = replace(likely[0], rivals=(*found.rivals, *likely[1:]))
     return replace(found, trials=tuple(named))
+
+
+def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rounds: int) -> Extended:
+    """Fit of a problem with extensions, from a start near the solution."""
+    x = solve(problem, start, rounds=rounds, tolerance=1e-5)
+    left = residuals(problem, x)
+    return Extended(chosen, problem, x, huber(left), max(independent_samples(left), 2.0))
+
+
+def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
+    """The trial that is best by Schwarz's criterion, and then those whose criterion is not larger by more than `within`."""
+    # Residuals of the best trial are most like noise, so that they show best how many samples are independent.
+    samples = min(trials, key=lambda trial: trial.cost).samples
+    ranked = sorted(trials, key=lambda trial: trial.criterion(samples))
+    return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]
 
 
 def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -> Extended:
@@ -230,7 +251,7 @@ def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
         if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
-            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)))
+            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
 
 

@@ -14,6 +14,7 @@ from asrsim.identification.noise import MOVES, SWING, beyond_steps, frequency, i
 from asrsim.identification.problem import Differences, FitProblem, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
+from asrsim.recordings.reading import item_of
 from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
@@ -173,7 +174,7 @@ def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[Cha
 
 def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array) -> str:
     if channel.quantity == "deflection" and channel.column and track.is_reversed(channel):
-        hint = f"--map '{channel.column.source}=-{channel.key}'"
+        hint = f"--map '{item_of(channel.column, gain=-1.0, joint=channel.joint)}'"
         return f"the link accelerates against the torque of its spring: is the sign of the deflection reversed? ({hint})"
     found = beside(predicted, recorded, channel.column, channel.joint, "the prediction") if channel.column else []
     return f"{found[0].message} ({found[0].hint})" if found else ""
@@ -207,10 +208,18 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
     doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
-    found = {one.key: f"{one.key}: {one.suspicion or doubt}" for one in fits if one.explained < lowest}
-    return list(found.values())
+    return list({one.key: f"{one.key}: {one.suspicion or doubt}" for one in _not_followed(fits)}.values())
+
+
+def misread(fits: Sequence[ChannelFit]) -> bool:
+    """Whether the sign or the unit of a channel that the fit does not follow is suspected: effects then mean nothing."""
+    return any(one.suspicion for one in _not_followed(fits))
+
+
+def _not_followed(fits: Sequence[ChannelFit]) -> list[ChannelFit]:
+    lowest = 0.0 if any(one.explained > FOLLOWED for one in fits) else FOLLOWED
+    return [one for one in fits if one.explained < lowest]
 
 
 def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:

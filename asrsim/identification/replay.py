@@ -143,7 +143,7 @@ def played_table(command: PlayedCommand, reading: SeriesReading, late: float) ->
         elif early > 1e-9:
             values = np.where(time == command.time[place - 1], value, values)
     rows = zip((time + late).tolist(), (reading.gain * (values - reading.offset)).tolist(), strict=True)
-    head = f"time,{command.key}" + (f" [{command.unit}]" if command.unit else "")
+    head = f"# Command as `asrsim identify` played it\ntime,{command.key}" + (f" [{command.unit}]" if command.unit else "")
     return "\n".join([head, *(f"{at:.12g},{value:.12g}" for at, value in rows)]) + "\n"
 
 

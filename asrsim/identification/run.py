@@ -17,7 +17,7 @@ import numpy as np
 
 from asrsim.errors import SimulationError
 from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
-from asrsim.identification.judge import channel_fits, fits_noise, foreign, verdict
+from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
@@ -58,9 +58,9 @@ class FitProgress(Progress):
 
 OFTEN = 0.2
 """Time between progress reports, s: a person sees five a second as steady."""
-EXPECTED = 15
-"""Estimated number of evaluations per parameter that are left in a fit: those of the cases of `benchmarks/identify.py` take 9
-to 14 in all.
+EXPECTED = 70
+"""Estimated number of evaluations per parameter that are left as a stage begins: those of a fit that tries causes. Without
+causes it takes a fifth.
 """
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
@@ -218,10 +218,11 @@ def _judged(
         others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
         watch.stage("what may be missing")
-        causes += foreign(channel_fits(problem, before, trained) if observed else fits)
+        predicted = channel_fits(problem, before, trained) if observed else fits
+        causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
         with watch.in_time(), suppress(OutOfTime):
-            for level in slow:
+            for level in slow if not misread((*predicted, *fits)) else ():
                 for one in _causes(*level):
                     # A cause that is found without a trial fit is the same at every level: take it once.
                     if one.trials or level is slow[0]:

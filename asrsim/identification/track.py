@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from math import inf
 from typing import ClassVar
 
 import numpy as np
@@ -15,6 +16,7 @@ from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import MOVES, motion_band
 from asrsim.identification.observed import Measured, is_reversed, link_channel
 from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
+from asrsim.metrics.values import root_mean_square
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -86,7 +88,13 @@ FARTHEST = 10.0
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
-"""Largest number of samples that give a link's initial state; smallest number of samples at rest that are averaged."""
+"""Number of first samples that give a link's initial state, unless more give it better; smallest number of samples at rest
+that are averaged.
+"""
+LONGEST = 4.0
+"""Longest time over which a parabola gives the initial state, in 1 / rad of the band of the motion: no parabola follows a
+period.
+"""
 KEPT = 6
 """Number of predictions, and of played commands, that a track caches."""
 
@@ -156,11 +164,13 @@ class Track:
                 continue
             seen.add(drive.name)
             channel, sources = recorded
-            if not (found := first_samples(channel)):
+            if not (found := first_samples(channel, self.motion)):
                 continue
             place, speed, place_error, speed_error = found
-            # An initial position that is not a round number was probably copied from a noisy recording.
-            measured = position != round(position, DIGITS) and not self.scenario.initial_equilibrium
+            # An initial position that is not a round number was probably copied from a noisy recording. Coarse sensors give
+            # round numbers, too.
+            copied = any(_is_copied(position, series[key]) for key in sources)
+            measured = (copied or position != round(position, DIGITS)) and not self.scenario.initial_equilibrium
             moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
             if not moving:
                 place, place_error = min((place, place_error), at_rest(channel), key=lambda known: known[1])
@@ -338,20 +348,43 @@ def motion_of(channel: Channel) -> float:
     return motion_band(step, values, channel.floor)
 
 
-def first_samples(channel: Channel) -> tuple[float, float, float, float] | None:
+def first_samples(channel: Channel, band: float = inf) -> tuple[float, float, float, float] | None:
     """Value and slope at time 0 by a parabola through a channel's first samples, and their standard errors; None if the
-    channel begins too late.
+    channel begins too late. A coarse sensor shows no motion in its first few samples. Then the slope is that over a longer
+    time, if this parabola begins where the channel does, and the first half of the time shows a motion in the same direction:
+    otherwise the link began at rest and was accelerated.
+    band: frequency up to which the channel moves, rad/s.
     """
     if len(channel.time) < 6 or channel.time[0] > SOON:
         return None
     count = max(6, min(FIRST, channel.until(channel.time[0] + 0.03)))
+    first = _parabola(channel, count, 2)
+    found, most = [first], channel.until(channel.time[0] + LONGEST / max(band, 1e-9))
+    while (count := 2 * count) <= most:
+        longer, (_, slope, _, error) = _parabola(channel, count, 2), _parabola(channel, count // 2, 1)
+        if abs(slope) > STILL * error and slope * longer[1] > 0.0 and abs(longer[0] - first[0]) < DOUBTFUL * first[2]:
+            found.append(longer)
+    return min(found, key=lambda one: one[3])
+
+
+def _parabola(channel: Channel, count: int, degree: int) -> tuple[float, float, float, float]:
+    """Value and slope at time 0 of a polynomial of degree 1 or 2 through the first samples, and their standard errors."""
     time, values = channel.time[:count], channel.values[:count]
-    inverse = np.linalg.pinv(np.column_stack([np.ones(count), time, time**2]))
-    errors = max(channel.noise, channel.quantum) * np.sqrt(np.sum(inverse**2, axis=1))
-    place, slope, bend = (inverse @ values).tolist()
+    terms = np.vander(time, degree + 1, increasing=True)
+    inverse = np.linalg.pinv(terms)
+    sizes = inverse @ values
+    # What a polynomial cannot follow enlarges the errors.
+    left = root_mean_square(values - terms @ sizes) if count > FIRST else 0.0
+    errors = max(channel.noise, channel.quantum, left) * np.sqrt(np.sum(inverse**2, axis=1))
+    place, slope, bend = (*sizes.tolist(), 0.0)[:3]
     # A force at the start bends the curve and biases the parabola, so the errors are enlarged.
     off, extent = BENT * abs(bend), float(time[-1])
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
+
+
+def _is_copied(position: float, source: RecordedSignal) -> bool:
+    """Whether an initial position is the first value of a coarse sensor."""
+    return isinstance(source, Channel) and source.quantum > 0.0 and abs(float(source.values[0]) - position) < 1e-9
 
 
 def onset(channel: Channel, deviations: float) -> int:

@@ -150,24 +150,26 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     found: dict[int, ColumnMap] = {}
     problems: list[Problem] = []
     for one in reading.maps:
-        problem, index = Problem("", key=one.column), find_raw(one.column, raw)
-        if index is None:
-            message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
-            problem = replace(problem, message=message, choices=names[:20], hint=hint, code="no-such-column")
-        elif one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
+        if (index := find_raw(one.column, raw)) is not None:
+            # Items come after the document, which may call a column by another name: with its unit, or by its number.
+            found[index] = one
+            continue
+        message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
+        problems.append(Problem(message, key=one.column, choices=names[:20], hint=hint, code="no-such-column"))
+    for index, one in found.items():
+        problem = Problem("", key=one.column)
+        if one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
-            problem = replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
+            problems.append(
+                replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
+            )
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
             message = f"is in {unit.symbol}, which is not a unit of {one.quantity} ({unit_of(one.quantity)})"
             hint = "Give the unit of its numbers: --map COLUMN=JOINT.QUANTITY [unit]"
-            problem = replace(problem, message=message, hint=hint, code="wrong-unit")
+            problems.append(replace(problem, message=message, hint=hint, code="wrong-unit"))
         elif joints and one.joint and one.origin == "command line" and matching_name(one.joint, joints) is None:
             message, hint = f"the simulation has no joint '{one.joint}'", did_you_mean(one.joint, tuple(joints))
-            problem = replace(problem, message=message, choices=tuple(joints[:20]), hint=hint, code="no-such-joint")
-        else:
-            found[index] = one
-            continue
-        problems.append(problem)
+            problems.append(replace(problem, message=message, choices=tuple(joints[:20]), hint=hint, code="no-such-joint"))
     if problems:
         raise RecordingError(problems)
     return found

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import read_file
@@ -16,6 +16,9 @@ from asrsim.errors import Details, InputError, Problem, RecordingError
 from asrsim.plain import one_or_more
 from asrsim.recordings.names import ALIASES, column_quantities
 from asrsim.recordings.units import Unit, find_unit, parse_unit
+
+if TYPE_CHECKING:
+    from asrsim.recordings.data import Column
 
 ENDING = ".yaml"
 """Ending appended to a recording's name: name of the document that says how the recording is read."""
@@ -64,7 +67,7 @@ class ColumnMap:
     def _as_text(self) -> str:
         """Text that `parse_meaning` reads as this meaning."""
         parts = [
-            "" if self.scale == 1.0 else f"{self.scale:.10g}*",
+            {1.0: "", -1.0: "-"}.get(self.scale, f"{self.scale:.10g}*"),
             f"{self.joint}.{self.quantity}",
             f" [{self.unit.symbol}]" if self.unit else "",
             " unwrapped" if self.unwrapped else "",
@@ -72,6 +75,12 @@ class ColumnMap:
             f" late {self.late:.10g}" if self.late else "",
         ]
         return "".join(parts)
+
+
+def item_of(column: Column, *, gain: float, joint: str | None = None) -> str:
+    """Item of `--map` by which the values of a column are multiplied; what its mapping states stays. joint: the robot's."""
+    read = column.read_as or ColumnMap(quantity=column.quantity)
+    return f"{column.source}={replace(read, joint=joint or column.joint).corrected(gain=gain).text}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +163,7 @@ class Reading:
     given: tuple[ColumnMap, ...] = ()
     """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
-    """Meanings of the columns, from `given` and `columns`."""
+    """Meanings of the columns, from `columns` and then from `given`: of two for one column, the last counts."""
     in_seconds: bool = False
     """True: a time without a unit is in s, as in scenarios; False: an implausible step is asked about."""
     document: str = ""
@@ -169,7 +178,7 @@ class Reading:
                 problems.append(Problem("is not a known encoding", key="encoding", value=self.encoding, code="choice"))
         if self.window is not None and self.window[0] >= self.window[1]:
             problems.append(Problem("must be a start and a later end", key="window", value=self.window, code="range"))
-        maps = list(self.given)
+        maps: list[ColumnMap] = []
         taken = {one.column for one in self.given}
         for column, text in (self.columns or {}).items():
             try:
@@ -178,7 +187,7 @@ class Reading:
                 problems += [replace(one, key="columns", message=f"{column}: {one.message}") for one in error.problems]
         if problems:
             raise RecordingError(problems)
-        object.__setattr__(self, "maps", tuple(maps))
+        object.__setattr__(self, "maps", (*maps, *self.given))
 
 
 READING = block_of(Reading, "reading")

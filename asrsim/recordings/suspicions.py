@@ -12,6 +12,7 @@ import numpy as np
 
 from asrsim.errors import Problem, counted, listed
 from asrsim.recordings.data import Column
+from asrsim.recordings.reading import item_of
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
@@ -55,19 +56,21 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
         joint: Joint of the simulation.
         than: Name of the expected values in messages.
     """
-    target, ratio = f"{joint}.{column.quantity}", _ratio(expected, measured)
+    ratio = _ratio(expected, measured)
     found: list[Problem] = []
     for factor, unit in _FACTORS:
         for size, what in ((factor, f"is it in {unit}"), (1 / factor, f"was it converted from {unit} twice")):
             if 0.8 < ratio / size < 1.25:
                 message = f"is {ratio:.4g} times as large as {than}, close to {size:.4g}: {what}?"
-                cure = f"Convert it: --map '{column.source}={1 / size:.7g}*{target}'"
+                cure = f"Convert it: --map '{item_of(column, gain=float(f'{1 / size:.7g}'), joint=joint)}'"
                 found.append(Problem(message, hint=cure, code="suspected-unit"))
     both = np.isfinite(expected) & np.isfinite(measured)
     correlation = _correlation(expected[both], measured[both])
     if correlation < _TURNED:
         message = f"the recording moves opposite to {than} (correlation {correlation:.2f}): is its sign reversed?"
-        found.append(Problem(message, hint=f"Reverse it: --map '{column.source}=-{target}'", code="suspected-sign"))
+        found.append(
+            Problem(message, hint=f"Reverse it: --map '{item_of(column, gain=-1.0, joint=joint)}'", code="suspected-sign")
+        )
     return found
 
 
@@ -223,7 +226,7 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
     correlation = _correlation(angle, integral)
     if correlation < -_FOLLOWS:
         message = f"is negative where '{position.source}' rises: is the sign of one column reversed?"
-        hint = f"Reverse it: --map '{velocity.source}=-{velocity.meaning}'"
+        hint = f"Reverse it: --map '{item_of(velocity, gain=-1.0)}'"
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-sign")
     ratio = float(np.std(integral) / np.std(angle)) if correlation > _FOLLOWS else 1.0
     if not 1 / 1.5 < ratio < 1.5:

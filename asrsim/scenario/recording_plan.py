@@ -116,8 +116,10 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     if idle is None and not any(one.slot == 0 for one in played):
         if robot.actuators or any(quantity == "reference_1" for _, quantity in columns):
             raise _no_command(recording, robot, [joint for joint, quantity in columns if quantity == "reference_1"])
+        torques = [column.source for (_, quantity), column in columns.items() if quantity == "link_torque"]
         remarks.append(
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
+            + (f". If '{torques[0]}' drives it, play it: --actuator sea --mode 0" if torques else "")
         )
     sources = {one.column.source for one in played}
     by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)

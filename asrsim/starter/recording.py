@@ -319,12 +319,12 @@ def fit_text(plan: RecordingPlan, files: Files) -> str:
         f"  {command}",
         "The last quarter of each recording is held out; `validate: [another.csv]` names a recording instead.",
     ]
-    delays = _delays(plan)
+    delays, keys = _delays(plan), (key for joint in plan.robot.moving_joints for key in _free(plan, joint))
     data: dict[str, Any] = {
         "scenario": files.scenario,
         "experiments": [{"file": files.recording, **files.reading}],
         **({"plugins": list(files.plugins)} if files.plugins else {}),
-        "free": Lines.fromkeys([*(key for joint in plan.robot.moving_joints for key in _free(plan, joint)), *delays[:1]]),
+        "free": Lines.fromkeys([*keys, *delays[:1], *_zeros(plan)]),
     }
     ties = sorted(_ties(plan))
     if ties:
@@ -368,6 +368,16 @@ def _delays(plan: RecordingPlan) -> list[str]:
         for one in plan.played
         if str(one.column.quantity).startswith("reference") and (modes[one.joint].motor or modes[one.joint].controller)
     ]
+
+
+def _zeros(plan: RecordingPlan) -> Iterator[str]:
+    """Keys for the zeros of torques, voltages and currents: each amplifier has an unknown one, which a joint that nothing holds
+    integrates twice.
+    """
+    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
+    for one in plan.played:
+        if one.slot is not None and (modes[one.joint].direct or modes[one.joint].number == 0):
+            yield f"{one.joint}.reference_{one.slot + 1}.offset"
 
 
 def _twins(robot: Robot) -> dict[str, str]:

@@ -137,3 +137,22 @@ def test_a_spring_that_saturates_and_a_zero_of_a_command_are_named(tmp_path):
     table = save(tmp_path / "b.csv", heading, time, moved - 0.03, place)
     found = identify(write(tmp_path, "lab", {**LAB, "mode": 0}), [table], free=["joint_1.damping", "link_1.izz"])
     assert found.causes[0].startswith("a zero offset of joint_1.reference_1 (-30"), found.causes
+
+
+@pytest.mark.slow
+def test_an_equally_likely_cause_is_named_beside_the_suspected_one(tmp_path):
+    """The torque of a pendulum is 0.8 times the recorded one. A heavier link with more damping and inertia moves equally."""
+    lab = write(tmp_path, "lab", {**LAB, "mode": 0}, f"{{link_torque: {CHIRP}}}")
+    robot = tmp_path / "lab.urdf"
+    text = robot.read_text().replace('xyz="0 0 1"', 'xyz="0 1 0"').replace("<mass", '<origin xyz="0 0 -0.1"/><mass')
+    robot.write_text(text)
+    table = log_of(lab, tmp_path / "a.csv")
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    rows[:, 1] *= 1.25
+    save(table, "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]", *rows.T)
+    (text, *_) = identify(lab, [table], free=["joint_1.damping", "link_1.iyy"]).causes
+    suspected, rivals = text.split("; as likely in the place of ")
+    scale = next(part for part in (suspected, rivals) if "another scale of joint_1.reference_1" in part)
+    mass = next(part for part in (suspected, rivals) if "another mass of link_1" in part)
+    assert float(scale.split("joint_1.reference_1.gain=")[1].split(")")[0]) == pytest.approx(0.8, rel=0.02)
+    assert float(mass.split("link_1.mass=")[1].split(")")[0]) == pytest.approx(0.625, rel=0.02)

@@ -101,3 +101,28 @@ def test_a_link_starts_where_a_parabola_through_15_samples_does():
     basis = np.vander(time[:15], 3, increasing=True)
     errors = noise * np.sqrt(np.diag(np.linalg.inv(basis.T @ basis)))
     assert first_samples(channel) == pytest.approx((0.3, -2.0, errors[0], errors[1]), rel=1e-6)
+
+
+def coarse(values, time):
+    """Channel of a sensor with steps of 2 mrad."""
+    rounded = 2e-3 * np.round(values / 2e-3)
+    return Channel(joint="j", quantity="link_position", unit="rad", time=time, values=rounded, noise=6e-4, quantum=2e-3)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.3, 0.5])
+def test_a_coarse_sensor_shows_the_motion_at_the_start_over_a_longer_time(start):
+    """A swing of 1.6 Hz whose first 15 samples are equal or neighbours; its speed at the start is 0.11 to 0.13 rad/s."""
+    time = 1e-3 * np.arange(3000)
+    channel = coarse(0.013 * np.sin(10.0 * time + start), time)
+    _, slope, _, error = first_samples(channel, 12.0)
+    assert abs(slope) > 2.0 * error
+    assert slope == pytest.approx(0.13 * np.cos(start), abs=3.0 * error)
+    assert abs(first_samples(channel)[1]) < 2.0 * first_samples(channel)[3]
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.05, 0.1, 0.2])
+def test_a_link_that_a_torque_accelerates_from_rest_does_not_begin_in_motion(wait):
+    time = 1e-3 * np.arange(3000)
+    channel = coarse(0.5 * np.maximum(time - wait, 0.0) ** 2, time)
+    _, slope, _, error = first_samples(channel, 4.0)
+    assert abs(slope) < 2.0 * error

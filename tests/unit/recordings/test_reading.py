@@ -191,3 +191,12 @@ def test_a_late_column_is_read_at_earlier_times_and_played_there(tmp_path):
     again = read_recording(tmp_path / "a.csv", mapping=[f"a={text}"]).column("elbow", "link_position")
     np.testing.assert_allclose(again.values, -1.5 * (late.values - 0.25), atol=1e-9)
     np.testing.assert_allclose(again.time, TIME - 0.005, atol=1e-12)
+
+
+@pytest.mark.parametrize("called", ["alpha", "alpha [deg]", "2"])
+def test_an_item_counts_more_than_the_document_however_it_names_the_column(tmp_path, called):
+    path = tmp_path / "lab.csv"
+    path.write_text("t [s],alpha [deg]\n" + "".join(f"{i / 100},{i}\n" for i in range(20)))
+    (tmp_path / "lab.csv.yaml").write_text("map: {'alpha [deg]': elbow.deflection}\n")
+    read = read_recording(path, mapping=[f"{called}=-elbow.deflection"]).column("elbow", "deflection")
+    assert read.values[10] == pytest.approx(-np.radians(10.0))
