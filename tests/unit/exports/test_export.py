@@ -181,7 +181,7 @@ def test_springs_that_couple_their_motors_are_refused(tmp_path, monkeypatch):
 
     monkeypatch.setattr(ACTUATORS, "_entries", dict(ACTUATORS._entries))
     ACTUATORS.add("coupled", Coupled)
-    with pytest.raises(ScenarioError, match="own deflection"):
+    with pytest.raises(ScenarioError, match="deflection between motor and link"):
         export(scenario("sea", actuators={"joint_1": {"type": "coupled", "mode": 6}}), tmp_path / "soft.xml")
 
 
