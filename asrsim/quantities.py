@@ -126,8 +126,8 @@ PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
-    """Whether a simulation and a recording are compared by this quantity: any that `wanted` names; without `wanted`, all but
-    energies. Only simulations have energies, and these follow from other quantities.
+    """Whether this quantity is compared between a simulation and a recording: yes if `wanted` names it; without `wanted`, yes
+    unless it is an energy. Only simulations have energies, and these follow from other quantities.
     """
     return unit_of(name) != "J" if wanted is None else name in wanted
 

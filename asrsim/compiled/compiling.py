@@ -29,10 +29,12 @@ LOADED = 64
 """Largest number of compiled functions that this process keeps in memory for later calls."""
 NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 """Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
-substep, and without tests for divisions by 0, which give inf or NaN."""
+substep, and without tests for divisions by 0, which give inf or NaN.
+"""
 VECTORISED = 0
 """Numba's setting for the vectorisation of loops. Our loops over joints and motors are short, and read numbers that have just
-been written one by one: a vector of such numbers would have to wait until they are in the cache."""
+been written one by one: a vector of such numbers would have to wait until they are in the cache.
+"""
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """What this process has compiled or loaded, by digest and folder of the cache."""
 _types: dict[Any, Any] = {}
@@ -135,7 +137,8 @@ def compile_law(
     function: Any, names: Mapping[str, Any], kinds: str, *, version: str = "", inline: tuple[str, ...] = ()
 ) -> Callback:
     """`function` compiled to a C function. kinds: one letter for each argument: `d` a floating-point number, `i` an integer,
-    `a` an address. names, version, inline: as in `compile_function`."""
+    `a` an address. names, version, inline: as in `compile_function`.
+    """
     import numba
 
     types_of: Any = {"d": numba.types.float64, "i": numba.types.intp, "a": numba.types.intp}
@@ -161,7 +164,8 @@ class Callback:
 @cache
 def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
     """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at + first` on,
-    `apart` columns from each other. row: a pointer."""
+    `apart` columns from each other. row: a pointer.
+    """
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -183,7 +187,8 @@ def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
 @cache
 def row_at(integers: bool = False) -> Any:
     """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer. Its
-    indices must not be negative, and are not checked."""
+    indices must not be negative, and are not checked.
+    """
     from numba import types
     from numba.extending import intrinsic
 
@@ -312,7 +317,8 @@ def _marked(
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     """Plain values that identify a function for the digest: code, defaults, closure, and the globals that it uses."""
-    # An intrinsic of Numba wraps the generator of its machine code, a dispatcher its source, a cached function itself.
+    # An intrinsic of Numba wraps the generator of its machine code; a dispatcher wraps its source; a cached function wraps the
+    # plain function.
     for wrapped in ("_defn", "py_func", "__wrapped__"):
         function = getattr(function, wrapped, function)
     if not isinstance(function, types.FunctionType):

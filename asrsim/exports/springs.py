@@ -87,7 +87,7 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     stiffness = np.abs(np.gradient(y, x))
     # In flat parts of a law the stiffness is zero, so a lower bound avoids a division by zero.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    # The pieces that begin at the knots have the power 3 or 1. The curvature of an odd law is zero at zero.
+    # The pieces that begin at the knots are cubic or linear. The curvature of an odd law is zero at zero.
     last = 3 if curved else 1
     powers = ([x] if odd else [x, x**2]) if curved else []
     columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** last]) / stiffness[:, None]

@@ -164,8 +164,8 @@ def unrest(
     end: float | None = None,
     **options: Any,
 ) -> float:
-    """Motion that is left at the end of the series of a measure that needs rest, in the unit of the series; 0 if the series is
-    at rest, or if the measure needs no rest. The arguments are those of `measure`.
+    """Motion that remains at the end of the series, in the unit of the series. 0 if the series is at rest, or if the measure
+    does not require rest. The arguments are those of `measure`.
     """
     if name not in AT_REST or np.ndim(series) != 1:
         return 0.0
