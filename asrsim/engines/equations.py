@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asrsim.engines.rigid import RigidEngine, make_room
-from asrsim.errors import RobotError, SimulationError
+from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -48,39 +48,40 @@ class EquationEngine(RigidEngine):
     def begin(self) -> None:
         """Check what the equations give at the start. Raises RobotError."""
         count = len(self.joints)
-        _, _, fault, value = self._equations(self._state[:count], np.zeros(count))
+        _, _, fault = self._equations(self._state[:count], np.zeros(count))
         if fault:
-            at = "" if "must" in fault else " at the start"
-            raise RobotError(f"{fault}{at}", key=type(self).__name__, value=value, code="engine")
+            raise RobotError([fault])
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `full_matrix` and `full_bias` of the room."""
         room = self._room
-        matrix, bias, fault, _ = self._equations(room.qpos, room.qvel)
+        matrix, bias, fault = self._equations(room.qpos, room.qvel)
         if fault:
             at = f"at the positions {room.qpos.tolist()} and the velocities {room.qvel.tolist()}"
-            raise SimulationError(f"{type(self).__name__}: {fault} {at}")
+            raise SimulationError(f"{fault.key}: {fault.message}, {at}")
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
-    def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, str, object]:
-        """Mass matrix and bias, and what is wrong with them: the beginning of a sentence, empty if nothing is, and a value."""
-        count = len(self.joints)
+    def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
+        """Mass matrix and bias, and what is wrong with them."""
+        count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False
         found = self.mass_matrix(positions), self.bias(positions, velocities)
         try:
             matrix, bias = (np.asarray(one, dtype=float) for one in found)
         except (TypeError, ValueError):
-            return np.empty(0), np.empty(0), "the engine's mass matrix and its bias must be arrays of numbers", found
-        fault, value = "", None  # type: tuple[str, object]
+            message = "the engine's mass matrix and its bias must be arrays of numbers"
+            return np.empty(0), np.empty(0), Problem(message, key=key, value=found, code="engine")
+        fault = None
         if matrix.shape != (count, count) or bias.shape != (count,):
-            fault = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
-            value = matrix.shape, bias.shape
+            message = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
+            fault = Problem(message, key=key, value=(matrix.shape, bias.shape), code="engine")
         elif not np.isfinite(bias).all():
-            fault, value = "the engine's bias is not finite", bias.tolist()
+            fault = Problem("the engine's bias is not finite", key=key, value=bias.tolist(), code="engine")
         elif not _is_positive(matrix):
-            fault, value = "the engine's mass matrix is not symmetric and positive definite", matrix.tolist()
-        return matrix, bias, fault, value
+            message = "the engine's mass matrix is not symmetric and positive definite"
+            fault = Problem(message, key=key, value=matrix.tolist(), code="engine")
+        return matrix, bias, fault
 
 
 def _is_positive(matrix: Array) -> bool:

@@ -65,12 +65,13 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     # A number that a scenario without such a start could draw.
     freed = replace(prepared.scenario, initial_equilibrium=False) if prepared.scenario.initial_equilibrium else None
     able = plan_keys(wrong, dict.fromkeys(wrong, True), freed, prepared.robot).numbers if freed and wrong else {}
-    anew = "the scenario would have to be read anew"
-    start = "the start, `initial: equilibrium`, depends on it: state another `initial`"
     problems = [
-        Problem(f"cannot change from episode to episode: {start if key in able else anew}", key=key, code="randomise")
+        Problem("cannot change from episode to episode: the scenario would have to be read anew", key=key, code="randomise")
         for key in wrong
+        if key not in able
     ]
+    start = "cannot change from episode to episode: the start, `initial: equilibrium`, depends on it: state another `initial`"
+    problems += [Problem(start, key=key, code="randomise") for key in able]
     joints = ("*", *(drive.name for drive in prepared.drives))
     why = "has no effect: none of these joints has a controller that reads a sensor"
     problems += [Problem(why, key=key, choices=joints, code="randomise") for key in late if not numbers[key]]

@@ -69,7 +69,7 @@ class Channel(RecordedSignal):
 
     def until(self, end: float) -> int:
         """Number of samples up to a time, s."""
-        return int(np.sum(self.time <= end + 1e-9))
+        return int(np.searchsorted(self.time, end + 1e-9, side="right"))
 
     @property
     def floor(self) -> float:

@@ -133,7 +133,7 @@ class Optimum:
 
     def __init__(self, problem: FitProblem, x: Array) -> None:
         self.problem, self.x, self.residuals = problem, x, residuals(problem, x)
-        self._free = np.linalg.qr(jacobian(problem, x))[0]
+        self._free = np.linalg.qr(jacobian(problem, x, base=self.residuals))[0]
         """Orthonormal basis (m, n) of the changes that the free parameters can produce."""
         self._left = self._uncompensated(self.residuals)
 

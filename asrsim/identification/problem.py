@@ -77,7 +77,9 @@ class Part:
 
     def weighted(self, differences: Array) -> Array:
         """Residuals (n,) from predicted minus recorded values; a large number where the simulation diverges."""
-        return np.nan_to_num(np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8), nan=FAR)
+        found = np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8)
+        found[np.isnan(found)] = FAR
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,11 +315,11 @@ def residuals(problem: FitProblem, x: Array) -> Array:
     return np.concatenate([part.weighted(values) for part, values in differences(problem, x)])
 
 
-def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED) -> Array:
+def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED, *, base: Array | None = None) -> Array:
     """Jacobian (m, n) of the residuals: the latest one if it still holds, or by differences. trust: relative error with which
-    the latest Jacobian may predict the change of the residuals.
+    the latest Jacobian may predict the change of the residuals; base: residuals (m,) at x.
     """
-    meter, left = problem.meter, residuals(problem, x)
+    meter, left = problem.meter, residuals(problem, x) if base is None else base
     latest = meter.latest and meter.latest.seen_by(problem)
     moved = latest and latest.moved(x, left, trust)
     meter.latest = moved or Slopes(problem, x.copy(), left, slopes_along(problem, x, range(len(x)), base=left))
@@ -332,7 +334,7 @@ def slopes_along(
     step: step of all entries, or (n,) of each, in the vector's units; base: residuals (m,) at x.
     """
     at = residuals(problem, x) if base is None else base
-    matrix, moves = np.zeros((len(at), len(columns))), np.where(x + step <= problem.layout.bounds[1], step, -step)
+    matrix, moves = np.zeros((len(at), len(columns)), order="F"), np.where(x + step <= problem.layout.bounds[1], step, -step)
     for track in problem.fitted:
         touched = [column for column, i in enumerate(columns) if problem.layout.entries[i].track in (None, track)]
         points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
@@ -416,7 +418,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         costs.append(huber(at) if robust else float(np.mean(at**2)))
         # The search ends after a step that hardly reduces the error: it needs no new derivatives.
         ends = costs[-2] - costs[-1] < tolerance * costs[-1]
-        matrix = jacobian(problem, there, np.inf if ends else LINEAR)
+        matrix = jacobian(problem, there, np.inf if ends else LINEAR, base=at)
         return np.vstack([matrix, RIDGE * np.eye(len(x))])
 
     costs = [np.inf]

@@ -58,9 +58,9 @@ class FitProgress(Progress):
 
 OFTEN = 0.2
 """Time between progress reports, s: a person sees five a second as steady."""
-EXPECTED = 15
-"""Estimated number of evaluations per parameter that are left in a fit: those of the cases of `benchmarks/identify.py` take 9
-to 14 in all.
+EXPECTED = 70
+"""Estimated number of evaluations per parameter that are left as a stage begins: those of a fit that tries causes. Without
+causes it takes a fifth.
 """
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.

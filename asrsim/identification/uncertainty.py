@@ -234,7 +234,7 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     n, left = len(x), residuals(problem, x)
     # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
     at_bound = problem.layout.at_bound(x) & (not foreseen)
-    slopes = jacobian(problem, x)
+    slopes = jacobian(problem, x, base=left)
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
     # Clip outliers, as the fit does.

@@ -179,6 +179,17 @@ def test_stiff_variant_leaves_motor_torque_for_the_motion(tmp_path, mode):
     assert result["shoulder"].link_position[-1] == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.parametrize("actuator", ["qbmove", "bavs", "awas_ii"])
+def test_the_stiff_variant_is_stiffer_than_the_soft_one(tmp_path, actuator):
+    """In mode 3 the motors are where the references put them."""
+    robot = write_robot(tmp_path, {"name": "a", "actuator": actuator, "mode": 3})
+    write_starter(robot, tmp_path / "s.yaml")
+    found = asrsim.run_variants(tmp_path / "s.yaml", overrides=["duration=0.02"])
+    assert list(found) == ["soft", "stiff"]
+    soft, stiff = (one["a"].stiffness[-1] for one in found.values())
+    assert stiff > 1.05 * soft > 0.0
+
+
 def test_units_of_a_prismatic_joint_are_metres(tmp_path):
     robot = write_robot(tmp_path, {"name": "rail", "kind": "prismatic"})
     write_starter(robot, tmp_path / "s.yaml")

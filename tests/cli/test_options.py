@@ -11,6 +11,7 @@ import pytest
 from asrsim.cli.options import lag_of
 from asrsim.designs import design
 from asrsim.errors import InputError
+from asrsim.identification.task import task_of
 from asrsim.live import Access
 from asrsim.live.origin import origin_of
 from asrsim.live.session import Settings
@@ -86,6 +87,25 @@ def test_a_command_uses_each_of_its_options(path):
             given = [one.arg for one in (*function.args.args, *function.args.kwonlyargs)]
             read = {node.id for node in ast.walk(function) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)}
             assert [name for name in given if name not in read] == [], function.name
+
+
+def test_texts_of_a_task_mean_what_they_say(tiny):
+    for name in ("a.csv", "b.csv", "c.csv"):
+        (tiny.folder / name).write_text("time,elbow_position\n0,0\n1,1\n")
+    free = ["elbow.damping", "elbow.friction=0.5", "arm.mass=0.2:0.9", "arm.izz=0.1:0.2:0.3"]
+    found = task_of(
+        tiny.scenario, [tiny.folder / "a.csv", tiny.folder / "b.csv"], free=free, ties=["j.a=k.a", "j.b = 0.5 * k.b"],
+        own=["elbow.damping"], validate=[tiny.folder / "c.csv"], mapping=["q=elbow.link_position"], rate=50.0, hold_out=0.3,
+    )  # fmt: skip
+    wishes = {key: (wish.start, wish.low, wish.high, wish.own) for key, wish in found.free.items()}
+    assert wishes == {
+        "elbow.damping": (None, None, None, True), "elbow.friction": (0.5, None, None, None),
+        "arm.mass": (None, 0.2, 0.9, None), "arm.izz": (0.2, 0.1, 0.3, None),
+    }  # fmt: skip
+    assert [(tie.key, tie.to, tie.factor) for tie in found.ties] == [("j.a", "k.a", 1.0), ("j.b", "k.b", 0.5)]
+    assert [one.file.name for one in (*found.experiments, *found.validate)] == ["a.csv", "b.csv", "c.csv"]
+    assert {(one.mapping, one.rate) for one in (*found.experiments, *found.validate)} == {(("q=elbow.link_position",), 50.0)}
+    assert found.hold_out == 0.3
 
 
 def test_options_reach_a_live_run(monkeypatch, asrsim_command):

@@ -52,12 +52,12 @@ def test_the_engine_moves_as_the_other_engines_do(own, asrsim_command, tmp_path)
     ("line", "wrong", "said"),
     [
         ("return [[self.inertia]]", "return [self.inertia]", "must have the shape (1, 1)"),
-        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite at the start"),
+        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite (got"),
         ("return [[self.inertia]]", "return [[self.inertia], []]", "must be arrays of numbers"),
         (
             "return [[self.inertia]]",
             "return [[self.inertia if positions[0] < 0.1 else -1.0]]",
-            "positive definite at the positions",
+            "positive definite, at the positions",
         ),
         ("(q,) = positions", "positions *= 2.0; (q,) = positions", "output array is read-only"),
     ],
@@ -380,8 +380,8 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
             {"super().__init__(scenario, robot)\n        if len(self.joints) != 1:": "if False:"},
             "its `__init__` must call super().__init__",
         ),
-        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite at the start"),
-        ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite at the positions"),
+        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite (got"),
+        ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite, at the positions"),
     ],
 )
 def test_a_part_that_an_engine_lacks_is_named(wrong, said, tmp_path, asrsim_command):

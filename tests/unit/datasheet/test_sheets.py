@@ -238,6 +238,13 @@ def test_the_usual_presets_stay_within_the_limits_that_a_robot_states():
         assert statics.reach(high) > 0.0
 
 
+def test_the_slower_of_two_motors_limits_the_speed():
+    (source,) = sources_of(["qbmove"])
+    values = {"motor_1_max_velocity": 3.0, "motor_2_max_velocity": 2.0}
+    for given in (values, dict(zip(values, reversed(values.values()), strict=True))):
+        assert Statics(drive=replace(source.drive, values={**source.drive.values, **given})).top_speed == 2.0
+
+
 def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
     (tmp_path / "r.urdf").write_text(SEA.replace("revolute", "prismatic"))
     (source,) = sources_of([str(tmp_path / "r.urdf")])

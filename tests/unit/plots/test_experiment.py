@@ -109,6 +109,15 @@ def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_pat
     assert drawn["joint_1.link_position.simulation.0"].get_color() != drawn["joint_1.link_position.experiment.0"].get_color()
 
 
+@pytest.mark.parametrize(("late", "said"), [(0.1, "0.1 s late"), (-0.1, "0.1 s early"), (0.0, "")])
+def test_the_title_says_how_the_recording_was_moved(tmp_path, late, said):
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", late=late)
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag=late))
+    figure = overlay_figure(result.runs, result.compared, ["joint_1"], ["link_position"])
+    title = " ".join(text.get_text() for text in figure.texts)
+    assert (f"recording {said}" in title) if said else ("recording" not in title)
+
+
 def test_every_compared_quantity_is_on_one_page(tmp_path):
     quantities = ("link_position", "link_torque", "stiffness", "motor_1_position")
     names = [f"joint_{j}.{quantity}" for j in (1, 2, 3, 4) for quantity in quantities]
