@@ -30,7 +30,7 @@ from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
-from asrsim.identification.problem import FitProblem, differences, mean_square, residuals, slopes_along
+from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
 from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
@@ -109,15 +109,18 @@ class Suspicion:
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
-    base = mean_square(problem, x)
-    # Residuals that are smaller than the estimated noise may still be correlated.
+    # The search without effects goes as far as that with them, so that no effect is named for what the search gains.
+    start = np.zeros(len(x))
+    x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
+    base, least = mean_square(problem, x), huber(residuals(problem, x))
+    # Residuals below the estimated noise may be correlated nevertheless.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
-    for begin in (x, np.zeros(len(x))):
+    for begin in (x, start):
         there = extended(
-            problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS,
+            problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         trials += there.trials

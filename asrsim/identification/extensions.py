@@ -201,9 +201,11 @@ def extended(
     enough: Callable[[FitProblem, Array], bool],
     most: int = ADOPTED,
     rounds: int = 60,
+    least: float = inf,
 ) -> Extended:
     """Problem with added extensions: in each round, the extension that is best by Schwarz's criterion is added, until `enough`
-    is true or no further extension is significant. kinds: functions that propose extensions of a problem.
+    is true or no further extension is significant. kinds: functions that propose extensions of a problem; least: smallest
+    known mean Huber loss of the problem without extensions, which they must reduce.
     """
     found, named = Extended((), problem, x, huber(residuals(problem, x))), list[Mapping[str, float]]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
@@ -214,7 +216,7 @@ def extended(
                 trial = _trial((*found.chosen, one.extension), one.problem, one.start, rounds)
                 if trial.cost < found.cost:
                     named.append(one.problem.layout.named(trial.x))
-                if one.extension.accepts(found.cost, trial.cost, trial.samples):
+                if one.extension.accepts(min(found.cost, least), trial.cost, trial.samples):
                     trials.append(trial)
         if not trials:
             break

@@ -62,9 +62,8 @@ def test_the_built_in_stages_pass_the_checker(stage):
 
 def test_a_law_that_raises_names_the_command_that_checks_it(tmp_path):
     text = EXAMPLE.read_text(encoding="utf-8")
-    (tmp_path / "torn.py").write_text(
-        text.replace("return own.level * tanh(velocity / own.speed)", "raise RuntimeError('torn')")
-    )
+    at_rest = "if velocity == 0.0:\n            raise RuntimeError('torn')\n        return 0.0"
+    (tmp_path / "torn.py").write_text(text.replace("return own.level * tanh(velocity / own.speed)", at_rest))
     load_plugin_file(tmp_path / "torn.py")
     with pytest.raises(ActuatorError) as caught:
         asrsim.run(scenario({"clutch_torque": 0.3}))
