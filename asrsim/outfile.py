@@ -42,6 +42,7 @@ MARKS = {
     "robot": rb"<!-- written by asrsim identify -->\n\Z",
     "fitted scenario": rb"\A# Scenario with the parameters that `asrsim identify` found",
     "fitted command": rb"\A# Command as `asrsim identify` played it",
+    "rows": rb"\APAR1",
     "fit file": rb"\A# Fit for `asrsim identify`",
     "sheet scenario": rb"\A# Trials of the data sheet of ",
     "sheet robot": rb"<!-- Test load of the data sheet of ",
