@@ -55,8 +55,12 @@ FAULTS = {
     "tag out of range": ("leg.urdf", "<mot_1_J>0.002<", "<mot_1_J>-2<", "larger than 0"),
     "unknown mode": ("leg.urdf", "<joint>ankle</joint><operation_mode>6<", "<joint>ankle</joint><operation_mode>66<", "66"),
     "crossed motor stops": ("leg.urdf", "<mot_1_minPos>-3<", "<mot_1_maxPos>-9</mot_1_maxPos><mot_1_minPos>-3<", "-3 > -9"),
-    "plugin of no actuator": ("leg.urdf", 'name="hip_drive" filename="libqbmove', 'name="hip_drive" filename="libqbmoove',
-                              "no actuator belongs"),
+    "plugin of no actuator": (
+        "leg.urdf",
+        'name="hip_drive" filename="libqbmove',
+        'name="hip_drive" filename="libqbmoove',
+        "no actuator belongs",
+    ),
     "unknown key": ("s.yaml", "duration: 0.1", "duration: 0.1\nduratoin: 3", "duratoin"),
     "start beyond a limit": ("s.yaml", "initial: {hip: 0.1", "initial: {toe: 4.5, hip: 0.1", "initial.toe"),
     "parameter out of range": ("s.yaml", "mot_2_J: 0.002", "mot_2_J: -0.002", "parameters.knee.mot_2_J"),
@@ -65,7 +69,7 @@ FAULTS = {
     "unknown kind of signal": ("s.yaml", "motor_1_voltage: 0.4", "motor_1_voltage: {sinn: {}}", "sinn"),
     "list in the place of a table": ("s.yaml", "external_torques: {knee: 0.5}", "external_torques: [1, 2]", "external_torques"),
     "claim about no joint": ("s.yaml", "{joint: hip, quantity", "{joint: hop, quantity", "'hop'"),
-}  # fmt: skip
+}
 DRAWN = [random.Random(seed).sample(sorted(FAULTS), 3 + seed) for seed in range(8)]
 
 

@@ -234,11 +234,15 @@ def test_inverse_dynamics_under_references_names_its_new_key(asrsim_command, tmp
 @pytest.mark.parametrize(
     "arguments",
     [
-        "twin step.yaml -e step.yaml --clock-offset nan", "plot out --start=-inf", "plot out --bode --band 1 inf",
-        "check --actuator sea --stage damper", "check step.yaml --stage damper",
-        "check step.yaml --arg side=left", "check step.yaml --package arm=folder",
+        "twin step.yaml -e step.yaml --clock-offset nan",
+        "plot out --start=-inf",
+        "plot out --bode --band 1 inf",
+        "check --actuator sea --stage damper",
+        "check step.yaml --stage damper",
+        "check step.yaml --arg side=left",
+        "check step.yaml --package arm=folder",
     ],
-)  # fmt: skip
+)
 def test_options_that_could_not_be_used_are_wrong_usage(tiny, asrsim_command, arguments):
     assert asrsim_command(*arguments.split()).code == 2
 

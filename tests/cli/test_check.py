@@ -63,9 +63,14 @@ def test_check_prints_json(runner, good):
     assert data["ok"] is True
     parameters = {parameter["name"]: parameter for parameter in entry["actuators"][0]["parameters"]}
     assert parameters["spring_stiffness"] == {
-        "name": "spring_stiffness", "value": 400.0, "unit": "N m/rad", "origin": "tag", "tag": "spring_k", "line": 7,
+        "name": "spring_stiffness",
+        "value": 400.0,
+        "unit": "N m/rad",
+        "origin": "tag",
+        "tag": "spring_k",
+        "line": 7,
         "text": "400",
-    }  # fmt: skip
+    }
     assert parameters["motor_1_max_position"]["value"] == "inf"
     assert entry["warnings"][0]["code"] == "unknown-tag"
     assert entry["warnings"][0]["line"] == 7

@@ -212,8 +212,12 @@ def test_step_stays_within_the_limits(tmp_path):
     assert scenario.initial_positions == {"up": 0.8, "down": -0.2, "narrow": 0.025, "below": -0.8}
     steps = {joint: references["equilibrium_position"] for joint, references in scenario.references.items()}
     assert [(steps[j].before, steps[j].after) for j in ("up", "down", "narrow", "below", "centred")] == [
-        (0.8, 1.1), (-0.2, -0.5), (0.025, 0.055), (-0.8, -1.1), (0.0, 0.08),
-    ]  # fmt: skip
+        (0.8, 1.1),
+        (-0.2, -0.5),
+        (0.025, 0.055),
+        (-0.8, -1.1),
+        (0.0, 0.08),
+    ]
     # Without damping, a joint overshoots to twice its step.
     for joint in load_robot(robot).joints:
         swing = 2 * steps[joint.name].after - steps[joint.name].before

@@ -49,8 +49,12 @@ def make(folder, experiment, robot="dof1_sea", **options):
 def test_commands_are_played_smoothly_between_their_samples(tmp_path):
     made, scenario = make(tmp_path, lab(tmp_path))
     assert [path.name for path in made.files] == [
-        "s.yaml", "s_commands.csv", "lab.csv.yaml", "s.fit.yaml", "asrsim.schema.json"
-    ]  # fmt: skip
+        "s.yaml",
+        "s_commands.csv",
+        "lab.csv.yaml",
+        "s.fit.yaml",
+        "asrsim.schema.json",
+    ]
     signal = scenario.references["joint_1"]["equilibrium_position"]
     np.testing.assert_allclose(signal.values(TIME), SMOOTH, atol=1e-12)
     np.testing.assert_allclose(signal.values(TIME[:-1] + 0.005), 0.05 + 0.2 * np.sin(4 * TIME[:-1] + 0.02), atol=1e-7)

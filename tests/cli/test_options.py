@@ -99,9 +99,11 @@ def test_texts_of_a_task_mean_what_they_say(tiny):
     )  # fmt: skip
     wishes = {key: (wish.start, wish.low, wish.high, wish.own) for key, wish in found.free.items()}
     assert wishes == {
-        "elbow.damping": (None, None, None, True), "elbow.friction": (0.5, None, None, None),
-        "arm.mass": (None, 0.2, 0.9, None), "arm.izz": (0.2, 0.1, 0.3, None),
-    }  # fmt: skip
+        "elbow.damping": (None, None, None, True),
+        "elbow.friction": (0.5, None, None, None),
+        "arm.mass": (None, 0.2, 0.9, None),
+        "arm.izz": (0.2, 0.1, 0.3, None),
+    }
     assert [(tie.key, tie.to, tie.factor) for tie in found.ties] == [("j.a", "k.a", 1.0), ("j.b", "k.b", 0.5)]
     assert [one.file.name for one in (*found.experiments, *found.validate)] == ["a.csv", "b.csv", "c.csv"]
     assert {(one.mapping, one.rate) for one in (*found.experiments, *found.validate)} == {(("q=elbow.link_position",), 50.0)}

@@ -246,8 +246,14 @@ def test_interrupts_end_with_a_message_at_any_time(tiny, place):
         f"sys.argv = ['asrsim', 'check', {str(tiny.scenario)!r}]\n"
         "from asrsim.__main__ import main; main()"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tiny.folder, capture_output=True, text=True, timeout=LIMIT,
-                          env={**os.environ, "PYTHONPATH": str(ROOT)})  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tiny.folder,
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
     if place == "at the end":
         assert (done.returncode, done.stderr) == (0, "")
     else:

@@ -35,16 +35,27 @@ def test_certificate_is_accurate_at_reduced_order(stepping, limited):
     assert found["position_max"] == pytest.approx(float(np.max(np.abs(error))), rel=0.2)
 
 
-@pytest.mark.parametrize("stage", [
-    {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.03}, {"spring_damping": 0.02}, {"backlash": 0.02},
-    {"thermal_resistance": 2.0, "thermal_capacity": 0.05, "winding_heat": 5.0, "derating_temperature": 30.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "stage",
+    [
+        {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.03},
+        {"spring_damping": 0.02},
+        {"backlash": 0.02},
+        {"thermal_resistance": 2.0, "thermal_capacity": 0.05, "winding_heat": 5.0, "derating_temperature": 30.0},
+    ],
+)
 def test_certificate_holds_for_stages(stage):
     """The edges of a play and of a limit lower the order; the reported error is still within a factor of two."""
     scenario = make_scenario(
-        ARM, duration=0.25, step=2e-3, substeps=1, engine="mujoco", modes={"*": 5}, parameters={"*": stage},
+        ARM,
+        duration=0.25,
+        step=2e-3,
+        substeps=1,
+        engine="mujoco",
+        modes={"*": 5},
+        parameters={"*": stage},
         references={"joint_1": {"reference_1": {"sinusoid": {"amplitude": 0.4, "angular_frequency": 9.0}}, "reference_2": 0.2}},
-    )  # fmt: skip
+    )
     run, fine = simulate(scenario), simulate(replace(scenario, step=scenario.step / 16, log_every=16))
     assert run.samples is not None
     assert fine.samples is not None

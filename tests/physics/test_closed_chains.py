@@ -19,9 +19,13 @@ def run(folder, engine, *, step=1e-3, compiled=None, text=None, **keys):
     path = folder / "four_bar.urdf"
     path.write_text(text or four_bar.urdf())
     keys = {
-        "duration": 1.0, "loops": four_bar.LOOPS, "initial": {"crank": 1.0, "coupler": -2.25, "rocker": -2.4}, "substeps": 1,
-        "external_torques": {"crank": TORQUE}, **keys,
-    }  # fmt: skip
+        "duration": 1.0,
+        "loops": four_bar.LOOPS,
+        "initial": {"crank": 1.0, "coupler": -2.25, "rocker": -2.4},
+        "substeps": 1,
+        "external_torques": {"crank": TORQUE},
+        **keys,
+    }
     return asrsim.run(asrsim.make_scenario(path, engine=engine, step=step, compiled=compiled, **keys)).run.samples.values
 
 
@@ -131,12 +135,17 @@ def test_check_of_a_robot_file_warns_of_its_loops(tmp_path):
 REFUSED = {
     "a gap above rounding": (beside(2e-4), "no positions of its joints close the loop; a gap of 0.0002 m"),
     "no start closes it": ({"loops": [LOOP | {"points": [[3, 0, 0], [0.3, 0, 0]]}]}, "positions of its joints close the loop"),
-    "dead centre": ({"initial": {"crank": np.pi / 2, "coupler": -np.pi / 2, "rocker": 0.0},
-                     "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}]}, "dead centre|close the loop"),
+    "dead centre": (
+        {
+            "initial": {"crank": np.pi / 2, "coupler": -np.pi / 2, "rocker": 0.0},
+            "loops": [{"links": ["A", "C"], "points": [[0.15, 0, 0], [-0.25, 0, 0]]}],
+        },
+        "dead centre|close the loop",
+    ),
     "unknown master": ({"loops": [LOOP | {"master": "elbow"}]}, "is not a joint of the loop|no moving joint|elbow"),
     "one link twice": ({"loops": [{"links": ["B", "B"], "points": [[0, 0, 0], [0.1, 0, 0]]}]}, "no joints lie between"),
     "two masters": ({"loops": [LOOP | {"master": "crank"}, LOOP | {"master": "rocker"}]}, "two masters"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)
@@ -248,8 +257,11 @@ def energy(q):
 @pytest.mark.parametrize("master", ["crank", "rocker"])
 def test_a_closed_chain_starts_at_equilibrium(tmp_path, master):
     """The weight of all links, by the derivative of their energy along the linkage, balances the spring, and nothing moves."""
-    keys = {"actuators": {master: {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 20.0}}}, "duration": 0.2,
-            "references": {master: {"equilibrium_position": 1.0 if master == "crank" else -2.4}}}  # fmt: skip
+    keys = {
+        "actuators": {master: {"type": "sea", "mode": 6, "parameters": {"spring_stiffness": 20.0}}},
+        "duration": 0.2,
+        "references": {master: {"equilibrium_position": 1.0 if master == "crank" else -2.4}},
+    }
     loops = [four_bar.LOOPS[0] | {"master": master}]
     path = tmp_path / "four_bar.urdf"
     path.write_text(four_bar.urdf('<limit effort="100" velocity="100"/>'))
@@ -310,10 +322,14 @@ def test_an_exported_closed_chain_moves_in_mujoco_as_in_asrsim(tmp_path):
     path = tmp_path / "four_bar.urdf"
     path.write_text(four_bar.urdf('<limit effort="100" velocity="100"/>'))
     scenario = asrsim.make_scenario(
-        path, duration=0.5, loops=four_bar.LOOPS, initial={"crank": 1.0, "coupler": -2.25, "rocker": -2.4},
-        actuators={"crank": {"type": "sea", "mode": 6}}, link_damping={"crank": {"constant": 0.3}},
+        path,
+        duration=0.5,
+        loops=four_bar.LOOPS,
+        initial={"crank": 1.0, "coupler": -2.25, "rocker": -2.4},
+        actuators={"crank": {"type": "sea", "mode": 6}},
+        link_damping={"crank": {"constant": 0.3}},
         references={"crank": {"equilibrium_position": {"step": {"at": 0.1, "to": 1.5}}}},
-    )  # fmt: skip
+    )
     replay = export(scenario, tmp_path / "four_bar.xml", plot=False).replay
     assert np.abs(replay.error).max() < 2.5  # mrad
     assert np.ptp(asrsim.run(scenario).run.samples.values["link_position"][:, 0]) > 0.3

@@ -26,9 +26,13 @@ def test_things_fall_onto_a_fixed_base_and_slide_there(tmp_path, engine):
         "ice": {"shape": "box", "size": [0.2, 0.2, 0.1], "mass": 0.4, "position": [-0.8, 0.6, 0.55], "friction": 0.1},
     }
     scenario = asrsim.make_scenario(
-        tmp_path / "arm.urdf", engine=engine, duration=0.5, compiled=False, world={"ground": {}, "objects": objects},
+        tmp_path / "arm.urdf",
+        engine=engine,
+        duration=0.5,
+        compiled=False,
+        world={"ground": {}, "objects": objects},
         gravity=[2.0, 0, -9.6],
-    )  # fmt: skip
+    )
     run = asrsim.run(scenario)
     assert run.bodies["ball"][-1, 2] == pytest.approx(0.6, abs=2e-3)
     assert run.samples.contacts["ball/robot"][-1, 2] == pytest.approx(0.5 * 9.6, rel=0.02)
@@ -41,9 +45,12 @@ def test_ground_has_the_height_in_the_scenario(tmp_path, engine, height):
     (tmp_path / "arm.urdf").write_text(ARM.replace("LOW", "-1").replace("HIGH", "1"))
     ball = {"shape": "sphere", "size": 0.1, "mass": 0.5, "position": [3, 0, height + 0.12]}
     scenario = asrsim.make_scenario(
-        tmp_path / "arm.urdf", engine=engine, duration=0.5, compiled=False,
+        tmp_path / "arm.urdf",
+        engine=engine,
+        duration=0.5,
+        compiled=False,
         world={"ground": {"height": height}, "objects": {"ball": ball}},
-    )  # fmt: skip
+    )
     assert asrsim.run(scenario).bodies["ball"][-1, 2] == pytest.approx(height + 0.1, abs=2e-3)
 
 
@@ -58,9 +65,15 @@ def test_logged_contact_forces_are_mass_times_acceleration_in_every_step(tmp_pat
     mass, gravity = 2.0, np.array([0.0, 0.0, -9.81])
     box = {"shape": "box", "size": [0.2, 0.2, 0.2], "mass": mass, "friction": 0.23, "position": [0.1201, 0.0, 0.1]}
     scenario = asrsim.make_scenario(
-        tmp_path / "slide.urdf", engine=engine, duration=0.7, compiled=False, base={"position": [0, 0, 0.1]},
-        gravity=gravity.tolist(), external_torques={"push": 7.2}, world={"ground": {}, "objects": {"box": box}},
-    )  # fmt: skip
+        tmp_path / "slide.urdf",
+        engine=engine,
+        duration=0.7,
+        compiled=False,
+        base={"position": [0, 0, 0.1]},
+        gravity=gravity.tolist(),
+        external_torques={"push": 7.2},
+        world={"ground": {}, "objects": {"box": box}},
+    )
     run = asrsim.run(scenario)
     place = run.bodies["box"][:, :3]
     acceleration = (place[2:] - 2.0 * place[1:-1] + place[:-2]) / 1e-3**2
@@ -79,9 +92,14 @@ def test_weightless_links_do_not_fall_in_a_world_with_contacts(tmp_path, engine)
     for off in (["upper", "fore", "tool"], ["upper", "tool"]):
         for world in ({"ground": {"height": -2}, "objects": {"ball": ball}}, {}):
             scenario = asrsim.make_scenario(
-                tmp_path / "arm.urdf", engine=engine, duration=0.3, compiled=False, world=world, weightless=off,
+                tmp_path / "arm.urdf",
+                engine=engine,
+                duration=0.3,
+                compiled=False,
+                world=world,
+                weightless=off,
                 initial={"one": 0.8},
-            )  # fmt: skip
+            )
             run = asrsim.run(scenario)
             ends.append(run.samples.values["link_position"][-1])
             if world:

@@ -15,9 +15,15 @@ def shares(decay, *, stepping="leapfrog", engine="mujoco"):
     """Ratio of the velocities after and before each step of a link with damping alone. decay: c h / I."""
     body = Body(actuator="sea", mass=1e-9, reach=0.0, inertia=INERTIA, damping=decay * INERTIA / STEP)
     result = run(
-        chain(body), mode=0, gravity=0.0, duration=0.02, engine=engine, stepping=stepping, substeps=1,
+        chain(body),
+        mode=0,
+        gravity=0.0,
+        duration=0.02,
+        engine=engine,
+        stepping=stepping,
+        substeps=1,
         initial_velocities={"joint_1": 1.0},
-    )  # fmt: skip
+    )
     way = np.diff(column(result, "link_position"))
     return np.asarray(way[2:8] / way[1:7])
 
@@ -32,11 +38,16 @@ def test_dampers_and_wrenches_act_as_without_a_world_out_of_reach(engine):
     links = [Body(mass=0.4, reach=0.1, inertia=2e-3, length=0.2, damping=damping) for damping in (0.3, 0.1)]
     alone, beside = (
         run(
-            chain(*links), initial=[0.7, 0.4], initial_velocities={"joint_1": 2.0}, duration=0.1, engine=engine, world=world,
+            chain(*links),
+            initial=[0.7, 0.4],
+            initial_velocities={"joint_1": 2.0},
+            duration=0.1,
+            engine=engine,
+            world=world,
             wrenches=(Wrench(link="link_1", force=(Constant(value=3.0), None, None), point=(0.0, 0.0, -0.1)),),
         )
         for world in (World(), World(ground=True, ground_height=-9.0))
-    )  # fmt: skip
+    )
     for name in ("link_position", "link_velocity"):
         np.testing.assert_allclose(beside.samples.values[name], alone.samples.values[name], rtol=0.0, atol=1e-9)
 

@@ -55,9 +55,12 @@ def test_the_balance_closes_at_limits(parameters):
     limits = f'<limit lower="-3" upper="3" effort="{parameters.get("effort", 1e9)}" velocity="100"/>'
     springs = {name: value for name, value in parameters.items() if name != "effort"}
     coarse, fine = shares(
-        chain(replace(BODY, actuator="sea", limits=limits)), mode=6, duration=0.4, references={"equilibrium_position": WAVE},
+        chain(replace(BODY, actuator="sea", limits=limits)),
+        mode=6,
+        duration=0.4,
+        references={"equilibrium_position": WAVE},
         parameters={"spring_stiffness": 20.0, **springs},
-    )  # fmt: skip
+    )
     assert coarse < 1e-2
     assert fine < 0.6 * coarse
 
@@ -69,10 +72,14 @@ def test_the_balance_of_a_light_motor_closes_after_a_jump(engine, compiled, fric
     """The motor oscillates several times in each step, which motor substeps resolve."""
     light = {"motor_1_inertia": 1e-5, "motor_1_damping": 0.0, "motor_1_friction_torque": friction, "motor_1_max_velocity": 1e9}
     result = run(
-        chain(replace(BODY, actuator="sea")), mode=5, duration=0.2, engine=engine, compiled=compiled,
+        chain(replace(BODY, actuator="sea")),
+        mode=5,
+        duration=0.2,
+        engine=engine,
+        compiled=compiled,
         references={"reference_1": Step(at=0.05037, after=0.3)},
         parameters={"spring_stiffness": 20.0, "controller_1_proportional": 20.0, "controller_1_derivative": 0.0, **light},
-    )  # fmt: skip
+    )
     assert result.resolution.motor_substeps > 5
     assert np.abs(column(result, "energy_residual")).max() < 0.03 * np.abs(column(result, "motor_work")).max()
 
@@ -80,9 +87,12 @@ def test_the_balance_of_a_light_motor_closes_after_a_jump(engine, compiled, fric
 def test_logged_energies_balance():
     """Motor work = losses + springs + kinetic energy of the motor + link work, at every row; all start at zero."""
     result = run(
-        chain(replace(BODY, actuator="sea")), mode=4, duration=0.5, references={"motor_1_torque": WAVE},
+        chain(replace(BODY, actuator="sea")),
+        mode=4,
+        duration=0.5,
+        references={"motor_1_torque": WAVE},
         parameters={"spring_stiffness": 20.0},
-    )  # fmt: skip
+    )
     parts = {name: column(result, name) for name in ("motor_work", "friction_loss", "link_work", "energy_residual")}
     for name, values in parts.items():
         assert values[0] == 0.0, name
@@ -167,10 +177,16 @@ def test_energy_residual_falls_with_the_square_of_the_step(actuator, mode):
     residuals, losses = [], []
     for substeps in (1, 2, 4):
         result = run(
-            chain(Body(actuator=actuator, mass=0.3, reach=0.05, inertia=2e-3, damping=0.01)), mode=mode, references=references,
-            parameters={"hysteresis_torque": 0.05, "hysteresis_deflection": 0.05}, initial=[0.1], duration=0.4, compiled=False,
-            substeps=substeps, motor_substeps=1,
-        )  # fmt: skip
+            chain(Body(actuator=actuator, mass=0.3, reach=0.05, inertia=2e-3, damping=0.01)),
+            mode=mode,
+            references=references,
+            parameters={"hysteresis_torque": 0.05, "hysteresis_deflection": 0.05},
+            initial=[0.1],
+            duration=0.4,
+            compiled=False,
+            substeps=substeps,
+            motor_substeps=1,
+        )
         residuals.append(np.abs(column(result, "energy_residual")).max())
         losses.append(column(result, "hysteresis_loss")[-1])
     assert losses[-1] > 1e-4

@@ -52,9 +52,15 @@ def start(actuator, mode, stepping="leapfrog", **parameters):
     values = (FIRST, second if mode.mapped or ACTUATORS.get(actuator).adjuster else FIRST + 0.05)
     robot = chain(*[Body(actuator=actuator, **ARM)] * 2)
     result = run(
-        robot, mode=mode.number, duration=0.05, initial_equilibrium=True, compiled=False, stepping=stepping,
-        parameters=parameters, references=dict(zip(mode.references, values, strict=False)),
-    )  # fmt: skip
+        robot,
+        mode=mode.number,
+        duration=0.05,
+        initial_equilibrium=True,
+        compiled=False,
+        stepping=stepping,
+        parameters=parameters,
+        references=dict(zip(mode.references, values, strict=False)),
+    )
     names = [name for name in ("link_position", "motor_1_position", "motor_2_position") if name in result.samples.values]
     return {name: max(float(np.ptp(column(result, name, j))) for j in (0, 1)) for name in names} | {
         "droop": float(FIRST - column(result, "link_position")[0])
@@ -81,9 +87,14 @@ def test_equilibrium_start_may_rest_on_a_stop(pressed, side, engine):
     stops = f'<limit lower="{min(0.2 * side, 0)}" upper="{max(0.2 * side, 0)}" effort="9" velocity="9"/>'
     bodies = [Body(actuator="sea", **ARM, limits=stops if number in pressed else "") for number in (1, 2)]
     result = run(
-        chain(*bodies), mode=6, duration=0.05, initial_equilibrium=True, compiled=False, engine=engine,
+        chain(*bodies),
+        mode=6,
+        duration=0.05,
+        initial_equilibrium=True,
+        compiled=False,
+        engine=engine,
         references={"equilibrium_position": 0.3 * side},
-    )  # fmt: skip
+    )
     for number, body in enumerate(bodies):
         position = column(result, "link_position", number)
         assert np.ptp(position) < 1e-8
@@ -140,9 +151,14 @@ def test_weight_pulls_a_link_off_its_stop_at_the_equilibrium(way):
     """The reference lies beyond the stop."""
     limits = '<limit lower="-0.5" upper="0.5" effort="1000" velocity="100"/>'
     result = run(
-        chain(Body(actuator="sea", limits=limits, **ARM)), mode=3, duration=0.05, initial_equilibrium=True, compiled=False,
-        parameters={"spring_stiffness": 0.2}, references={"equilibrium_position": way * 0.6},
-    )  # fmt: skip
+        chain(Body(actuator="sea", limits=limits, **ARM)),
+        mode=3,
+        duration=0.05,
+        initial_equilibrium=True,
+        compiled=False,
+        parameters={"spring_stiffness": 0.2},
+        references={"equilibrium_position": way * 0.6},
+    )
     place = column(result, "link_position")
     assert np.ptp(place) < 1e-6
     assert 0.35 < way * place[0] < 0.5
@@ -156,9 +172,14 @@ def test_weight_pulls_a_link_off_its_stop_at_the_equilibrium(way):
 def test_passive_joints_hang_down_at_the_equilibrium(starts, engine):
     bodies = (Body(actuator="qbmove", inertia=1e-3), Body(inertia=1e-3), Body(inertia=1e-3))
     result = run(
-        chain(*bodies), mode=6, duration=0.5, engine=engine, initial_equilibrium=True, initial=(0.0, *starts),
+        chain(*bodies),
+        mode=6,
+        duration=0.5,
+        engine=engine,
+        initial_equilibrium=True,
+        initial=(0.0, *starts),
         references={"equilibrium_position": 0.6, "stiffness_preset": 0.2},
-    )  # fmt: skip
+    )
     positions = np.array([column(result, "link_position", j) for j in range(3)])
     assert np.ptp(positions, axis=1) == pytest.approx(0.0, abs=1e-8)
     # The links after the first hang straight down. Angles are relative to the previous link.

@@ -17,12 +17,16 @@ def arm(random):
     """Chain of seven links with random axes and random friction."""
     bodies = [
         Body(
-            mass=random.uniform(0.1, 1.0), reach=-random.uniform(0.05, 0.2), inertia=3e-3, length=-0.2,
-            axis=" ".join(map(str, random.normal(size=3).tolist())), friction=random.uniform(0.0, 3.0),
+            mass=random.uniform(0.1, 1.0),
+            reach=-random.uniform(0.05, 0.2),
+            inertia=3e-3,
+            length=-0.2,
+            axis=" ".join(map(str, random.normal(size=3).tolist())),
+            friction=random.uniform(0.0, 3.0),
             limits='<limit lower="-9" upper="9" effort="99" velocity="99"/>',
         )
         for _ in range(JOINTS)
-    ]  # fmt: skip
+    ]
     return chain(*bodies)
 
 

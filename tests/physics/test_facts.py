@@ -33,13 +33,23 @@ def test_runs_agree_with_recorded_gazebo_runs(case, kind):
     actuator, preset, parameters = SETTINGS[GAZEBO[case]]
     limits = '<limit lower="-3.14" upper="3.14" effort="300" velocity="100"/>'
     body = Body(
-        actuator=actuator, mass=0.2, reach=0.04, inertia=1e-6, damping=0.065, friction=0.0 if kind else 0.025,
+        actuator=actuator,
+        mass=0.2,
+        reach=0.04,
+        inertia=1e-6,
+        damping=0.065,
+        friction=0.0 if kind else 0.025,
         limits="" if kind else limits,
-    )  # fmt: skip
+    )
     result = run(
-        chain(body), mode=3, gravity=9.8, stepping="toolbox", duration=0.4, parameters=parameters,
+        chain(body),
+        mode=3,
+        gravity=9.8,
+        stepping="toolbox",
+        duration=0.4,
+        parameters=parameters,
         references={"equilibrium_position": 0.8, "stiffness_preset": preset},
-    )  # fmt: skip
+    )
     with np.load(FACTS / "recorded.npz") as tables:
         recorded = tables[f"gazebo_{case}{kind}"]
     assert np.abs(recorded).max() > 0.5

@@ -69,10 +69,16 @@ def test_logged_torque_explains_the_change_of_momentum(engine, effort, mode):
     limits = f'<limit lower="-30" upper="30" effort="{effort}" velocity="1000"/>'
     name = "link_position" if mode == 1 else "equilibrium_position"
     result = run(
-        chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA, damping=0.02, limits=limits)), mode=mode,
-        gravity=0.0, duration=0.3, engine=engine, references={name: Sinusoid(amplitude=0.5, frequency=3.0)}, substeps=1,
-        motor_substeps=1, parameters={"controller_1_proportional": 20.0, "controller_1_derivative": 0.3},
-    )  # fmt: skip
+        chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA, damping=0.02, limits=limits)),
+        mode=mode,
+        gravity=0.0,
+        duration=0.3,
+        engine=engine,
+        references={name: Sinusoid(amplitude=0.5, frequency=3.0)},
+        substeps=1,
+        motor_substeps=1,
+        parameters={"controller_1_proportional": 20.0, "controller_1_derivative": 0.3},
+    )
     pushed = column(result, "link_torque") + column(result, "damping_torque")
     q = column(result, "link_position")
     # Velocities at half steps are differences of positions.

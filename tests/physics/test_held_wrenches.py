@@ -65,9 +65,15 @@ def test_a_pushed_floating_base_accelerates_by_newton(engine, ground, tmp_path):
     (tmp_path / "brick.urdf").write_text(BODY)
     world = {"ground": {"height": -5.0}} if ground else {}
     scenario = asrsim.make_scenario(
-        tmp_path / "brick.urdf", engine=engine, duration=1.0, step=STEP, compiled=False, gravity=[0, 0, 0],
-        base={"fixed": False}, world=world,
-    )  # fmt: skip
+        tmp_path / "brick.urdf",
+        engine=engine,
+        duration=1.0,
+        step=STEP,
+        compiled=False,
+        gravity=[0, 0, 0],
+        base={"fixed": False},
+        world=world,
+    )
     with asrsim.Simulation(scenario, record=True) as simulation:
         # Through the centre of mass.
         simulation.set_wrench("brick", FORCE, point=[0.03, 0, 0])
@@ -97,9 +103,14 @@ def test_a_held_wrench_is_a_wrench_of_the_scenario(engine):
 @pytest.mark.parametrize("engine", INSTALLED)
 def test_a_pulled_arm_rests_by_its_springs_and_is_no_divergence(engine):
     scenario = asrsim.make_scenario(
-        SEA, engine=engine, duration=5.0, gravity=[0, 0, 0], compiled=False,
-        parameters={"joint_1": {"spring_stiffness": 5.0}}, link_damping={"joint_1": {"constant": 0.2}},
-    )  # fmt: skip
+        SEA,
+        engine=engine,
+        duration=5.0,
+        gravity=[0, 0, 0],
+        compiled=False,
+        parameters={"joint_1": {"spring_stiffness": 5.0}},
+        link_damping={"joint_1": {"constant": 0.2}},
+    )
     with asrsim.Simulation(scenario, record=True) as simulation:
         simulation.set_wrench("link_1", [3.0, 0.0, 3.0], point=[0.0, 0.0, 0.1])
         simulation.advance(2000)

@@ -69,9 +69,15 @@ def test_a_link_that_is_pushed_back_leaves_its_stop_when_it_strikes_it(engine, c
             ends = (-2.0, stop) if side > 0.0 else (-stop, 2.0)
             body = Body(mass=1.0, reach=0.1, inertia=0.01, friction=friction, limits=limit(*ends))
             result = run(
-                chain(body), engine=engine, gravity=0.0, duration=end, step=step, compiled=compiled,
-                external={"joint_1": Constant(value=-side)}, initial_velocities={"joint_1": side * speed},
-            )  # fmt: skip
+                chain(body),
+                engine=engine,
+                gravity=0.0,
+                duration=end,
+                step=step,
+                compiled=compiled,
+                external={"joint_1": Constant(value=-side)},
+                initial_velocities={"joint_1": side * speed},
+            )
             # The speed at the impact is that of the step before, so its time is known to this part of a step.
             early = slowing * step / (speed - slowing * impact)
             assert abs(column(result, "link_position")[-1] - side * there) < leaving * early * step * end
@@ -85,9 +91,15 @@ def test_a_sliding_link_reverses_within_a_step(engine, compiled, late):
     step, reversal = 1e-3, 0.03 + late * 1e-3
     speed = 1.3 / 0.02 * reversal
     result = run(
-        chain(STICKING), engine=engine, gravity=0.0, duration=0.1, step=step, compiled=compiled,
-        external={"joint_1": Constant(value=-1.0)}, initial_velocities={"joint_1": speed},
-    )  # fmt: skip
+        chain(STICKING),
+        engine=engine,
+        gravity=0.0,
+        duration=0.1,
+        step=step,
+        compiled=compiled,
+        external={"joint_1": Constant(value=-1.0)},
+        initial_velocities={"joint_1": speed},
+    )
     off = min(late, 1.0 - late) * step
     there = 0.5 * (speed * reversal - 0.7 / 0.02 * (0.1 - reversal) ** 2 - 0.6 / 0.02 * off**2)
     assert column(result, "link_position")[-1] == pytest.approx(there, abs=1e-9)
@@ -104,9 +116,14 @@ def test_a_damped_link_reverses_at_second_order(engine, late):
     there = furthest - slower * (end - reversal + math.expm1(-rate * (end - reversal)) / rate)
     for step in STEPS:
         result = run(
-            chain(replace(STICKING, damping=damping)), engine=engine, gravity=0.0, duration=end, step=step,
-            external={"joint_1": Constant(value=-1.0)}, initial_velocities={"joint_1": speed},
-        )  # fmt: skip
+            chain(replace(STICKING, damping=damping)),
+            engine=engine,
+            gravity=0.0,
+            duration=end,
+            step=step,
+            external={"joint_1": Constant(value=-1.0)},
+            initial_velocities={"joint_1": speed},
+        )
         # A jump of friction by 0.6 N m, half a step from the kick, gives half of this bound; damping adds to the error.
         assert abs(column(result, "link_position")[-1] - there) < 0.25 * 0.6 / inertia * step**2
 
@@ -131,9 +148,14 @@ def test_joints_with_friction_move_at_second_order_after_a_jump(engine, friction
     for step in STEPS:
         loads = {f"joint_{j + 1}": Step(at=jump, before=before[j], after=after[j]) for j in (0, 1)}
         result = run(
-            robot, engine=engine, gravity=0.0, duration=end, step=step, external=loads,
+            robot,
+            engine=engine,
+            gravity=0.0,
+            duration=end,
+            step=step,
+            external=loads,
             initial_velocities={"joint_1": speed[0], "joint_2": speed[1]},
-        )  # fmt: skip
+        )
         errors.append(max(abs(column(result, "link_position", j)[-1] - there[j]) for j in (0, 1)))
     assert errors[1] < 3e-6
     assert errors[1] < 0.15 * errors[0]
@@ -161,10 +183,14 @@ def test_velocities_of_all_joints_beside_an_impact_are_those_of_the_row(engine, 
     robot, rows = motion(time)
     assert np.abs(rows[6, 2:] - rows[5, 2:]).min() > 0.5
     result = run(
-        robot, engine=engine, gravity=0.0, duration=time[-1], step=1e-3,
+        robot,
+        engine=engine,
+        gravity=0.0,
+        duration=time[-1],
+        step=1e-3,
         external={"joint_1": Step(at=jump, before=0.1, after=1.5)},
         initial_velocities={f"joint_{j + 1}": float(v) for j, v in enumerate(speed)},
-    )  # fmt: skip
+    )
     for j in (0, 1):
         errors = column(result, "link_velocity", j) - rows[:, 2 + j]
         # The velocity torques of the step of the impact are those before the impact, so that the motion keeps an error.

@@ -49,8 +49,14 @@ def test_voltage_accelerates_a_motor_to_its_no_load_speed():
     """tau = n k_t i, u = R i + n k_t omega: omega = u / (n k_t) (1 - exp(-t / T)), T = J R / (n k_t)^2, to second order."""
     errors = []
     for substeps in (1, 2):
-        result = bench(7, {**FREE, **DC, "spring_stiffness": 1e-12}, references={"motor_1_voltage": 6.0}, duration=0.3,
-                       substeps=substeps, motor_substeps=1)  # fmt: skip
+        result = bench(
+            7,
+            {**FREE, **DC, "spring_stiffness": 1e-12},
+            references={"motor_1_voltage": 6.0},
+            duration=0.3,
+            substeps=substeps,
+            motor_substeps=1,
+        )
         time = np.asarray(result.samples.time)
         errors.append(np.abs(column(result, "motor_1_velocity") - 6.0 * (1.0 - np.exp(-time / 0.04)))[1:].max())
     assert errors[0] < 6e-4
@@ -139,9 +145,14 @@ def test_a_joint_sticks_and_slips(limit_cycle):
 def test_a_motor_sticks_and_slips(limit_cycle):
     """The motor winds up its spring with stick-slip motion; its bristles deflect by 0.35 mrad before it slips."""
     parameters = {
-        **FREE, "motor_1_inertia": INERTIA, "motor_1_friction_torque": COULOMB, "motor_1_stribeck_friction": EXCESS,
-        "motor_1_stribeck_velocity": FADE, "spring_stiffness": SPRING, "max_deflection": 3.0,
-    }  # fmt: skip
+        **FREE,
+        "motor_1_inertia": INERTIA,
+        "motor_1_friction_torque": COULOMB,
+        "motor_1_stribeck_friction": EXCESS,
+        "motor_1_stribeck_velocity": FADE,
+        "spring_stiffness": SPRING,
+        "max_deflection": 3.0,
+    }
     pull = Ramp(duration=10.0, final=10.0 * SPRING * SPEED)
     result = bench(4, parameters, references={"motor_1_torque": pull}, duration=3.0)
     error = np.abs(column(result, "motor_1_position") - limit_cycle[1])
@@ -159,9 +170,14 @@ def test_the_friction_of_a_joint_follows_its_torque_up_to_the_effort_limit(engin
     limits = '<limit lower="-90" upper="90" effort="1" velocity="1000"/>'
     body = Body(actuator="sea", reach=0.0, inertia=INERTIA, friction=0.1, limits=limits)
     result = run(
-        rubbing(chain(body), load_friction=0.2), mode=0, engine=engine, gravity=0.0, duration=0.1,
-        references={"link_torque": 10.0}, compiled=False,
-    )  # fmt: skip
+        rubbing(chain(body), load_friction=0.2),
+        mode=0,
+        engine=engine,
+        gravity=0.0,
+        duration=0.1,
+        references={"link_torque": 10.0},
+        compiled=False,
+    )
     speed = column(result, "link_velocity")[-1]
     assert speed == pytest.approx((1.0 - 0.1 - 0.2) / INERTIA * 0.1, rel=1e-9)
 
@@ -188,9 +204,13 @@ def test_sticking_motor_deflects_its_bristles(stiffness):
 def test_motor_friction_grows_with_the_load():
     """The motor torque is k theta (1 + c) + tau_c while the spring is wound slowly, and k theta (1 - c) - tau_c on release."""
     parameters = {
-        **FREE, "motor_1_friction_torque": 0.1, "motor_1_load_friction": 0.2, "motor_1_damping": 1.0, "spring_stiffness": 5.0,
+        **FREE,
+        "motor_1_friction_torque": 0.1,
+        "motor_1_load_friction": 0.2,
+        "motor_1_damping": 1.0,
+        "spring_stiffness": 5.0,
         "max_deflection": 3.0,
-    }  # fmt: skip
+    }
     slow = Sinusoid(amplitude=1.0, frequency=0.02)
     result = bench(4, parameters, references={"motor_1_torque": slow}, duration=23.0)
     time, spring = result.samples.time, column(result, "elastic_torque_1")
@@ -207,9 +227,13 @@ def test_motor_friction_grows_with_the_load():
 def test_hysteresis_loss_of_a_loop_follows_the_law(length):
     level, amplitude = 0.3, 0.1
     result = bench(
-        2, {"hysteresis_torque": level, "hysteresis_deflection": length, "max_deflection": 3.0},
-        link=Sinusoid(amplitude=amplitude, frequency=1.0), references={"reference_1": 0.0}, duration=20.0, substeps=1,
-    )  # fmt: skip
+        2,
+        {"hysteresis_torque": level, "hysteresis_deflection": length, "max_deflection": 3.0},
+        link=Sinusoid(amplitude=amplitude, frequency=1.0),
+        references={"reference_1": 0.0},
+        duration=20.0,
+        substeps=1,
+    )
     lost = column(result, "hysteresis_loss")
     assert lost[20_000] - lost[19_000] == pytest.approx(4.0 * level * (amplitude - length * tanh(amplitude / length)), rel=1e-6)
     assert np.diff(lost).min() >= -1e-15
@@ -250,9 +274,13 @@ def test_predicted_stiffness_includes_hysteresis_at_reversals(actuator, springs)
     robot, found = chain(Body(actuator=actuator, mass=0.3, reach=0.1, inertia=2e-3)), []
     for values in ({}, {"hysteresis_torque": 0.05, "hysteresis_deflection": 0.02}):
         result = run(
-            robot, mode=3, parameters=values, references={"equilibrium_position": 0.2, **({"stiffness_preset": 0.2}
-            if springs == 2 else {})}, duration=0.01, compiled=False,
-        )  # fmt: skip
+            robot,
+            mode=3,
+            parameters=values,
+            references={"equilibrium_position": 0.2, **({"stiffness_preset": 0.2} if springs == 2 else {})},
+            duration=0.01,
+            compiled=False,
+        )
         found.append(result.resolution.stiffness[0])
     assert found[1] - found[0] == pytest.approx(springs * 2.0 * 0.05 / 0.02)
 
@@ -383,9 +411,13 @@ def test_toolbox_stepping_warns_of_models_that_it_lacks():
     with pytest.raises(ScenarioError, match=r"cannot drive its motors: .*torque_constant.* must be larger than 0$"):
         run(chain(Body(actuator="sea")), mode=7, references={"motor_1_voltage": 1.0}, duration=0.1)
     result = run(
-        chain(Body(actuator="sea")), mode=5, references={"reference_1": 0.1}, duration=0.1, stepping="toolbox",
+        chain(Body(actuator="sea")),
+        mode=5,
+        references={"reference_1": 0.1},
+        duration=0.1,
+        stepping="toolbox",
         parameters={"hysteresis_torque": 0.1, "motor_1_load_friction": 0.1},
-    )  # fmt: skip
+    )
     said = " ".join(str(warning) for warning in result.warnings)
     assert "hysteresis_torque" in said
     assert "motor_1_load_friction" in said
@@ -396,9 +428,14 @@ def test_toolbox_stepping_warns_of_models_that_it_lacks():
 def test_hysteresis_state_persists_while_motor_and_link_move_together(motor_substeps):
     """Motor and link move 3 rad together, a hundred times the hysteresis deflection, and the deflection stays constant."""
     parameters = {
-        **FREE, "motor_1_inertia": 1e-3, "motor_1_damping": 0.5, "spring_stiffness": 30.0, "max_deflection": 3.0,
-        "hysteresis_torque": 0.5, "hysteresis_deflection": 0.02,
-    }  # fmt: skip
+        **FREE,
+        "motor_1_inertia": 1e-3,
+        "motor_1_damping": 0.5,
+        "spring_stiffness": 30.0,
+        "max_deflection": 3.0,
+        "hysteresis_torque": 0.5,
+        "hysteresis_deflection": 0.02,
+    }
     moving = {"initial_velocities": {"joint_1": 3.0}, "initial_motor_velocities": {"joint_1": (3.0,)}}
     result = run(
         chain(Body(actuator="sea", mass=1e-3, reach=1e-3, inertia=1e3)), mode=4, gravity=0.0, duration=1.0, compiled=False,

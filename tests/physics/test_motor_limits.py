@@ -21,9 +21,13 @@ def drive(**keys):
 @pytest.mark.parametrize("stop", [0.3, 0.30037, 0.3009])
 def test_motor_on_its_stop_draws_voltage_over_resistance(engine, stepping, stop):
     result = drive(
-        engine=engine, stepping=stepping, mode=7, duration=2.0, references={"motor_1_voltage": 4.0},
+        engine=engine,
+        stepping=stepping,
+        mode=7,
+        duration=2.0,
+        references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_position": stop, "motor_1_min_position": -stop, "spring_k": 20.0},
-    )  # fmt: skip
+    )
     assert column(result, "motor_1_position")[1000:] == pytest.approx(stop, abs=1e-12)
     assert column(result, "motor_1_velocity")[1000:] == pytest.approx(0.0, abs=1e-9)
     assert column(result, "motor_1_current")[1000:] == pytest.approx(4.0, abs=1e-9)
@@ -36,9 +40,12 @@ def test_motor_on_its_stop_draws_voltage_over_resistance(engine, stepping, stop)
 @pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
 def test_current_at_the_speed_limit_includes_the_back_emf(stepping):
     result = drive(
-        stepping=stepping, mode=7, duration=0.5, references={"motor_1_voltage": 4.0},
+        stepping=stepping,
+        mode=7,
+        duration=0.5,
+        references={"motor_1_voltage": 4.0},
         parameters={**WINDING, "motor_1_max_velocity": 0.5, "spring_k": 1e-6},
-    )  # fmt: skip
+    )
     assert column(result, "motor_1_velocity")[250:] == pytest.approx(0.5, abs=1e-9)
     assert column(result, "motor_1_current")[250:] == pytest.approx(4.0 - 3.0 * 0.5, abs=1e-9)
 
@@ -60,12 +67,18 @@ def test_controller_torque_on_a_stop_is_gain_times_error(stepping):
 def test_motor_leaves_its_stop_by_its_equation_of_motion(friction, stop):
     inertia, damping, stiffness, slope, leaves = 0.02, 0.5, 5.0, 1000.0, 0.8
     result = drive(
-        mode=4, duration=0.85, step=2.5e-4, references={"motor_1_torque": Step(at=leaves, before=6.0, after=-2.0)},
+        mode=4,
+        duration=0.85,
+        step=2.5e-4,
+        references={"motor_1_torque": Step(at=leaves, before=6.0, after=-2.0)},
         parameters={
-            "motor_1_inertia": inertia, "motor_1_damping": damping, "motor_1_friction_torque": friction,
-            "motor_1_max_position": stop, "spring_k": stiffness,
+            "motor_1_inertia": inertia,
+            "motor_1_damping": damping,
+            "motor_1_friction_torque": friction,
+            "motor_1_max_position": stop,
+            "spring_k": stiffness,
         },
-    )  # fmt: skip
+    )
 
     def rate(_, state):
         # Dahl's bristles: the way to the stop deflects them, and the way back reverses the deflection.

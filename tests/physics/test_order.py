@@ -12,10 +12,15 @@ def test_motor_substeps_keep_the_order():
     found = []
     for step in (1e-3, 2.5e-4, 1e-3 / 64.0):
         result = run(
-            chain(body), mode=6, duration=0.3, step=step, substeps=1, motor_substeps=3,
+            chain(body),
+            mode=6,
+            duration=0.3,
+            step=step,
+            substeps=1,
+            motor_substeps=3,
             references={"equilibrium_position": 0.5, "stiffness_preset": 0.4},
             parameters={"motor_1_friction_torque": 0.0, "motor_2_friction_torque": 0.0},
-        )  # fmt: skip
+        )
         assert result.samples is not None
         found.append(result.samples.values["link_position"][:: round(1e-3 / step), 0])
     coarse, fine = (float(np.max(np.abs(q - found[-1]))) for q in found[:2])

@@ -25,9 +25,15 @@ def moved(engine, mode, jump, names, **keys):
     """Run in which joint 1 follows a moving reference, and the reference of joint 2 jumps."""
     references = {names[0]: MOVING}
     return run(
-        BODIES, engine=engine, mode=mode, duration=0.1, gravity=0.0, compiled=False,
-        joints={"joint_1": references, "joint_2": {names[0]: Step(at=jump, after=0.5)}}, **keys,
-    )  # fmt: skip
+        BODIES,
+        engine=engine,
+        mode=mode,
+        duration=0.1,
+        gravity=0.0,
+        compiled=False,
+        joints={"joint_1": references, "joint_2": {names[0]: Step(at=jump, after=0.5)}},
+        **keys,
+    )
 
 
 @pytest.mark.parametrize("engine", INSTALLED)

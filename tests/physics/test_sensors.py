@@ -16,9 +16,14 @@ from validation.models import INSTALLED, Body, chain, column, run
 GAINS = {"proportional": 5.0, "integral": 10.0, "derivative": 0.1}
 LINK = Body(actuator="sea", mass=1.0, reach=0.1, inertia=0.01)
 MOTOR = {
-    "spring_stiffness": 8.0, "motor_1_inertia": 0.01, "motor_1_damping": 0.05, "motor_1_friction_torque": 0.0,
-    "motor_1_max_torque": 1e3, "motor_1_max_velocity": 1e3, "max_deflection": 10.0,
-}  # fmt: skip
+    "spring_stiffness": 8.0,
+    "motor_1_inertia": 0.01,
+    "motor_1_damping": 0.05,
+    "motor_1_friction_torque": 0.0,
+    "motor_1_max_torque": 1e3,
+    "motor_1_max_velocity": 1e3,
+    "max_deflection": 10.0,
+}
 EFFECTS = {
     "a delay of 2.37 steps": {"delay": 2.37e-3},
     "a delay below a step": {"delay": 0.4e-3},
@@ -87,10 +92,16 @@ def test_noise_of_commands_does_not_depend_on_the_substeps():
     found = []
     for substeps in (1, 4, 16):
         result = run(
-            chain(LINK), mode=1, gravity=0.0, duration=END, substeps=substeps, references={"link_position": 0.5},
+            chain(LINK),
+            mode=1,
+            gravity=0.0,
+            duration=END,
+            substeps=substeps,
+            references={"link_position": 0.5},
             parameters={f"controller_1_{name}": gain for name, gain in GAINS.items()},
-            command_imperfections={"*": Imperfections(noise=0.1)}, compiled=False,
-        )  # fmt: skip
+            command_imperfections={"*": Imperfections(noise=0.1)},
+            compiled=False,
+        )
         found.append(column(result, "link_position"))
     coarse, fine = (abs(positions - found[2]).max() for positions in found[:2])
     assert coarse < 2e-5
@@ -100,10 +111,16 @@ def test_noise_of_commands_does_not_depend_on_the_substeps():
 def test_the_derivative_action_of_a_late_link_sensor_uses_the_velocity_of_the_past():
     """Only the derivative gain acts: the torque is -D times the velocity at the time that the sensor shows."""
     result = run(
-        chain(LINK), mode=1, gravity=0.0, duration=0.1, references={"link_position": 0.0}, compiled=False,
+        chain(LINK),
+        mode=1,
+        gravity=0.0,
+        duration=0.1,
+        references={"link_position": 0.0},
+        compiled=False,
         parameters={"controller_1_proportional": 0.0, "controller_1_integral": 0.0, "controller_1_derivative": 0.2},
-        initial_velocities={"joint_1": 1.0}, sensor_imperfections={"*": Imperfections(delay=12e-3)},
-    )  # fmt: skip
+        initial_velocities={"joint_1": 1.0},
+        sensor_imperfections={"*": Imperfections(delay=12e-3)},
+    )
     torque, velocity = column(result, "link_torque"), column(result, "link_velocity")
     assert torque[3:12] == pytest.approx(-0.2, abs=1e-6)
     assert torque[14:] == pytest.approx(-0.2 * velocity[2:-12], abs=2e-5)
@@ -112,10 +129,16 @@ def test_the_derivative_action_of_a_late_link_sensor_uses_the_velocity_of_the_pa
 def test_a_quantised_motor_position_changes_the_torque_in_steps():
     """A motor held at a stop by a torque of P times the goal: its sensor shows the nearest multiple of the quantum."""
     result = run(
-        chain(LINK), mode=6, gravity=0.0, duration=0.02, references={"equilibrium_position": 1.0}, compiled=False,
+        chain(LINK),
+        mode=6,
+        gravity=0.0,
+        duration=0.02,
+        references={"equilibrium_position": 1.0},
+        compiled=False,
         parameters=MOTOR | {"motor_1_max_position": 0.337, "controller_1_proportional": 2.0, "controller_1_derivative": 0.0},
-        initial=[0.337], sensor_imperfections={"*": Imperfections(quantum=0.05)},
-    )  # fmt: skip
+        initial=[0.337],
+        sensor_imperfections={"*": Imperfections(quantum=0.05)},
+    )
     assert column(result, "motor_1_torque") == pytest.approx(2.0 * (1.0 - 0.35), abs=1e-12)
 
 

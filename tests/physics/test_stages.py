@@ -49,25 +49,38 @@ class Pendulum:
         largest = self.largest * min(max((120.0 - 25.0 - warm) / (120.0 - 80.0), 0.0), 1.0)
         push = min(max(push, -largest), largest)
         return [
-            v, (torque - MASS * 9.81 * REACH * sin(q)) / INERTIA_AT_AXIS,
-            omega, (push - torque - MOTOR_DAMPING * omega) / MOTOR_INERTIA, (self.heat * push**2 - warm / R) / C,
-        ]  # fmt: skip
+            v,
+            (torque - MASS * 9.81 * REACH * sin(q)) / INERTIA_AT_AXIS,
+            omega,
+            (push - torque - MOTOR_DAMPING * omega) / MOTOR_INERTIA,
+            (self.heat * push**2 - warm / R) / C,
+        ]
 
     def solution(self, times):
         """States (5, n) at `times`, by a Runge-Kutta method of order 8."""
         found = solve_ivp(
-            self.rate, (0.0, times[-1]), [0.1, 0.0, 0.1, 0.0, 0.0], method="DOP853", t_eval=times, rtol=1e-10, atol=1e-11,
+            self.rate,
+            (0.0, times[-1]),
+            [0.1, 0.0, 0.1, 0.0, 0.0],
+            method="DOP853",
+            t_eval=times,
+            rtol=1e-10,
+            atol=1e-11,
             max_step=2e-3 if self.play else np.inf,
-        )  # fmt: skip
+        )
         return found.y
 
     def simulated(self, parameters, **how):
         """The same run, simulated."""
         reference = Sinusoid(amplitude=self.amplitude, frequency=self.frequency)
         return run(
-            chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)), mode=5, references={"reference_1": reference},
-            parameters=FREE | parameters, initial=[0.1], **{"duration": 0.5, "compiled": False, "motor_substeps": 1, **how},
-        )  # fmt: skip
+            chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)),
+            mode=5,
+            references={"reference_1": reference},
+            parameters=FREE | parameters,
+            initial=[0.1],
+            **{"duration": 0.5, "compiled": False, "motor_substeps": 1, **how},
+        )
 
 
 @pytest.mark.parametrize("motor_substeps", [1, 3])
@@ -103,10 +116,15 @@ def test_damper_of_motors_without_dynamics_follows_their_references():
 
     for substeps in (1, 2, 4):
         result = run(
-            chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)), mode=2, initial=[0.1], duration=0.5,
+            chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)),
+            mode=2,
+            initial=[0.1],
+            duration=0.5,
             references={"reference_1": Sinusoid(amplitude=-amplitude, frequency=frequency, phase=tau / 4, offset=amplitude)},
-            parameters=FREE | {"spring_damping": damping}, compiled=False, substeps=substeps,
-        )  # fmt: skip
+            parameters=FREE | {"spring_damping": damping},
+            compiled=False,
+            substeps=substeps,
+        )
         times = np.asarray(result.samples.time)
         truth = solve_ivp(rate, (0.0, 0.5), [0.1, 0.0], method="DOP853", t_eval=times, rtol=1e-11, atol=1e-12).y[0]
         errors.append(np.abs(column(result, "link_position") - truth).max())
@@ -151,10 +169,14 @@ def test_backlash_is_of_second_order_and_loses_nothing(motor_substeps):
 
 def test_a_link_with_backlash_rests_on_the_flank_of_its_spring():
     result = run(
-        chain(Body(actuator="qbmove", mass=MASS, reach=REACH, inertia=INERTIA)), mode=6, initial_equilibrium=True,
-        references={"equilibrium_position": 0.8, "stiffness_preset": 0.1}, parameters={"backlash": 0.05}, duration=0.1,
+        chain(Body(actuator="qbmove", mass=MASS, reach=REACH, inertia=INERTIA)),
+        mode=6,
+        initial_equilibrium=True,
+        references={"equilibrium_position": 0.8, "stiffness_preset": 0.1},
+        parameters={"backlash": 0.05},
+        duration=0.1,
         compiled=False,
-    )  # fmt: skip
+    )
     assert np.ptp(column(result, "link_position")) < 1e-9
     assert np.abs(column(result, "link_torque")).min() > 0.1
 
@@ -226,9 +248,13 @@ def test_parameters_of_a_stage_are_identified_from_an_independent_solution(tmp_p
     (tmp_path / "robot.urdf").write_text(chain(Body(actuator="sea", mass=MASS, reach=REACH, inertia=INERTIA)).text)
     start = {name: 0.7 * value if "thermal" in name else 0.0 for name, value in truth.items()}
     keys = {
-        "robot": "robot.urdf", "duration": 2.0, "modes": {"*": 5}, "initial": {"joint_1": 0.1}, "engine": "mujoco",
+        "robot": "robot.urdf",
+        "duration": 2.0,
+        "modes": {"*": 5},
+        "initial": {"joint_1": 0.1},
+        "engine": "mujoco",
         "parameters": {"joint_1": FREE | fixed | {name: value for name, value in start.items() if value}},
-    }  # fmt: skip
+    }
     lab = tmp_path / "lab.yaml"
     lab.write_text(json.dumps(keys))
     result = asrsim.identify(lab, [path], free=[f"joint_1.{name}" for name in truth])
@@ -237,9 +263,14 @@ def test_parameters_of_a_stage_are_identified_from_an_independent_solution(tmp_p
 
 
 ALL = {
-    "hysteresis_torque": 0.2, "hysteresis_deflection": 0.02, "spring_damping": 0.2, "backlash": 0.02, "thermal_resistance": 2.0,
-    "winding_heat": 5.0, "thermal_capacity": 0.2,
-}  # fmt: skip
+    "hysteresis_torque": 0.2,
+    "hysteresis_deflection": 0.02,
+    "spring_damping": 0.2,
+    "backlash": 0.02,
+    "thermal_resistance": 2.0,
+    "winding_heat": 5.0,
+    "thermal_capacity": 0.2,
+}
 """Parameters with which every stage acts."""
 
 
@@ -253,12 +284,18 @@ def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode):
     signals = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0), "stiffness_preset": 0.01}
     runs = [
         run(
-            chain(Body(actuator=actuator, mass=0.3, reach=0.05, inertia=2e-3)), mode=mode, initial=[0.1], duration=0.1,
-            references=dict(list(signals.items())[: 1 if actuator == "sea" else 2]), parameters=ALL, compiled=compiled,
-            substeps=2, motor_substeps=3,
+            chain(Body(actuator=actuator, mass=0.3, reach=0.05, inertia=2e-3)),
+            mode=mode,
+            initial=[0.1],
+            duration=0.1,
+            references=dict(list(signals.items())[: 1 if actuator == "sea" else 2]),
+            parameters=ALL,
+            compiled=compiled,
+            substeps=2,
+            motor_substeps=3,
         )
         for compiled in (False, True)
-    ]  # fmt: skip
+    ]
     for name, values in runs[0].samples.values.items():
         np.testing.assert_array_equal(values, runs[1].samples.values[name], err_msg=name)
 

@@ -24,17 +24,26 @@ EVEN = {"stiffness", *ENERGIES, "resolution", "foreseen stiffness", *(f"rows at 
 def motor(draw, *, released):
     """Random parameters of a motor with losses and with limits that it reaches."""
     found = {
-        "inertia": draw.uniform(0.01, 0.03), "damping": draw.uniform(0.1, 0.3), "max_torque": draw.uniform(2.0, 4.0),
-        "min_position": -draw.uniform(0.1, 0.2), "max_position": draw.uniform(0.1, 0.2),
-        "friction_torque": draw.uniform(0.05, 0.2), "friction_stiffness": draw.uniform(300.0, 900.0),
-    }  # fmt: skip
+        "inertia": draw.uniform(0.01, 0.03),
+        "damping": draw.uniform(0.1, 0.3),
+        "max_torque": draw.uniform(2.0, 4.0),
+        "min_position": -draw.uniform(0.1, 0.2),
+        "max_position": draw.uniform(0.1, 0.2),
+        "friction_torque": draw.uniform(0.05, 0.2),
+        "friction_stiffness": draw.uniform(300.0, 900.0),
+    }
     if not released:
         found |= {
-            "max_velocity": draw.uniform(3.0, 6.0), "stribeck_friction": draw.uniform(0.02, 0.06),
-            "stribeck_velocity": draw.uniform(0.05, 0.2), "load_friction": draw.uniform(0.01, 0.05),
-            "torque_constant": draw.uniform(0.05, 0.1), "gear_ratio": 30.0, "resistance": draw.uniform(1.0, 2.0),
-            "max_voltage": draw.uniform(5.0, 9.0), "max_current": draw.uniform(0.5, 2.0),
-        }  # fmt: skip
+            "max_velocity": draw.uniform(3.0, 6.0),
+            "stribeck_friction": draw.uniform(0.02, 0.06),
+            "stribeck_velocity": draw.uniform(0.05, 0.2),
+            "load_friction": draw.uniform(0.01, 0.05),
+            "torque_constant": draw.uniform(0.05, 0.1),
+            "gear_ratio": 30.0,
+            "resistance": draw.uniform(1.0, 2.0),
+            "max_voltage": draw.uniform(5.0, 9.0),
+            "max_current": draw.uniform(0.5, 2.0),
+        }
     return {name: float(value) for name, value in found.items()}
 
 

@@ -18,9 +18,13 @@ def test_toolbox_stepping_runs_stiff_springs_with_motors(mode):
     """At deflections of 1 mrad, toolbox stepping creates more energy than the springs contain."""
     name = "reference_1" if mode == 5 else "equilibrium_position"
     result = run(
-        chain(replace(LOAD, actuator="sea", damping=0.065, friction=0.025)), mode=mode, stepping="toolbox", duration=2.0,
-        references={name: Sinusoid(amplitude=0.8, angular_frequency=1.6)}, parameters={"spring_stiffness": 200.0},
-    )  # fmt: skip
+        chain(replace(LOAD, actuator="sea", damping=0.065, friction=0.025)),
+        mode=mode,
+        stepping="toolbox",
+        duration=2.0,
+        references={name: Sinusoid(amplitude=0.8, angular_frequency=1.6)},
+        parameters={"spring_stiffness": 200.0},
+    )
     assert result.status == "complete"
     goal = 0.8 * np.sin(1.6 * 2.0)
     assert column(result, "link_position")[-1] == pytest.approx(goal, abs=0.1)
@@ -37,9 +41,14 @@ def test_toolbox_stepping_runs_stiff_springs_with_motors(mode):
 def test_motors_of_the_toolbox_start_at_0_unless_stated(given, start):
     """With a start velocity alone, motors start at the position of the link."""
     result = run(
-        chain(Body(actuator="sea", inertia=1e-2)), mode=5, stepping="toolbox", initial=[0.3], duration=0.002,
-        references={"reference_1": 0.0}, **given,
-    )  # fmt: skip
+        chain(Body(actuator="sea", inertia=1e-2)),
+        mode=5,
+        stepping="toolbox",
+        initial=[0.3],
+        duration=0.002,
+        references={"reference_1": 0.0},
+        **given,
+    )
     assert column(result, "motor_1_position")[0] == pytest.approx(start, abs=2e-3)
 
 
@@ -61,10 +70,15 @@ def test_velocity_cutoff_stops_driving_torques_but_not_braking_torques(engine, s
     """As in Gazebo, the cutoff does not affect braking torques."""
     limits = '<limit lower="-30" upper="30" effort="100" velocity="0.5"/>'
     result = run(
-        chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=2e-3, limits=limits)), mode=0, gravity=0.0, duration=0.6,
-        references={"link_torque": Step(at=0.4, before=0.01, after=-0.01)}, stepping=stepping, velocity_cutoff=given,
+        chain(Body(actuator="sea", mass=0.4, reach=0.1, inertia=2e-3, limits=limits)),
+        mode=0,
+        gravity=0.0,
+        duration=0.6,
+        references={"link_torque": Step(at=0.4, before=0.01, after=-0.01)},
+        stepping=stepping,
+        velocity_cutoff=given,
         engine=engine,
-    )  # fmt: skip
+    )
     speed, torque = column(result, "link_velocity"), column(result, "link_torque")
     gained = 0.01 * 1e-3 / (2e-3 + 0.4 * 0.01)
     if not cut:

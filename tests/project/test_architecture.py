@@ -138,8 +138,11 @@ def test_everything_public_is_documented():
     pytest.importorskip("ruff")
     done = subprocess.run(
         [*ruff, "--ignore", "D102,D105,D107", "--output-format", "concise", str(PACKAGE)],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout
 
 

@@ -21,9 +21,14 @@ def test_the_example_engine_moves_as_the_other_engines_do(compiled):
     ends = []
     for engine in ("pendulum", *INSTALLED):
         scenario = asrsim.make_scenario(
-            EXAMPLES / "urdf" / "dof1_sea.urdf", engine=engine, duration=0.4, modes={"*": 6}, gravity=[3.0, 5.0, -7.0],
-            references={"*": {"equilibrium_position": 0.7}}, compiled=compiled,
-        )  # fmt: skip
+            EXAMPLES / "urdf" / "dof1_sea.urdf",
+            engine=engine,
+            duration=0.4,
+            modes={"*": 6},
+            gravity=[3.0, 5.0, -7.0],
+            references={"*": {"equilibrium_position": 0.7}},
+            compiled=compiled,
+        )
         ends.append(asrsim.run(scenario).run.samples.values["link_position"])
     assert np.ptp(ends[0]) > 0.1
     for other in ends[1:]:
@@ -34,16 +39,24 @@ def test_the_example_engine_maps_wrenches_as_the_other_engines_do():
     """A force on the link along all axes and a torque, in both frames, away from the origin of the link."""
     runpy.run_path(str(EXAMPLES / "plugins" / "pendulum_engine.py"))
     wrenches = [
-        {"link": "link_1", "force": [0.7, -0.4, {"step": {"at": 0.05004, "to": 0.5}}], "point": [0.02, 0.03, -0.05],
-         "frame": "link"},
+        {
+            "link": "link_1",
+            "force": [0.7, -0.4, {"step": {"at": 0.05004, "to": 0.5}}],
+            "point": [0.02, 0.03, -0.05],
+            "frame": "link",
+        },
         {"link": "link_1", "force": [0.3, 0.2, 0.1], "torque": [0.05, 0.02, -0.03], "point": [0.01, 0, 0.04]},
-    ]  # fmt: skip
+    ]
     ends = []
     for engine in ("pendulum", *INSTALLED):
         scenario = asrsim.make_scenario(
-            EXAMPLES / "urdf" / "dof1_sea.urdf", engine=engine, duration=0.2, modes={"*": 6}, wrenches=wrenches,
+            EXAMPLES / "urdf" / "dof1_sea.urdf",
+            engine=engine,
+            duration=0.2,
+            modes={"*": 6},
+            wrenches=wrenches,
             references={"*": {"equilibrium_position": 0.7}},
-        )  # fmt: skip
+        )
         ends.append(asrsim.run(scenario).run.samples.values["link_position"])
     assert np.ptp(ends[0]) > 0.1
     for other in ends[1:]:

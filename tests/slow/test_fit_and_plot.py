@@ -82,9 +82,14 @@ def assert_equal_errors(found, compared):
 
 @pytest.mark.parametrize(
     ("actuator", "delay", "late", "presets"),
-    [("sea", 0.03, 0.0, False), ("sea", 0.0, 0.0, False), ("sea", 0.03, 120.5, False), ("qbmove", 0.03, 0.0, False),
-     ("qbmove", 0.02, 3.0, True)],
-)  # fmt: skip
+    [
+        ("sea", 0.03, 0.0, False),
+        ("sea", 0.0, 0.0, False),
+        ("sea", 0.03, 120.5, False),
+        ("qbmove", 0.03, 0.0, False),
+        ("qbmove", 0.02, 3.0, True),
+    ],
+)
 def test_the_error_of_a_fit_is_the_error_of_its_plot(bench, actuator, delay, late, presets):
     """A recording of one reference, or of both, with noise of .5 mrad, by a clock of its own."""
     imperfections = {"commands": {"elbow": {"delay": delay}}} if delay else {}

@@ -51,8 +51,13 @@ def assert_found(result, truth, within):
 
 def test_fit_recovers_stribeck_friction(tmp_path):
     time = np.arange(0.0, 4.0005, 1e-3)
-    truth = {"joint_1.friction": 0.15, "joint_1.stribeck_friction": 0.1, "joint_1.stribeck_velocity": 0.15,
-             "joint_1.damping": DAMPING, "link_1.izz": INERTIA}  # fmt: skip
+    truth = {
+        "joint_1.friction": 0.15,
+        "joint_1.stribeck_friction": 0.1,
+        "joint_1.stribeck_velocity": 0.15,
+        "joint_1.damping": DAMPING,
+        "link_1.izz": INERTIA,
+    }
     joint = EventDriven(Mass(INERTIA, DAMPING), lambda v: 0.15 + 0.1 * np.exp(-((v / 0.15) ** 2)))
     q = joint.move(np.zeros(1), np.zeros(1), lambda t, x: SPRING * (waves(t) - x), time)[0][:, 0]
     columns = {"time [s]": time, "reference_1 [rad]": waves(time), "link_position [rad]": q}
@@ -107,8 +112,13 @@ def test_fit_recognises_held_commands(tmp_path, stairs):
     told = goal[np.minimum((fine / 2e-2 + 1e-6).astype(int), len(time) - 1)] if stairs else waves(fine)
     q = solve_ivp(
         lambda t, y: [y[1], (SPRING * (told[min(int(t * 1e4 + 1e-6), len(told) - 1)] - y[0]) - DAMPING * y[1]) / INERTIA],
-        (0.0, 4.0), [0.0, 0.0], t_eval=time, rtol=1e-8, atol=1e-10, max_step=1e-4,
-    ).y[0]  # fmt: skip
+        (0.0, 4.0),
+        [0.0, 0.0],
+        t_eval=time,
+        rtol=1e-8,
+        atol=1e-10,
+        max_step=1e-4,
+    ).y[0]
     columns = {"time [s]": time, "reference_1 [rad]": goal, "link_position [rad]": q}
     truth = {"joint_1.spring_stiffness": SPRING, "joint_1.damping": DAMPING}
     result = fitted(tmp_path, columns, NOISE, list(truth), mode=2, damping=0.04, tags=tags(spring_k=5, max_def=3))

@@ -85,9 +85,14 @@ CASES = [
 
 @pytest.mark.parametrize(
     ("what", "masses", "damping", "friction"),
-    [("none", 1.0, 0.065, 0.025), ("masses", 1.25, 0.065, 0.025), ("damping", 1.0, 0.08125, 0.025),
-     ("friction", 1.0, 0.065, 0.03125), ("springs", 0.8, 0.052, 0.02)],
-)  # fmt: skip
+    [
+        ("none", 1.0, 0.065, 0.025),
+        ("masses", 1.25, 0.065, 0.025),
+        ("damping", 1.0, 0.08125, 0.025),
+        ("friction", 1.0, 0.065, 0.03125),
+        ("springs", 0.8, 0.052, 0.02),
+    ],
+)
 @pytest.mark.parametrize("hangs", [True, False])
 def test_newtons_law_recovers_masses_and_losses(what, masses, damping, friction, hangs):
     """The fit of Newton's law recovers the parameters of the arm. Stronger springs appear as smaller masses and losses."""

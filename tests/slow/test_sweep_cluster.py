@@ -22,9 +22,12 @@ TWO_JOINTS = ROOT / "examples" / "scenarios" / "step_2dof.yaml"
 
 def study_of(samples):
     return make_study(
-        TWO_JOINTS, {"parameters.*.spring_a_1": "uniform(6, 10)"}, samples=samples, variants=["soft"],
+        TWO_JOINTS,
+        {"parameters.*.spring_a_1": "uniform(6, 10)"},
+        samples=samples,
+        variants=["soft"],
         overrides=["duration=0.05", "engine=mujoco"],
-    )  # fmt: skip
+    )
 
 
 class OtherVersions:

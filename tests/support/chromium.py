@@ -11,9 +11,15 @@ import pytest
 from support.browser import CHROMIUM
 
 FLAGS = (
-    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-vsync",
-    "--disable-extensions", "--disable-background-networking", "--disable-lcd-text",
-)  # fmt: skip
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-vsync",
+    "--disable-extensions",
+    "--disable-background-networking",
+    "--disable-lcd-text",
+)
 """Flags for machines without a graphics card and for users without a sandbox."""
 SLOWLY = """{
   const next = window.requestAnimationFrame.bind(window);

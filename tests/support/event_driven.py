@@ -132,9 +132,15 @@ class EventDriven:
             for event in watched:
                 event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
             found = solve_ivp(
-                lambda t, y, motion=motion: np.concatenate([y[n:], motion(t, y)[0]]), (now, times[-1]), np.concatenate([q, v]),
-                events=watched, dense_output=True, rtol=1e-10, atol=1e-12, max_step=5e-3,
-            )  # fmt: skip
+                lambda t, y, motion=motion: np.concatenate([y[n:], motion(t, y)[0]]),
+                (now, times[-1]),
+                np.concatenate([q, v]),
+                events=watched,
+                dense_output=True,
+                rtol=1e-10,
+                atol=1e-12,
+                max_step=5e-3,
+            )
             inside = (times > now) & (times <= found.t[-1])
             if inside.any():
                 rows.append(found.sol(times[inside]).T)

@@ -77,9 +77,13 @@ def solve(times, torque):
         m, i, far = MASSES, INERTIAS, INERTIAS["C"] + MASSES["C"] * ROCKER**2 / 4
         cross = m["B"] * CRANK * COUPLER
         inertia = (
-            i["A"] + m["A"] * CRANK**2 / 4 + m["B"] * (CRANK**2 + COUPLER**2 / 4 * kb**2) + cross * kb * np.cos(t - b)
-            + i["B"] * kb**2 + far * kc**2
-        )  # fmt: skip
+            i["A"]
+            + m["A"] * CRANK**2 / 4
+            + m["B"] * (CRANK**2 + COUPLER**2 / 4 * kb**2)
+            + cross * kb * np.cos(t - b)
+            + i["B"] * kb**2
+            + far * kc**2
+        )
         slope = (
             m["B"] * COUPLER**2 / 2 * kb * lb
             + cross * (lb * np.cos(t - b) - kb * np.sin(t - b) * (1 - kb))

@@ -26,15 +26,25 @@ def plan(joints, duration, *, jumps=(), axes=None):
     """Run of a hanging chain with these joints, which are named `joint_1`, `joint_2`, ... axes: by default, all are y."""
     bodies = [
         Body(
-            mass=MASS, reach=REACH, inertia=INERTIA, length=0.2, axis=axis, damping=joint.damping,
+            mass=MASS,
+            reach=REACH,
+            inertia=INERTIA,
+            length=0.2,
+            axis=axis,
+            damping=joint.damping,
             limits=f'<limit lower="-60" upper="60" effort="{min(joint.effort, 1e6)!r}" velocity="1000"/>',
         )
         for joint, axis in zip(joints, axes or ["0 1 0"] * len(joints), strict=True)
-    ]  # fmt: skip
+    ]
     return RandomRun(
-        urdf=chain(*bodies).text, joints=tuple(replace(joint, name=f"joint_{i}") for i, joint in enumerate(joints, 1)),
-        gravity=(0.0, 0.0, -9.81), rpy=(0.0, 0.0, 0.0), fixed=True, duration=duration, jumps=jumps,
-    )  # fmt: skip
+        urdf=chain(*bodies).text,
+        joints=tuple(replace(joint, name=f"joint_{i}") for i, joint in enumerate(joints, 1)),
+        gravity=(0.0, 0.0, -9.81),
+        rpy=(0.0, 0.0, 0.0),
+        fixed=True,
+        duration=duration,
+        jumps=jumps,
+    )
 
 
 def samples(given, folder, **keys):

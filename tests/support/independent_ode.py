@@ -205,9 +205,15 @@ def solve(run: RandomRun, times: Array, *, tolerance: float = 1e-11, longest: fl
             return truth.rate(t, y, after=t < end)
 
         found: Any = solve_ivp(
-            rate, (begin, end), state, method="DOP853", t_eval=np.unique([*times[inside], end]), rtol=tolerance, atol=tolerance,
+            rate,
+            (begin, end),
+            state,
+            method="DOP853",
+            t_eval=np.unique([*times[inside], end]),
+            rtol=tolerance,
+            atol=tolerance,
             max_step=longest,
-        )  # fmt: skip
+        )
         if not found.success:
             raise ArithmeticError(found.message)
         picked = np.isin(found.t, times[inside])

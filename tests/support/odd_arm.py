@@ -25,10 +25,14 @@ _OFF = {
 }  # fmt: skip
 """Sizes of the effects in a right model."""
 KEYS = {
-    "backlash": "joint_1.backlash", "cubic": "joint_1.spring_cubic", "static": "joint_1.stribeck_friction",
-    "slow": "joint_1.stribeck_velocity", "torque": "joint_1.motor_1_max_torque", "speed": "joint_1.motor_1_max_velocity",
+    "backlash": "joint_1.backlash",
+    "cubic": "joint_1.spring_cubic",
+    "static": "joint_1.stribeck_friction",
+    "slow": "joint_1.stribeck_velocity",
+    "torque": "joint_1.motor_1_max_torque",
+    "speed": "joint_1.motor_1_max_velocity",
     "load": "link_1.mass",
-}  # fmt: skip
+}
 """Parameters that state the sizes of effects. The law of hysteresis here is another one than that of asrsim."""
 
 

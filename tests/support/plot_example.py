@@ -60,9 +60,13 @@ def made_up_log(
         for number in range(1, joints + 1)
     )
     info = RunInfo(
-        robot="made_up", joints=infos, step=step, variant=variant, urdf="<robot name='made_up'/>",
+        robot="made_up",
+        joints=infos,
+        step=step,
+        variant=variant,
+        urdf="<robot name='made_up'/>",
         resolved={"scenario": {"robot": "robot.urdf", "duration": 1.0, "expect": list(expect)}},
-    )  # fmt: skip
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     with LogWriter(path, info) as log:
         for start in range(0, count, 5000):

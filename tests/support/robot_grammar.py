@@ -4,15 +4,23 @@ import numpy as np
 
 KINDS = ("revolute", "revolute", "continuous", "prismatic", "fixed")
 LIMITS = (
-    'lower="-1.5" upper="1.5" effort="80" velocity="5"', 'lower="0" upper="0" effort="0" velocity="0"',
-    'lower="0.2" upper="1.1" effort="-1" velocity="-1"', 'lower="-inf" upper="0.4" effort="50" velocity="10"',
-    'lower="-2" upper="inf" effort="1e3" velocity="10"', 'effort="30" velocity="3"', 'upper="0.8" effort="300" velocity="3"',
+    'lower="-1.5" upper="1.5" effort="80" velocity="5"',
+    'lower="0" upper="0" effort="0" velocity="0"',
+    'lower="0.2" upper="1.1" effort="-1" velocity="-1"',
+    'lower="-inf" upper="0.4" effort="50" velocity="10"',
+    'lower="-2" upper="inf" effort="1e3" velocity="10"',
+    'effort="30" velocity="3"',
+    'upper="0.8" effort="300" velocity="3"',
     'lower="0.001" upper="0.0011" effort="10" velocity="1"',
-)  # fmt: skip
+)
 DYNAMICS = (
-    "", '<dynamics damping="0.1"/>', '<dynamics damping="0" friction="0.05"/>', '<dynamics damping="2" friction="0"/>',
-    '<dynamics damping="1e-4" armature="1e-3"/>', '<dynamics damping="0.05" spring_stiffness="3" spring_reference="0.1"/>',
-)  # fmt: skip
+    "",
+    '<dynamics damping="0.1"/>',
+    '<dynamics damping="0" friction="0.05"/>',
+    '<dynamics damping="2" friction="0"/>',
+    '<dynamics damping="1e-4" armature="1e-3"/>',
+    '<dynamics damping="0.05" spring_stiffness="3" spring_reference="0.1"/>',
+)
 MORE = (
     '<safety_controller soft_lower_limit="-0.1" soft_upper_limit="0.1" k_velocity="10"/>',
     '<calibration rising="0.1"/>',
@@ -20,16 +28,27 @@ MORE = (
     "",
 )
 SHAPES = (
-    '<sphere radius="0"/>', '<box size="0.1 0.05 0.02"/>', '<cylinder radius="0.02" length="0.1"/>', "",
-    '<mesh filename="package://away/a.stl"/>', '<mesh filename=""/>', '<sphere radius="0.03"/>',
-)  # fmt: skip
+    '<sphere radius="0"/>',
+    '<box size="0.1 0.05 0.02"/>',
+    '<cylinder radius="0.02" length="0.1"/>',
+    "",
+    '<mesh filename="package://away/a.stl"/>',
+    '<mesh filename=""/>',
+    '<sphere radius="0.03"/>',
+)
 GAZEBO_OF_JOINTS = (
-    "<springStiffness>5</springStiffness>", '<springStiffness value="2"/><springReference value="0.1"/>',
-    "<implicitSpringDamper>1</implicitSpringDamper>", "<stopKp>1e6</stopKp>", "<stribeckFriction>0.01</stribeckFriction>",
-)  # fmt: skip
+    "<springStiffness>5</springStiffness>",
+    '<springStiffness value="2"/><springReference value="0.1"/>',
+    "<implicitSpringDamper>1</implicitSpringDamper>",
+    "<stopKp>1e6</stopKp>",
+    "<stribeckFriction>0.01</stribeckFriction>",
+)
 GAZEBO_OF_LINKS = (
-    "<mu1>0.2</mu1>", "<turnGravityOff>true</turnGravityOff>", "<selfCollide>true</selfCollide>", "<gravity>true</gravity>",
-)  # fmt: skip
+    "<mu1>0.2</mu1>",
+    "<turnGravityOff>true</turnGravityOff>",
+    "<selfCollide>true</selfCollide>",
+    "<gravity>true</gravity>",
+)
 EMPTY = (
     '<link name="{name}"><inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0"/></inertial><visual><geometry>'
     '<mesh filename="package://away/b.stl" scale="0.001 0.001 -0.001"/></geometry></visual></link>'

@@ -162,11 +162,14 @@ class SoftArm:
         second = [joint.get("spring_k_2", k) for joint, k in zip(self.joints, spring, strict=True)]
         bristles = STUCK**2 * (self.values("iyy") + self.values("mass") * self.values("reach") ** 2)
         p = (
-            *map(self.values, ("mass", "reach", "length", "iyy", "damping", "friction")), bristles,
-            self.values("spring_a_1"), spring, np.array(second),
+            *map(self.values, ("mass", "reach", "length", "iyy", "damping", "friction")),
+            bristles,
+            self.values("spring_a_1"),
+            spring,
+            np.array(second),
             *(self.values(f"motor_1_{name}") for name in ("inertia", "damping", "friction_torque", "max_torque")),
             *(self.values(f"controller_1_{name}") for name in ("proportional", "derivative")),
-        )  # fmt: skip
+        )
         outer = np.zeros((len(half) // 2, len(self.joints))) if outer is None else outer
         every = round((time[1] - time[0]) / step)
         n, motors = len(self.joints), self.motors
@@ -206,9 +209,14 @@ class SoftArm:
             parameters[f"joint_{j}"] = {name: float(value) for name, value in drive.items()} | {"max_deflection": 3.0}
         (folder / "arm.urdf").write_text(f'<robot name="arm">{"".join(parts)}</robot>')
         scenario = {
-            "robot": "arm.urdf", "duration": 2.0, "engine": "mujoco", "gravity": [0.0, 0.0, -self.gravity],
-            "parameters": parameters, "references": references, **keys,
-        }  # fmt: skip
+            "robot": "arm.urdf",
+            "duration": 2.0,
+            "engine": "mujoco",
+            "gravity": [0.0, 0.0, -self.gravity],
+            "parameters": parameters,
+            "references": references,
+            **keys,
+        }
         (folder / "arm.yaml").write_text(yaml.safe_dump(scenario))
         return folder / "arm.yaml"
 

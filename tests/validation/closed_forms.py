@@ -45,8 +45,11 @@ def static_equilibrium() -> Iterator[Check]:
     for name, (actuator, preset, parameters) in SETTINGS.items():
         result = run(
             chain(replace(LOAD, actuator=actuator, damping=0.065)),
-            mode=3, references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters, duration=4.0,
-        )  # fmt: skip
+            mode=3,
+            references={"equilibrium_position": 0.8, "stiffness_preset": preset},
+            parameters=parameters,
+            duration=4.0,
+        )
         error = abs(column(result, "link_position")[-1] - equilibrium(actuator, preset, parameters))
         yield Check(name=f"static equilibrium, {name}", figure=error, bound=1e-12, unit="rad", source="tau_el(q) = m g l sin q")
 
@@ -82,9 +85,15 @@ def oscillation_frequency() -> Iterator[Check]:
         step = 1e-4 if name == "AwAS-II .04" else 5e-4
         rest = equilibrium(actuator, preset, parameters)
         result = run(
-            chain(replace(LOAD, actuator=actuator)), mode=3, duration=1.0, step=step, substeps=1, initial=[rest + 1e-5],
-            references={"equilibrium_position": 0.8, "stiffness_preset": preset}, parameters=parameters,
-        )  # fmt: skip
+            chain(replace(LOAD, actuator=actuator)),
+            mode=3,
+            duration=1.0,
+            step=step,
+            substeps=1,
+            initial=[rest + 1e-5],
+            references={"equilibrium_position": 0.8, "stiffness_preset": preset},
+            parameters=parameters,
+        )
         law = ACTUATORS.get(actuator)
         spring = law.stiffness(rest, *law.motor_references(0.8, preset), elastic(actuator, parameters))
         stiffness = spring + WEIGHT * math.cos(rest)
@@ -102,10 +111,16 @@ def two_mass_frequency() -> Iterator[Check]:
     """Frequency sqrt(k (1/J + 1/I)) at which motor and link oscillate against each other in mode 4 without losses."""
     step = 1e-3
     result = run(
-        chain(replace(LOAD, actuator="sea", inertia=0.01)), mode=4, duration=2.0, step=step, substeps=1, motor_substeps=1,
-        gravity=0.0, parameters={**FREE_MOTOR, "spring_stiffness": 200.0},
+        chain(replace(LOAD, actuator="sea", inertia=0.01)),
+        mode=4,
+        duration=2.0,
+        step=step,
+        substeps=1,
+        motor_substeps=1,
+        gravity=0.0,
+        parameters={**FREE_MOTOR, "spring_stiffness": 200.0},
         references={"motor_1_torque": PulseTrain(high=0.2, width=0.01, period=10.0)},
-    )  # fmt: skip
+    )
     omega = math.sqrt(200.0 * (1.0 / MOTOR_INERTIA + 1.0 / (0.01 + 0.2 * 0.04**2)))
     deflection = column(result, "motor_1_position") - column(result, "link_position")
     error = abs(frequency(deflection[50:], step) / leapfrog_frequency(omega, step) - 1.0)
@@ -198,9 +213,14 @@ def terminal_velocity() -> Iterator[Check]:
     """Terminal velocity (tau - tau_f) / D of a motor with Dahl friction and damping in mode 4, with a slack spring."""
     for stepping in ("leapfrog", "euler", "toolbox"):
         result = run(
-            chain(replace(LOAD, actuator="sea")), mode=4, duration=4.0, gravity=0.0, stepping=stepping,
-            parameters={"spring_stiffness": 0.0, "motor_1_friction_torque": 0.1}, references={"motor_1_torque": 1.2},
-        )  # fmt: skip
+            chain(replace(LOAD, actuator="sea")),
+            mode=4,
+            duration=4.0,
+            gravity=0.0,
+            stepping=stepping,
+            parameters={"spring_stiffness": 0.0, "motor_1_friction_torque": 0.1},
+            references={"motor_1_torque": 1.2},
+        )
         error = abs(column(result, "motor_1_velocity")[-1] - (1.2 - 0.1) / 0.2698)
         yield Check(
             name=f"terminal velocity of a motor, {stepping}",
@@ -225,9 +245,13 @@ def impacts() -> Iterator[Check]:
             stop = speed * impact + 0.5 * acceleration * impact**2
             limits = f'<limit lower="-9" upper="{stop!r}" effort="99" velocity="99"/>'
             result = run(
-                chain(replace(STRIKER, limits=limits)), gravity=0.0, duration=0.03, step=step,
-                external={"joint_1": Constant(value=push)}, initial_velocities={"joint_1": speed},
-            )  # fmt: skip
+                chain(replace(STRIKER, limits=limits)),
+                gravity=0.0,
+                duration=0.03,
+                step=step,
+                external={"joint_1": Constant(value=push)},
+                initial_velocities={"joint_1": speed},
+            )
             assert result.samples is not None
             time = result.samples.time
             after = min(acceleration, 0.0) * (time - impact)
@@ -236,6 +260,9 @@ def impacts() -> Iterator[Check]:
         # The time of the impact is taken from the mean speed of a step, which the torque changes.
         early = abs(acceleration) * step / (speed + acceleration * (start + 1) * step)
         yield Check(
-            name=f"velocity in all rows beside an impact on a stop: a link that is {name}", figure=worst,
-            bound=1e-9 + abs(acceleration) * early * step, unit="rad/s", source=source,
-        )  # fmt: skip
+            name=f"velocity in all rows beside an impact on a stop: a link that is {name}",
+            figure=worst,
+            bound=1e-9 + abs(acceleration) * early * step,
+            unit="rad/s",
+            source=source,
+        )

@@ -52,10 +52,15 @@ def energy_and_momentum() -> Iterator[Check]:
         for step in (1e-3, 5e-4):
             result = run(
                 chain(replace(BODY, actuator=actuator)),
-                mode=4, duration=2.0, step=step, substeps=1, motor_substeps=1, gravity=0.0,
+                mode=4,
+                duration=2.0,
+                step=step,
+                substeps=1,
+                motor_substeps=1,
+                gravity=0.0,
                 parameters=motors(actuator, LOSSLESS) | parameters,
                 references={"motor_1_torque": KICK, **({"motor_2_torque": 0.02} if actuator == "awas_ii" else {})},
-            )  # fmt: skip
+            )
             after = slice(round(0.06 / step), None)
             energy = free_energy(result, gravity=0.0)[after]
             drifts.append(float(np.ptp(energy) / np.mean(energy)))
@@ -116,8 +121,11 @@ def passivity() -> Iterator[Check]:
     share = energy_gain("sea", 6, friction=0.0, damping=0.0, stepping="toolbox", derivative=0.0)
     yield Check(
         name="gain of energy, toolbox stepping, Series elastic actuator, mode 6, no derivative gain",
-        figure=share, bound=10.0, at_least=True, source="this stepping is not passive: the check can fail",
-    )  # fmt: skip
+        figure=share,
+        bound=10.0,
+        at_least=True,
+        source="this stepping is not passive: the check can fail",
+    )
 
 
 def energy_gain(

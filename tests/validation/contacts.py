@@ -35,9 +35,14 @@ def slide(tilt: float, *, duration: float = 1.0) -> Run:
     """Run of a box on the ground far from the robot. tilt: sideways fraction of gravity."""
     robot = chain(Body())
     scenario = Scenario(
-        name="slide", robot=robot.path, gravity=(9.81 * tilt, 0.0, -9.81), duration=duration, base_position=(10.0, 0.0, 5.0),
-        engine=engine(), world=World(ground=True, objects=(box(),)),
-    )  # fmt: skip
+        name="slide",
+        robot=robot.path,
+        gravity=(9.81 * tilt, 0.0, -9.81),
+        duration=duration,
+        base_position=(10.0, 0.0, 5.0),
+        engine=engine(),
+        world=World(ground=True, objects=(box(),)),
+    )
     return simulate(scenario, robot)
 
 
@@ -62,9 +67,12 @@ def sliding() -> Iterator[Check]:
     )
     still = box_positions(slide(0.95 * FRICTION))
     yield Check(
-        name="movement of a box at .95 of the slip threshold", figure=abs(float(still[-1, 0] - still[100, 0])), bound=1e-5,
-        unit="m", source="0 below mu m g",
-    )  # fmt: skip
+        name="movement of a box at .95 of the slip threshold",
+        figure=abs(float(still[-1, 0] - still[100, 0])),
+        bound=1e-5,
+        unit="m",
+        source="0 below mu m g",
+    )
 
 
 def pusher(reach: float = 1.0) -> Any:
@@ -78,9 +86,15 @@ def push(force: Any, *, duration: float, reach: float = 1.0, **fields: Any) -> R
     """Run in which a ball pushes the box along x at half its height. force: signal in N; reach: stroke of the ball, m."""
     robot = pusher(reach)
     scenario = Scenario(
-        name="push", robot=robot.path, duration=duration, base_position=(-0.5 * EDGE - 0.0201, 0.0, 0.5 * EDGE),
-        external_torques={"joint_1": force}, world=World(ground=True, objects=(box(),)), engine=engine(), **fields,
-    )  # fmt: skip
+        name="push",
+        robot=robot.path,
+        duration=duration,
+        base_position=(-0.5 * EDGE - 0.0201, 0.0, 0.5 * EDGE),
+        external_torques={"joint_1": force},
+        world=World(ground=True, objects=(box(),)),
+        engine=engine(),
+        **fields,
+    )
     return simulate(scenario, robot)
 
 
@@ -115,9 +129,14 @@ def resting() -> Iterator[Check]:
     gravity = np.array([1.0, 0.5, -9.81])
     for label, objects in (("", (box(), small)), (", named in the other order", (small, box()))):
         scenario = Scenario(
-            name="rest", robot=robot.path, duration=1.0, base_position=(10.0, 0.0, 5.0), engine=engine(),
-            gravity=tuple(gravity.tolist()), world=World(ground=True, objects=objects),
-        )  # fmt: skip
+            name="rest",
+            robot=robot.path,
+            duration=1.0,
+            base_position=(10.0, 0.0, 5.0),
+            engine=engine(),
+            gravity=tuple(gravity.tolist()),
+            world=World(ground=True, objects=objects),
+        )
         samples = simulate(scenario, robot).samples
         if samples is None:
             return
@@ -142,9 +161,15 @@ def landing() -> Iterator[Check]:
         '<dynamics damping="0.5"/></joint></robot>'
     )
     scenario = Scenario(
-        name="land", robot=robot.path, duration=2.0, fixed_base=False, base_position=(0.0, 0.0, 0.06), engine=engine(),
-        gravity=tuple(gravity.tolist()), world=World(ground=True),
-    )  # fmt: skip
+        name="land",
+        robot=robot.path,
+        duration=2.0,
+        fixed_base=False,
+        base_position=(0.0, 0.0, 0.06),
+        engine=engine(),
+        gravity=tuple(gravity.tolist()),
+        world=World(ground=True),
+    )
     samples = simulate(scenario, robot).samples
     if samples is None:
         return

@@ -18,9 +18,15 @@ from validation.check import DATA, Check
 from validation.models import run
 
 CASES = {
-    "sea_k200": 1.2e-2, "sea_k400": 1.8e-2, "awas_s0.005": 1.1e-3, "awas_s0.04": None,
-    "bavs_p0.001": 2.8e-3, "bavs_p0.22": 2.9e-3, "qbmove_p0.2": 9.6e-4, "qbmove_p0.6": 1.5e-3,
-}  # fmt: skip
+    "sea_k200": 1.2e-2,
+    "sea_k400": 1.8e-2,
+    "awas_s0.005": 1.1e-3,
+    "awas_s0.04": None,
+    "bavs_p0.001": 2.8e-3,
+    "bavs_p0.22": 2.9e-3,
+    "qbmove_p0.2": 9.6e-4,
+    "qbmove_p0.6": 1.5e-3,
+}
 """RMS error of Gazebo's run at 1 ms over 5 s, by case, rad. None: Gazebo is unstable in this case."""
 STABLE = 5e-4
 """Bound for cases in which Gazebo is unstable, rad."""

@@ -82,9 +82,15 @@ def friction_orders() -> Iterator[Check]:
         positions = []
         for step in (*steps, steps[-1] / 16.0):
             result = run(
-                chain(body), mode=mode, references={"equilibrium_position": wave}, parameters={"spring_stiffness": 20.0},
-                duration=0.6, step=step, substeps=1, motor_substeps=1,
-            )  # fmt: skip
+                chain(body),
+                mode=mode,
+                references={"equilibrium_position": wave},
+                parameters={"spring_stiffness": 20.0},
+                duration=0.6,
+                step=step,
+                substeps=1,
+                motor_substeps=1,
+            )
             assert result.samples is not None
             positions.append(result.samples.values["link_position"][:: round(steps[0] / step), 0])
         found = [float(np.max(np.abs(q - positions[-1]))) for q in positions[:-1]]
@@ -130,15 +136,21 @@ def impacts() -> Iterator[Check]:
         found = []
         for step in (1e-3, 2.5e-4):
             result = run(
-                robot, duration=end, step=step, initial=start.tolist(),
+                robot,
+                duration=end,
+                step=step,
+                initial=start.tolist(),
                 initial_velocities={"joint_1": float(speed[0]), "joint_2": float(speed[1])},
                 external={f"joint_{j + 1}": signal for j, signal in enumerate(pushes)},
-            )  # fmt: skip
+            )
             found.append(max(abs(column(result, "link_position", j)[-1] - rows[-1, j]) for j in (0, 1)))
         yield Check(
-            name=f"error at .25 ms after impacts on stops: arm {seed}", figure=found[1], bound=1.5e-3, unit="rad",
+            name=f"error at .25 ms after impacts on stops: arm {seed}",
+            figure=found[1],
+            bound=1.5e-3,
+            unit="rad",
             source="an event-driven solution",
-        )  # fmt: skip
+        )
         yield Check(
             name=f"error after impacts at .25 ms over that at 1 ms: arm {seed}",
             figure=found[1] / found[0],

@@ -46,9 +46,14 @@ def toolbox_rows(robot: Robot, motion: Array, step: float, first_step: float) ->
         before = [motor.position for motor in s.motors[:2]]
         stepping = drive.stepping
         z = Scheme(
-            step=h, weight_now=1.0, weight_last=0.0, first_drift=stepping.first_drift, implicitness=stepping.implicitness,
-            link_implicitness=0.0, staggered=0.0,
-        )  # fmt: skip
+            step=h,
+            weight_now=1.0,
+            weight_last=0.0,
+            first_drift=stepping.first_drift,
+            implicitness=stepping.implicitness,
+            link_implicitness=0.0,
+            staggered=0.0,
+        )
         advance(s, p, k, z, [0.0, *goal], h, True, False)
         rows.append((s.now.torque, *_outputs(drive, q, before, s)))
     return dict(zip(OUTPUTS, np.array(rows).T, strict=True))

@@ -107,9 +107,13 @@ def test_every_mode_runs_in_every_stepping(law, mode, stepping):
 def test_without_load_the_link_rests_at_the_equilibrium(law, mode):
     """Gravity off: the reference map's equilibrium is where the link goes, in every mode that holds motors."""
     result = run(
-        chain(replace(BODY, actuator=law.name)), mode=mode, gravity=0.0, references=references(law, mode), duration=5.0,
+        chain(replace(BODY, actuator=law.name)),
+        mode=mode,
+        gravity=0.0,
+        references=references(law, mode),
+        duration=5.0,
         parameters={f"motor_{i}_friction_torque": 0.0 for i in range(1, law.motors + 1)},
-    )  # fmt: skip
+    )
     assert column(result, "link_position")[-1] == pytest.approx(0.2, abs=2e-4)
     assert column(result, "link_torque")[-1] == pytest.approx(0.0, abs=1e-3)
 

@@ -97,11 +97,14 @@ def test_motors_coupled_by_a_spring_move_as_the_equations_say(tiny):
     k, c, inertia, damping, motor, drag = 6.0, 4.0, 6e-3, 0.2, 0.02, 0.1
     values = {"inertia": motor, "damping": drag, "friction_torque": 0.0, "max_velocity": 1e3}
     scenario = asrsim.make_scenario(
-        robot=tiny.robot, duration=0.5, step=0.0005, gravity=[0, 0, 0],
+        robot=tiny.robot,
+        duration=0.5,
+        step=0.0005,
+        gravity=[0, 0, 0],
         actuators={"elbow": {"type": Coupled.name, "mode": 4}},
         parameters={"elbow": {f"motor_{i}_{name}": value for i in (1, 2) for name, value in values.items()}},
         references={"elbow": {"motor_1_torque": 0.5, "motor_2_torque": -0.2}},
-    )  # fmt: skip
+    )
     samples = asrsim.run(scenario).samples
 
     def slope(_, y):

@@ -31,9 +31,14 @@ EXAMPLE = EXAMPLES / "plugins" / "my_clutch.py"
 def scenario(parameters, **keys):
     motion = {"sinusoid": {"amplitude": 0.5, "frequency": 2.0}}
     return asrsim.make_scenario(
-        EXAMPLES / "urdf" / "dof1_sea.urdf", references={"joint_1": {"equilibrium_position": motion}}, duration=0.2,
-        modes={"*": 6}, parameters={"joint_1": parameters}, compiled=False, **keys,
-    )  # fmt: skip
+        EXAMPLES / "urdf" / "dof1_sea.urdf",
+        references={"joint_1": {"equilibrium_position": motion}},
+        duration=0.2,
+        modes={"*": 6},
+        parameters={"joint_1": parameters},
+        compiled=False,
+        **keys,
+    )
 
 
 def test_a_plugin_brings_a_stage_that_runs_and_is_logged():

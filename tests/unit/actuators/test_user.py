@@ -274,11 +274,15 @@ def test_three_motors_swing_a_link_by_their_springs(tmp_path, mode, compiled):
     load_plugin_file(write(tmp_path, THREE))
     inertia, k, goals = 0.02, 5.0, (0.4, 0.3, 0.2)
     result = run(
-        chain(Body(actuator="three", mass=1e-9, reach=0.0, inertia=inertia)), mode=mode, gravity=0.0, duration=0.5,
-        references={"equilibrium_position": 0.3, "stiffness_preset": 0.1}, compiled=compiled,
+        chain(Body(actuator="three", mass=1e-9, reach=0.0, inertia=inertia)),
+        mode=mode,
+        gravity=0.0,
+        duration=0.5,
+        references={"equilibrium_position": 0.3, "stiffness_preset": 0.1},
+        compiled=compiled,
         parameters={f"motor_{i}_inertia": 1e6 for i in (1, 2, 3)},
         **({} if mode == 3 else {"initial_motor_positions": {"joint_1": goals}}),
-    )  # fmt: skip
+    )
     position = column(result, "link_position")
     expected = 0.3 * (1.0 - np.cos(np.sqrt(3.0 * k / inertia) * result.samples.time))
     np.testing.assert_allclose(position, expected, atol=1e-3)

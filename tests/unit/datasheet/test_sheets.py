@@ -83,9 +83,14 @@ def test_numbers_of_random_seas_are_their_closed_forms(seed):
         draw.uniform(np.log([2, 0.05, 1, 1, 1, 0.1, 10, 0.01, 0.01, 0.1]), np.log([500, 1, 80, 80, 8, 2, 60, 1, 0.3, 9]))
     )
     motor = {
-        "max_torque": most, "torque_constant": constant, "resistance": ohms, "max_voltage": volts, "damping": drag,
-        "friction_torque": friction, "max_velocity": math.inf,
-    }  # fmt: skip
+        "max_torque": most,
+        "torque_constant": constant,
+        "resistance": ohms,
+        "max_voltage": volts,
+        "damping": drag,
+        "friction_torque": friction,
+        "max_velocity": math.inf,
+    }
     values = {"spring_stiffness": k, "max_deflection": limit, "thermal_resistance": heat, "winding_heat": 1.0}
     (source,) = sources_of(["sea"])
     values |= {f"motor_1_{name}": one for name, one in motor.items()}
@@ -209,8 +214,11 @@ def test_a_sheet_with_the_published_constants_of_walk_mans_motor_has_its_publish
 
 def test_the_loaded_change_of_stiffness_is_under_the_nominal_torque_where_every_setting_holds_it():
     (source,) = sources_of([str(ROOT / "examples/plugins/my_vsa.py")])
-    warm = replace(source, stated=(stated := {"thermal_resistance": 20.0, "winding_heat": 1.0}),
-                   drive=replace(source.drive, values={**source.drive.values, **stated}))  # fmt: skip
+    warm = replace(
+        source,
+        stated=(stated := {"thermal_resistance": 20.0, "winding_heat": 1.0}),
+        drive=replace(source.drive, values={**source.drive.values, **stated}),
+    )
     sheet = make_sheet(warm)
     lasting = math.sqrt((80.0 - 25.0) / (20.0 * 1.0))  # of each motor, held at rest by both together
     assert value(sheet, "nominal_torque") == pytest.approx(2 * lasting, rel=1e-4)

@@ -66,9 +66,15 @@ def test_intervals_are_smaller_than_with_a_step_or_a_chirp(found):
 def test_written_scenario_plays_the_motion_within_its_limits(found, tmp_path):
     csv, scenario, *_ = write_design(found, tmp_path / "excite.csv", plot=False)
     joint = asrsim.run(scenario)["joint_1"]
-    assert 0.5 < max(
-        np.abs(joint.link_position).max() / 1.4, np.abs(joint.link_velocity).max() / 60.0, np.abs(joint.deflection).max() / 0.6
-    ) <= 1.0 + 1e-3  # fmt: skip
+    assert (
+        0.5
+        < max(
+            np.abs(joint.link_position).max() / 1.4,
+            np.abs(joint.link_velocity).max() / 60.0,
+            np.abs(joint.deflection).max() / 0.6,
+        )
+        <= 1.0 + 1e-3
+    )
     assert [str(one.quantity) for one in read_recording(csv).channels.values()] == ["reference_1"]
 
 
@@ -79,9 +85,12 @@ def test_each_reference_has_its_column_and_its_chart(found, tmp_path):
     motion = np.array([found.found.motion[0], np.sin(time)])
     halves = {"design": np.array([0.01, 0.2, 0.03]), "chirp": np.array([0.05, 0.3, 0.04])}
     both = replace(
-        found, references=(found.references[0], other), found=replace(found.found, motion=motion), intervals=halves,
+        found,
+        references=(found.references[0], other),
+        found=replace(found.found, motion=motion),
+        intervals=halves,
         keys=(*found.keys, "joint_2.damping"),
-    )  # fmt: skip
+    )
     rows = charts(both)
     for (chart,), one, values in zip(rows[:-1], both.references, motion, strict=True):
         assert (chart.head, chart.words, chart.unit) == (one.joint, one.name.replace("_", " "), one.unit)

@@ -102,9 +102,13 @@ def test_actions_are_scaled_to_the_ranges_and_cut(scenario):
 def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
     seen = []
     env = make_env(
-        scenario, observe=("tip",), tip=("link_2", (0.1, 0.0, 0.0)), goal={"x": [0.5]}, reward=lambda state: state.goal["x"],
+        scenario,
+        observe=("tip",),
+        tip=("link_2", (0.1, 0.0, 0.0)),
+        goal={"x": [0.5]},
+        reward=lambda state: state.goal["x"],
         terminated=lambda state: seen.append(state) or len(seen) == 3,
-    )  # fmt: skip
+    )
     observation, _ = env.reset(seed=0)
     np.testing.assert_allclose(observation, [0.19, 0.0, 0.1, 0.5], atol=1e-6)
     results = [env.step(np.zeros(2)) for _ in range(3)]
@@ -203,9 +207,13 @@ def test_an_episode_begins_with_what_a_run_logs_first(scenario, mode):
 
 def test_every_draw_lies_within_its_bounds():
     laws = {
-        "a": "uniform(-2, 3)", "b": "loguniform(0.1, 10)", "c": "normal(1, 0.5)", "d": "lognormal(1, 1)",
-        "e": [4, -1, 2.5], "f & g": "uniform(1, 2)",
-    }  # fmt: skip
+        "a": "uniform(-2, 3)",
+        "b": "loguniform(0.1, 10)",
+        "c": "normal(1, 0.5)",
+        "d": "lognormal(1, 1)",
+        "e": [4, -1, 2.5],
+        "f & g": "uniform(1, 2)",
+    }
     draws, chance = Draws(laws), np.random.default_rng(3)
     lows, highs = draws.bounds()
     assert draws.keys == ("a", "b", "c", "d", "e", "f", "g")

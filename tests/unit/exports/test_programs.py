@@ -113,9 +113,12 @@ def test_the_package_for_mjlab_has_the_rule_of_the_motors_and_the_ranges_of_a_fi
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("program", "bound"),
-    [pytest.param("warp", 2e-3, marks=installed("warp")), pytest.param("mjx", 0.02, marks=installed("mjx")),
-     pytest.param("mjlab", 0.01, marks=installed("mjlab"))],
-)  # fmt: skip
+    [
+        pytest.param("warp", 2e-3, marks=installed("warp")),
+        pytest.param("mjx", 0.02, marks=installed("mjx")),
+        pytest.param("mjlab", 0.01, marks=installed("mjlab")),
+    ],
+)
 @pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 def test_a_program_steps_its_file_as_mujoco_does(tmp_path, program, bound, actuator):
     """The table of docs/export.md. The programs calculate in single precision."""

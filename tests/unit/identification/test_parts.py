@@ -166,9 +166,12 @@ def test_an_unknown_push_does_not_spoil_a_torque_driven_joint(tmp_path):
     push = 0.05 * ((SWEEP > 1.0) & (SWEEP < 1.5))
     noise = 2e-4 * np.random.default_rng(0).normal(size=len(SWEEP))
     table = save(
-        tmp_path / "a.csv", "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]",
-        SWEEP, INERTIA * a + 0.05 * v - push, place + noise,
-    )  # fmt: skip
+        tmp_path / "a.csv",
+        "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]",
+        SWEEP,
+        INERTIA * a + 0.05 * v - push,
+        place + noise,
+    )
     result = identify(
         write(tmp_path, "lab", {**SEA, "mode": 0, "damping": 0.5}), [table], free=["joint_1.damping", "link_1.izz"]
     )

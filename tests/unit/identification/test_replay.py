@@ -96,14 +96,24 @@ def test_a_command_that_jumped_before_its_sample_is_played_at_its_instant(interp
     """Delay, zero and scale; the jump from 0 to 1 at the sample of .5 s happened 4 ms earlier."""
     time = np.arange(0.0, 1.0, 0.01)
     command = PlayedCommand(
-        joint="j", quantity="reference_1", unit="rad", time=time, values=(time >= 0.495).astype(float),
-        name="goal", hold=interpolation == "hold",
-    )  # fmt: skip
+        joint="j",
+        quantity="reference_1",
+        unit="rad",
+        time=time,
+        values=(time >= 0.495).astype(float),
+        name="goal",
+        hold=interpolation == "hold",
+    )
     (jump,) = command.curve.jumps.tolist()
     reading = SeriesReading(
-        key="j.reference_1", column="c", meaning="j.reference_1", gain=2.0, offset=0.1, interpolation=interpolation,
+        key="j.reference_1",
+        column="c",
+        meaning="j.reference_1",
+        gain=2.0,
+        offset=0.1,
+        interpolation=interpolation,
         early={repr(jump): 0.004},
-    )  # fmt: skip
+    )
     rows = [line.split(",") for line in played_table(command, reading, 0.02).splitlines()[1:]]
     assert rows[0] == ["time", "j.reference_1 [rad]"]
     at, values = np.array(rows[1:], dtype=float).T

@@ -30,9 +30,13 @@ def test_demands_on_a_spring_and_its_motor_are_those_of_the_closed_form():
     joint = SimpleNamespace(most_effort=3.0, stops=(-0.4, 0.45), kind="prismatic")
     demands = {one.what: one for one in demands_of(drive, time, real(q), real(torque), found, joint)}
     wanted = {
-        "joint effort": (0.8, 3.0, "N"), "motor torque": (abs(push), 2.0, "N"), "motor speed": (abs(w * theta), 4.0, "m/s"),
-        "spring torque": (0.8, 1.0, "N"), "spring deflection": (0.04, 0.05, "m"), "joint stop": (0.5, 0.4, "m"),
-    }  # fmt: skip
+        "joint effort": (0.8, 3.0, "N"),
+        "motor torque": (abs(push), 2.0, "N"),
+        "motor speed": (abs(w * theta), 4.0, "m/s"),
+        "spring torque": (0.8, 1.0, "N"),
+        "spring deflection": (0.04, 0.05, "m"),
+        "joint stop": (0.5, 0.4, "m"),
+    }
     assert demands.keys() == wanted.keys()
     for what, (needed, limit, unit) in wanted.items():
         one = demands[what]
@@ -66,8 +70,14 @@ def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_say
         def motor_references(equilibrium, preset):
             return equilibrium + preset, 2.0 * equilibrium, equilibrium - 3.0 * preset
 
-    values = {"proportional": gains, "integral": np.zeros(3), "derivative": np.ones(3), "inertia": np.full(3, 0.01),
-              "damping": np.full(3, 0.1), "friction_torque": np.zeros(3)}  # fmt: skip
+    values = {
+        "proportional": gains,
+        "integral": np.zeros(3),
+        "derivative": np.ones(3),
+        "inertia": np.full(3, 0.01),
+        "damping": np.full(3, 0.1),
+        "friction_torque": np.zeros(3),
+    }
     drive = drive_with(Three, (), mode=6, **{name: tuple(value) for name, value in values.items()})
     time = np.linspace(0.0, 1.0, 101)
     still = np.zeros(101)

@@ -125,8 +125,13 @@ def test_a_compressed_state_is_refused_before_it_is_unpacked(tmp_path):
         load_state(path, {}, problem())
 
 
-GROWTH = {"a creep": ([1.0, 1.05, 1.08], False), "growth": ([1.0, 1.05, 1.2], True), "up and down": ([1.0, 1.2, 1.1], False),
-          "once": ([1.0, 1.2], False), "after the best": ([2.0, 1.0, 1.05, 1.2], True)}  # fmt: skip
+GROWTH = {
+    "a creep": ([1.0, 1.05, 1.08], False),
+    "growth": ([1.0, 1.05, 1.2], True),
+    "up and down": ([1.0, 1.2, 1.1], False),
+    "once": ([1.0, 1.2], False),
+    "after the best": ([2.0, 1.0, 1.05, 1.2], True),
+}
 
 
 @pytest.mark.parametrize(("worst", "ends"), GROWTH.values(), ids=GROWTH)

@@ -59,9 +59,15 @@ def connected(transport, *headers):
     client = socket.create_connection(("127.0.0.1", transport.port), timeout=10)
     key = base64.b64encode(os.urandom(16)).decode()
     lines = [
-        "GET / HTTP/1.1", f"Host: 127.0.0.1:{transport.port}", "Upgrade: websocket", "Connection: Upgrade",
-        f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13", "Sec-WebSocket-Protocol: foxglove.sdk.v1", *headers,
-    ]  # fmt: skip
+        "GET / HTTP/1.1",
+        f"Host: 127.0.0.1:{transport.port}",
+        "Upgrade: websocket",
+        "Connection: Upgrade",
+        f"Sec-WebSocket-Key: {key}",
+        "Sec-WebSocket-Version: 13",
+        "Sec-WebSocket-Protocol: foxglove.sdk.v1",
+        *headers,
+    ]
     client.sendall("\r\n".join([*lines, "", ""]).encode())
     answer = b""
     while b"\r\n" not in answer and (part := client.recv(64)):

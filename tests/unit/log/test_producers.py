@@ -40,10 +40,15 @@ def as_changed(folder):
     name = next(iter(scenario.references_of("joint_1")))
     signal = Sampled(times=np.linspace(0.0, 0.3, 7), samples=np.array([0.0, -0.0, 0.1, 0.2, 0.1, 0.3, 0.25]))
     changed = replace(
-        scenario, robot=scenario.robot, gravity=(0.0, 1.0, -3.0), seed=5,
+        scenario,
+        robot=scenario.robot,
+        gravity=(0.0, 1.0, -3.0),
+        seed=5,
         references={**scenario.references, "joint_1": {**scenario.references_of("joint_1"), name: signal}},
-        command_imperfections={"*": Imperfections(delay=0.003, noise=0.001)}, substeps=3, expect=(),
-    )  # fmt: skip
+        command_imperfections={"*": Imperfections(delay=0.003, noise=0.001)},
+        substeps=3,
+        expect=(),
+    )
     return [asrsim.run(changed, robot=robot, out=folder).log]
 
 

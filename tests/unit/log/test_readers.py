@@ -78,10 +78,15 @@ def test_topics_and_types(log_path):
                "motor_1_voltage", "temperature", "reference_1", "motor_1_command", "motor_2_command"]  # fmt: skip
     states = ["motor_1_state", "motor_2_state", "robot_state", "joint_states"]
     assert {topic.rpartition("/")[2]: kind for topic, kind in types.items()} == {
-        **dict.fromkeys(numbers, number), **dict.fromkeys(states, state), "robot_description": "std_msgs/msg/String",
-        "link_state": "asrsim_msgs/msg/LinkState", "details": "asrsim_msgs/msg/JointDetails", "tf": "tf2_msgs/msg/TFMessage",
-        "ground": "geometry_msgs/msg/Vector3Stamped", "finger_1": "geometry_msgs/msg/Vector3Stamped",
-    }  # fmt: skip
+        **dict.fromkeys(numbers, number),
+        **dict.fromkeys(states, state),
+        "robot_description": "std_msgs/msg/String",
+        "link_state": "asrsim_msgs/msg/LinkState",
+        "details": "asrsim_msgs/msg/JointDetails",
+        "tf": "tf2_msgs/msg/TFMessage",
+        "ground": "geometry_msgs/msg/Vector3Stamped",
+        "finger_1": "geometry_msgs/msg/Vector3Stamped",
+    }
     assert {topic.rpartition("/")[0] for topic in types} == {
         "", "/asrsim", "/arm/right", "/arm/right/shoulder", "/arm/right/_lbow_2", "/slide", "/lever", "/contacts/box"
     }  # fmt: skip

@@ -18,9 +18,12 @@ TIME = np.linspace(0, 2, 2001)
 POSES = np.column_stack([0.05 * TIME, np.zeros_like(TIME), np.full_like(TIME, 0.1), np.tile([0, 0, 0, 1.0], (len(TIME), 1))])
 FORCE = np.column_stack([np.where(TIME > 1, 3.0, np.nan), np.where(TIME > 1, 4.0, np.nan), np.where(TIME > 1, 0.0, np.nan)])
 SAMPLES = Samples(
-    time=TIME, joints=("elbow",), values={"link_position": (0.8 * (1 - np.exp(-TIME / 0.1)))[:, None]},
-    bodies={"box": POSES}, contacts={"box/hand": FORCE},
-)  # fmt: skip
+    time=TIME,
+    joints=("elbow",),
+    values={"link_position": (0.8 * (1 - np.exp(-TIME / 0.1)))[:, None]},
+    bodies={"box": POSES},
+    contacts={"box/hand": FORCE},
+)
 
 
 JOINTS = (JointInfo(name="elbow", actuator="sea", mode=3, motors=1, quantities=("link_position", "motor_1_position")),)
@@ -69,11 +72,15 @@ def test_claims_hold_and_fail_in_words():
 @pytest.mark.parametrize(
     ("quantity", "measure", "value", "unit"),
     [
-        ("position", "displacement", 0.1, "m"), ("x", "final", 0.1, "m"), ("contact_force", "maximum", 5.0, "N"),
-        ("contact_force", "minimum", 0.0, "N"), ("contact_force.x", "final", 3.0, "N"),
-        ("contact_force/hand.y", "final", 4.0, "N"), ("contact_force.z", "final", 0.0, "N"),
+        ("position", "displacement", 0.1, "m"),
+        ("x", "final", 0.1, "m"),
+        ("contact_force", "maximum", 5.0, "N"),
+        ("contact_force", "minimum", 0.0, "N"),
+        ("contact_force.x", "final", 3.0, "N"),
+        ("contact_force/hand.y", "final", 4.0, "N"),
+        ("contact_force.z", "final", 0.0, "N"),
     ],
-)  # fmt: skip
+)
 def test_bodies_and_contacts(quantity, measure, value, unit):
     (result,) = evaluate([claim(joint=None, body="box", quantity=quantity, measure=measure, value=value, tolerance=1e-9)])
     assert (result.holds, result.unit) == (True, unit)
@@ -157,9 +164,15 @@ def test_a_claim_takes_one_mapping_or_a_list(mapping, tmp_path):
 
 @pytest.mark.parametrize(
     "changes",
-    [{"joint": "wrist"}, {"quantity": "link_torque"}, {"measure": "final"}, {"reference": "motor_1_position"},
-     {"against": Path("lab.csv")}, {"options": {"end": 1.0}}],
-)  # fmt: skip
+    [
+        {"joint": "wrist"},
+        {"quantity": "link_torque"},
+        {"measure": "final"},
+        {"reference": "motor_1_position"},
+        {"against": Path("lab.csv")},
+        {"options": {"end": 1.0}},
+    ],
+)
 def test_claims_share_a_number_only_if_they_measure_the_same(changes):
     same, other = claim(measure="rmse", comparison="<", value=9.0, tolerance=0.0), claim(**{"measure": "rmse"} | changes)
     assert subject_of(claim(measure="rmse")) == subject_of(same) != subject_of(other)

@@ -68,12 +68,18 @@ def test_a_series_without_a_step_has_no_step_measures():
 @pytest.mark.parametrize(
     ("name", "values", "options", "expected"),
     [
-        ("steady_state", second_order(0.3), {}, 1.0), ("steady_state_error", second_order(0.3), {"target": 1.2}, 0.2),
-        ("mean", TIME, {}, 5.0), ("rms", 2 * np.sin(2 * np.pi * TIME), {}, math.sqrt(2)),
-        ("amplitude", 3 + 2 * np.sin(TIME), {}, 2.0), ("peak", -3 * TIME, {}, 30.0), ("at", TIME**2, {"when": 3.0}, 9.0),
-        ("final", TIME, {}, 10.0), ("minimum", TIME - 3, {}, -3.0), ("maximum", TIME - 3, {}, 7.0),
+        ("steady_state", second_order(0.3), {}, 1.0),
+        ("steady_state_error", second_order(0.3), {"target": 1.2}, 0.2),
+        ("mean", TIME, {}, 5.0),
+        ("rms", 2 * np.sin(2 * np.pi * TIME), {}, math.sqrt(2)),
+        ("amplitude", 3 + 2 * np.sin(TIME), {}, 2.0),
+        ("peak", -3 * TIME, {}, 30.0),
+        ("at", TIME**2, {"when": 3.0}, 9.0),
+        ("final", TIME, {}, 10.0),
+        ("minimum", TIME - 3, {}, -3.0),
+        ("maximum", TIME - 3, {}, 7.0),
     ],
-)  # fmt: skip
+)
 def test_levels(name, values, options, expected):
     assert measure(name, TIME, values, **options) == pytest.approx(expected, rel=1e-5)
 

@@ -132,9 +132,14 @@ def test_small_numbers_take_a_smaller_unit(value, unit, text):
 
 @pytest.mark.parametrize(
     ("values", "expected"),
-    [((0.3, -5.841e-5), (1e3, "mrad")), ((12.0, 1e-5), (1.0, "rad")), ((0.5, 0.2), (1.0, "rad")), ((0.0, 2e-6), (1e6, "µrad")),
-     ((float("nan"), 0.0), (1.0, "rad"))],
-)  # fmt: skip
+    [
+        ((0.3, -5.841e-5), (1e3, "mrad")),
+        ((12.0, 1e-5), (1.0, "rad")),
+        ((0.5, 0.2), (1.0, "rad")),
+        ((0.0, 2e-6), (1e6, "µrad")),
+        ((float("nan"), 0.0), (1.0, "rad")),
+    ],
+)
 def test_numbers_of_a_row_share_a_unit_in_which_none_is_tiny(values, expected):
     assert prefixed(values, "rad") == expected
 

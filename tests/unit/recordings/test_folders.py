@@ -83,9 +83,14 @@ def test_numbers_in_the_file_of_a_body_are_asked_about(tmp_path):
     assert recording.channels["joints/q1"].meaning == "joint_1.link_position"
 
 
-@pytest.mark.parametrize(("second", "times", "code"), [
-    ("run2", TIME, "two-recordings"), ("velocity", TIME + 5, "no-overlap"), ("velocity", STAMPS, "two-clocks"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("second", "times", "code"),
+    [
+        ("run2", TIME, "two-recordings"),
+        ("velocity", TIME + 5, "no-overlap"),
+        ("velocity", STAMPS, "two-clocks"),
+    ],
+)
 def test_files_that_are_no_single_recording_are_refused(tmp_path, second, times, code):
     lab = tmp_path / "lab"
     write(lab / "run1.csv", "time,knee_pos", TIME, TIME)

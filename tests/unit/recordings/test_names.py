@@ -237,10 +237,15 @@ def test_a_command_of_a_doubtful_kind_is_asked_about(tmp_path, name):
     assert [column.source for column in recording.asked] == [name]
 
 
-@pytest.mark.parametrize(("name", "mode", "reference"), [
-    ("knee_tau_des", 4, "motor_1_torque"), ("knee_current_cmd", 8, "motor_1_current"),
-    ("knee_voltage_command", 7, "motor_1_voltage"), ("knee_cmd", 3, "equilibrium_position"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "mode", "reference"),
+    [
+        ("knee_tau_des", 4, "motor_1_torque"),
+        ("knee_current_cmd", 8, "motor_1_current"),
+        ("knee_voltage_command", 7, "motor_1_voltage"),
+        ("knee_cmd", 3, "equilibrium_position"),
+    ],
+)
 def test_a_command_is_played_in_a_mode_that_takes_its_kind(tmp_path, tiny, name, mode, reference):
     recording = read(tmp_path, [name.replace("knee", "elbow"), "elbow_pos"], ["elbow"])
     plan = make_plan(load_robot(tiny.robot), recording, step=0.001)
@@ -258,11 +263,15 @@ def test_a_mapped_command_keeps_the_kind_of_its_name(tmp_path):
 
 
 SPOKEN = {
-    "rad": ["pos", "position", "angle", "q"], "N m": ["tau", "torque", "effort", "moment"],
-    "A": ["current", "cur", "i", "iq"], "V": ["voltage", "volts"],
-    "velocity": ["vel", "velocity", "dq", "speed", "qd"], "PWM": ["pwm", "duty"], "acceleration": ["acc", "ddq"],
+    "rad": ["pos", "position", "angle", "q"],
+    "N m": ["tau", "torque", "effort", "moment"],
+    "A": ["current", "cur", "i", "iq"],
+    "V": ["voltage", "volts"],
+    "velocity": ["vel", "velocity", "dq", "speed", "qd"],
+    "PWM": ["pwm", "duty"],
+    "acceleration": ["acc", "ddq"],
     "one of": ["u", "v", "theta", "eff"],
-}  # fmt: skip
+}
 """Words of this test by the unit of the command that they mean; the last four rows can be played by no mode, or are unclear."""
 OWNERS = ["knee", "left_knee", "LeftElbow", "hip2", "j", "joint_1", "torque_arm", "current_joint", "ankle_pitch"]
 
@@ -313,10 +322,16 @@ def test_a_question_about_a_command_states_kind_and_map(tmp_path):
     assert "--map 'knee_des_vel=knee.reference_1 [unit]'" in str(problem.hint)
 
 
-@pytest.mark.parametrize(("name", "mapping"), [
-    ("elbow_force_cmd", []), ("elbow_cmd_N", []), ("elbow_des_vel", ["elbow_des_vel=elbow.reference_1"]),
-    ("elbow_pwm_cmd", ["elbow_pwm_cmd=elbow.reference_1"]), ("elbow_x", ["elbow_x=elbow.reference_1 [%]"]),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("name", "mapping"),
+    [
+        ("elbow_force_cmd", []),
+        ("elbow_cmd_N", []),
+        ("elbow_des_vel", ["elbow_des_vel=elbow.reference_1"]),
+        ("elbow_pwm_cmd", ["elbow_pwm_cmd=elbow.reference_1"]),
+        ("elbow_x", ["elbow_x=elbow.reference_1 [%]"]),
+    ],
+)
 def test_a_command_that_no_mode_takes_is_not_played(tmp_path, tiny, name, mapping):
     read(tmp_path, [name, "elbow_pos"])
     recording = read_recording(tmp_path / "lab.csv", mapping=mapping or None, joints=["elbow"])

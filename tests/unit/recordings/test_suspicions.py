@@ -69,10 +69,13 @@ def test_columns_that_can_be_true_together_are_not_mentioned(tmp_path, kind):
 @pytest.mark.parametrize(
     ("factor", "words"),
     [
-        (1.1 * DEGREES, "in degrees"), (900.0, "in thousandths"), (1.1 / DEGREES, "from degrees"), (0.001, "from thousandths"),
+        (1.1 * DEGREES, "in degrees"),
+        (900.0, "in thousandths"),
+        (1.1 / DEGREES, "from degrees"),
+        (0.001, "from thousandths"),
         *((factor, None) for factor in (1.0, 0.5, 3.0, 10.0, 36.0, 43.0, 75.0, 200.0, 600.0, 1600.0)),
     ],
-)  # fmt: skip
+)
 def test_only_factors_of_units_are_suspected(tmp_path, factor, words):
     samples = Samples(time=TIME, joints=("joint_1",), values={"link_position": Q[:, None]})
     found = compare(samples, read(tmp_path, "q1", (factor * Q,)), lag="off").findings

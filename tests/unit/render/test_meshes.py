@@ -93,11 +93,14 @@ def test_stl_files_are_read(tmp_path, kind):
 
 @pytest.mark.parametrize(
     ("shape", "ends", "volume"),
-    [('<box size="1 2 3"/>', (0.5, 1, 1.5), 6), ('<sphere radius="0.5"/>', (0.5,) * 3, math.pi / 6),
-     ('<cylinder radius="0.5" length="2"/>', (0.5, 0.5, 1), math.pi / 2),
-     # A capsule is drawn as a cylinder and two balls.
-     ('<capsule radius="0.5" length="2"/>', (0.5, 0.5, 1.5), math.pi / 2 + 2 * math.pi / 6)],
-)  # fmt: skip
+    [
+        ('<box size="1 2 3"/>', (0.5, 1, 1.5), 6),
+        ('<sphere radius="0.5"/>', (0.5,) * 3, math.pi / 6),
+        ('<cylinder radius="0.5" length="2"/>', (0.5, 0.5, 1), math.pi / 2),
+        # A capsule is drawn as a cylinder and two balls.
+        ('<capsule radius="0.5" length="2"/>', (0.5, 0.5, 1.5), math.pi / 2 + 2 * math.pi / 6),
+    ],
+)
 def test_solids_have_their_size_and_sharp_edges_only_where_faces_meet(tmp_path, shape, ends, volume):
     meshes = [mesh for mesh, _ in shown(tmp_path, shape)]
     np.testing.assert_allclose(np.max([mesh.bounds[1] for mesh in meshes], axis=0), ends, rtol=0.02)

@@ -43,9 +43,12 @@ def fit(tmp_path_factory):
 def study(tmp_path_factory):
     pytest.importorskip("pyarrow")
     study = make_study(
-        SCENARIO, {"link_2.mass": "uniform(0.3, 0.6)", "joint_1.damping": "uniform(0.0, 0.1)"}, variants=["soft"], samples=8,
+        SCENARIO,
+        {"link_2.mass": "uniform(0.3, 0.6)", "joint_1.damping": "uniform(0.0, 0.1)"},
+        variants=["soft"],
+        samples=8,
         overrides=["duration=0.2", "engine=mujoco", "compiled=false"],
-    )  # fmt: skip
+    )
     folder = tmp_path_factory.mktemp("study") / "s"
     asrsim.sweep(study, out=folder, workers=1)
     return folder
@@ -67,15 +70,21 @@ def twin(tmp_path):
 @pytest.fixture
 def learned(tmp_path):
     data = {
-        "scenario": "lab.yaml", "variant": "soft", "outcome": "converged", "converged": True,
+        "scenario": "lab.yaml",
+        "variant": "soft",
+        "outcome": "converged",
+        "converged": True,
         "reason": "converged after 1 iteration",
-        "iterations": 1, "best": 1, "law": "auto", "reach": "the joints can do it",
+        "iterations": 1,
+        "best": 1,
+        "law": "auto",
+        "reach": "the joints can do it",
         "demands": [{"joint": "arm", "what": "motor torque", "needed": 2.5, "limit": 4.0, "unit": "N m"}],
         "trials": [
             {"iteration": n, "largest_error": {"arm": error}, "rms_error": {"arm": 0.5 * error}}
             for n, error in ((0, 0.1), (1, 0.01))
         ],
-    }  # fmt: skip
+    }
     write_json(tmp_path / "ilc.json", data)
     for name, column in (("learned", "arm.equilibrium_position [rad]"), ("desired", "arm.link_position [rad]")):
         rows = "\n".join(f"{0.01 * i:g},{0.001 * i:g}" for i in range(100))

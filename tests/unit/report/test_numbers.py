@@ -51,8 +51,12 @@ def test_every_series_of_a_page_is_that_of_its_run(tmp_path):
                         assert line["dash"] == dashes[quantity]
                 np.testing.assert_allclose(values, wanted, atol=np.nanmax(np.abs(wanted)) / 30000)
             assert len({tuple(dash) for dash in dashes.values()}) == len(dashes)
-    assert {(joint, name, n) for joint in ("joint_1", "joint_2") for name in ("link_position", "link_torque", "stiffness")
-            for n in (0, 1)} <= seen  # fmt: skip
+    assert {
+        (joint, name, n)
+        for joint in ("joint_1", "joint_2")
+        for name in ("link_position", "link_torque", "stiffness")
+        for n in (0, 1)
+    } <= seen
 
 
 def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
@@ -76,9 +80,15 @@ def test_runs_of_different_steps_share_a_grid_with_all_extremes(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "joint", "rest"),
-    [("elbow_1_pos", "elbow_1", " _pos"), ("elbow_12_pos", None, "elbow_12_pos"), ("myelbow_1", None, "myelbow_1"),
-     ("Elbow1 [rad]", "elbow_1", "  [rad]"), ("q_deg", None, "q_deg"), ("left_elbow_1", "left_elbow_1", " ")],
-)  # fmt: skip
+    [
+        ("elbow_1_pos", "elbow_1", " _pos"),
+        ("elbow_12_pos", None, "elbow_12_pos"),
+        ("myelbow_1", None, "myelbow_1"),
+        ("Elbow1 [rad]", "elbow_1", "  [rad]"),
+        ("q_deg", None, "q_deg"),
+        ("left_elbow_1", "left_elbow_1", " "),
+    ],
+)
 def test_the_longest_joint_name_in_a_column_is_found(name, joint, rest):
     """A name of one letter may stand for a quantity as well."""
     assert find_joint(name, ["q", "elbow_1", "left_elbow_1"]) == (joint, rest)

@@ -23,10 +23,14 @@ from support.pages import Page
 from support.paths import EXAMPLES
 
 EQUILIBRIA = {
-    ("sea", "soft"): (0.79972, 200.0), ("awas_ii", "soft"): (0.77988, 2.741), ("awas_ii", "stiff"): (0.79998, 3555.6),
-    ("bavs", "soft"): (0.79442, 10.05), ("bavs", "stiff"): (0.79877, 45.57), ("qbmove", "soft"): (0.57767, 0.400),
+    ("sea", "soft"): (0.79972, 200.0),
+    ("awas_ii", "soft"): (0.77988, 2.741),
+    ("awas_ii", "stiff"): (0.79998, 3555.6),
+    ("bavs", "soft"): (0.79442, 10.05),
+    ("bavs", "stiff"): (0.79877, 45.57),
+    ("qbmove", "soft"): (0.57767, 0.400),
     ("qbmove", "stiff"): (0.78538, 3.817),
-}  # fmt: skip
+}
 """Position (rad) and stiffness (N m/rad) of figure 8, worked out elsewhere."""
 
 

@@ -259,7 +259,8 @@ WORDS = {
     ),
     "masses of a compiler": ('<mujoco><compiler boundmass="0.5" meshdir="m"/></mujoco>', "changes masses"),
     "plugin of the newer Gazebo": (
-        '<gazebo><plugin name="p" filename="gz-sim-lift-drag-system"/></gazebo>', "acts on the robot",
+        '<gazebo><plugin name="p" filename="gz-sim-lift-drag-system"/></gazebo>',
+        "acts on the robot",
     ),
     "plugin of a laboratory": (
         '<gazebo><plugin name="a" filename="libtendon_drive.so"/><plugin name="b" filename="libmuscle.so"/></gazebo>',
@@ -268,7 +269,8 @@ WORDS = {
     "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; here it moves freely"),
     "coupling that is a parameter": (controlled('<param name="mimic">true</param>'), "has no <mimic>; here it moves freely"),
     "range of commands": (
-        controlled('<command_interface name="position"><param name="min">-0.5</param></command_interface>'), "-0.5 to ...",
+        controlled('<command_interface name="position"><param name="min">-0.5</param></command_interface>'),
+        "-0.5 to ...",
     ),
     "range of efforts": (
         controlled('<command_interface name="effort"><param name="max">1</param></command_interface>'),
@@ -276,15 +278,18 @@ WORDS = {
     ),
     "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
     "gearbox": (
-        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>', "close a loop",
+        '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>',
+        "close a loop",
     ),
     "loop of one joint": (
-        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="arm"/></loop_joint>', "stays open",
+        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="arm"/></loop_joint>',
+        "stays open",
     ),
     "loop of no link": (
-        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="x"/></loop_joint>', "no link 'x'",
+        '<loop_joint name="l" type="spherical"><link1 link="world"/><link2 link="x"/></loop_joint>',
+        "no link 'x'",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("case", WORDS)

@@ -125,10 +125,14 @@ def test_bad_structure(read, body, code):
 @pytest.mark.parametrize(
     ("given", "stops"),
     [
-        ('lower="-1"', (-1.0, 0.0)), ('upper="1"', (0.0, 1.0)), ('lower="0.3" upper="0.3"', (0.3, 0.3)),
-        ('lower="-2" upper="-1"', (-2.0, -1.0)), ("", (-np.inf, np.inf)), ('lower="-inf" upper="0.5"', (-np.inf, 0.5)),
+        ('lower="-1"', (-1.0, 0.0)),
+        ('upper="1"', (0.0, 1.0)),
+        ('lower="0.3" upper="0.3"', (0.3, 0.3)),
+        ('lower="-2" upper="-1"', (-2.0, -1.0)),
+        ("", (-np.inf, np.inf)),
+        ('lower="-inf" upper="0.5"', (-np.inf, 0.5)),
     ],
-)  # fmt: skip
+)
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_a_missing_limit_beside_a_stated_limit_is_0(read, kind, given, stops):
     """URDF's own default; without either there are none. Continuous joints have none whatever is written."""
@@ -172,15 +176,26 @@ def test_errors_are_collected_with_lines(read):
 
 def test_structure_warnings(read):
     body = (
-        link("a", "") + joint("j", "a", "b", '<axis xyz="0 2 0"/>') + link("b", INERTIAL.replace('izz="0.1"', 'izz="0.5"'))
-        + joint("f", "b", "c", "", "fixed") + link("c", "") + joint("g", "b", "d", "", "fixed")
-        + link("d", INERTIAL.replace("0.1", "0")) + joint("m", "b", "e", LIMIT + '<mimic joint="j"/>') + link("e")
-    )  # fmt: skip
+        link("a", "")
+        + joint("j", "a", "b", '<axis xyz="0 2 0"/>')
+        + link("b", INERTIAL.replace('izz="0.1"', 'izz="0.5"'))
+        + joint("f", "b", "c", "", "fixed")
+        + link("c", "")
+        + joint("g", "b", "d", "", "fixed")
+        + link("d", INERTIAL.replace("0.1", "0"))
+        + joint("m", "b", "e", LIMIT + '<mimic joint="j"/>')
+        + link("e")
+    )
     found = {(problem.code, problem.key) for problem in warnings_of(read(robot(body)))}
     assert found == {
-        ("axis-length", "j"), ("missing-limit", "j"), ("triangle-inequality", "b"), ("no-inertial", "c"),
-        ("zero-inertia", "d"), ("mimic-limits", "m"), ("no-actuators", "r"),
-    }  # fmt: skip
+        ("axis-length", "j"),
+        ("missing-limit", "j"),
+        ("triangle-inequality", "b"),
+        ("no-inertial", "c"),
+        ("zero-inertia", "d"),
+        ("mimic-limits", "m"),
+        ("no-actuators", "r"),
+    }
 
 
 def test_a_floating_root_says_that_the_robot_may_float(read):

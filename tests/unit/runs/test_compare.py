@@ -64,8 +64,11 @@ def test_every_bit_that_differs_is_found_wherever_chunks_end(seed):
     made.contacts["box/ground"][20, 2] = 8.0
     made.time[58] += 1e-9
     order = [2, 0, 3, 1]
-    made = replace(made, joints=tuple(made.joints[i] for i in order),
-                   values={name: table[:, order] for name, table in reversed(made.values.items())})  # fmt: skip
+    made = replace(
+        made,
+        joints=tuple(made.joints[i] for i in order),
+        values={name: table[:, order] for name, table in reversed(made.values.items())},
+    )
     found = compared(logged, made, seed).differences
     time, joints = logged.time, logged.joints
 

@@ -116,16 +116,25 @@ def test_signals_above_half_the_rate_of_the_substeps_get_a_warning(signal, tiny)
             assert len(list(undersampled(load_scenario(tiny.scenario)[0], substeps))) == warnings, share
 
 
-@pytest.mark.parametrize("signal", ["{sum: [1e308, 1e308]}", "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
-                                    "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}"])  # fmt: skip
+@pytest.mark.parametrize(
+    "signal",
+    [
+        "{sum: [1e308, 1e308]}",
+        "{pulse_train: {high: 1, period: 1e-10, width: 5e-11}}",
+        "{pulse_train: {high: 1, period: 1e-5, width: 5e-6}}",
+    ],
+)
 @pytest.mark.parametrize(
     "place",
     [
-        "external_torques: {elbow: %s}", "wrenches: [{link: arm, force: [0, %s, 0]}]", "desired: {elbow: %s}",
-        "engine: bench\nmotion: {elbow: %s}", "references: {elbow: {equilibrium_position: %s}}",
+        "external_torques: {elbow: %s}",
+        "wrenches: [{link: arm, force: [0, %s, 0]}]",
+        "desired: {elbow: %s}",
+        "engine: bench\nmotion: {elbow: %s}",
+        "references: {elbow: {equilibrium_position: %s}}",
         "ilc: {trajectory: {elbow: %s}, tolerance: 1}",
     ],
-)  # fmt: skip
+)
 def test_a_signal_beyond_all_limits_is_an_error(place, signal, tiny):
     base = "" if "references:" in place else tiny.scenario.read_text().split("duration: 1.5\n")[1]
     tiny.scenario.write_text(f"robot: pendulum.urdf\nduration: 1.5\n{base}{place % signal}\n")

@@ -207,13 +207,19 @@ def test_a_start_at_0_beyond_the_limits_is_told_of(tmp_path, initial, told):
 TWO_JOINTS = ROOT / "examples" / "urdf" / "dof2_horizontal.urdf"
 
 
-@pytest.mark.parametrize(("keys", "told"), [
-    ({"references": {"*": {"stiffness_preset": 0.1}, "joint_1": {"stiffness_preset": 0.2}}}, False),
-    ({"references": {name: {"stiffness_preset": 0.1} for name in ("*", "joint_1", "joint_2")}}, True),
-    ({"parameters": {name: {"max_deflection": 0.7} for name in ("*", "joint_1", "joint_2")}}, True),
-    ({"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}}, False),
-    ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("keys", "told"),
+    [
+        ({"references": {"*": {"stiffness_preset": 0.1}, "joint_1": {"stiffness_preset": 0.2}}}, False),
+        ({"references": {name: {"stiffness_preset": 0.1} for name in ("*", "joint_1", "joint_2")}}, True),
+        ({"parameters": {name: {"max_deflection": 0.7} for name in ("*", "joint_1", "joint_2")}}, True),
+        (
+            {"parameters": {"*": {"max_deflection": 0.7}, "joint_1": {"spring_k_1": 0.03}, "joint_2": {"spring_k_1": 0.03}}},
+            False,
+        ),
+        ({"initial": {"*": 0.1, "joint_1": 0.2, "joint_2": 0.3}}, True),
+    ],
+)
 def test_an_entry_for_all_without_effect_gets_a_warning(keys, told):
     """`--set references.*...` beside entries of each joint would otherwise change nothing, without a word."""
     warnings = checked_robot(make_scenario(TWO_JOINTS, duration=1.0, **keys))[1]

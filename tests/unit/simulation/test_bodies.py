@@ -84,17 +84,27 @@ def test_a_ground_out_of_reach_changes_neither_friction_nor_stops(tmp_path, engi
     """
     robot = tmp_path / "arm.urdf"
     link = Body(
-        mass=0.4, reach=0.1, inertia=2e-3, length=0.2, friction=0.15,
+        mass=0.4,
+        reach=0.1,
+        inertia=2e-3,
+        length=0.2,
+        friction=0.15,
         limits='<limit lower="-0.6" upper="0.6" effort="1e6" velocity="50"/>',
-    )  # fmt: skip
+    )
     robot.write_text(chain(link, replace(link, axis="1 0 0")).text)
     push = {"sinusoid": {"amplitude": amplitude, "frequency": 2.0}}
     found = []
     for world in ({}, {"ground": {}}):
         scenario = asrsim.make_scenario(
-            robot, engine=engine, duration=0.6, gravity=[0, 0, 0], external_torques={"*": push}, world=world,
-            base={"position": [0, 0, 5]}, compiled=False,
-        )  # fmt: skip
+            robot,
+            engine=engine,
+            duration=0.6,
+            gravity=[0, 0, 0],
+            external_torques={"*": push},
+            world=world,
+            base={"position": [0, 0, 5]},
+            compiled=False,
+        )
         found.append(asrsim.run(scenario).samples.values["link_position"])
     np.testing.assert_allclose(found[1], found[0], rtol=0.0, atol=near)
     assert np.abs(found[0]).max() < 1e-9 if amplitude < 0.15 else np.abs(found[0]).max() > 0.3

@@ -40,10 +40,15 @@ def make_scenario(robot, mode, **changes):
     """Both references move, one of them in jumps, and an external torque pushes."""
     second = Constant(value=0.3) if MODES[mode].mapped else Sinusoid(amplitude=0.2, frequency=3.0)
     scenario = Scenario(
-        name="c", robot=robot.path, duration=0.12, substeps=1, motor_substeps=1, modes={"*": mode},
+        name="c",
+        robot=robot.path,
+        duration=0.12,
+        substeps=1,
+        motor_substeps=1,
+        modes={"*": mode},
         references={"*": dict(zip(MODES[mode].references, (PULSES, second), strict=False))},
         external_torques={"joint_1": Step(at=0.0505, after=0.05)},
-    )  # fmt: skip
+    )
     return replace(scenario, **changes)
 
 

@@ -48,10 +48,14 @@ def test_readings_are_rounded_to_the_nearest_quantum(tmp_path, start):
 
 def test_each_encoder_has_its_own_noise():
     result = run(
-        chain(replace(BODY, actuator="qbmove")), mode=6, duration=0.1, gravity=0.0, compiled=False,
+        chain(replace(BODY, actuator="qbmove")),
+        mode=6,
+        duration=0.1,
+        gravity=0.0,
+        compiled=False,
         references={"equilibrium_position": 0.0, "stiffness_preset": 0.0},
         sensor_imperfections={"*": Imperfections(noise=0.01)},
-    )  # fmt: skip
+    )
     first, second = column(result, "motor_1_torque"), column(result, "motor_2_torque")
     assert abs(np.corrcoef(first[1:], second[1:])[0, 1]) < 0.4
     assert np.std(first) == pytest.approx(np.std(second), rel=0.4)
@@ -63,10 +67,16 @@ def test_late_sensors_of_motors_are_of_second_order():
     found = []
     for substeps in (1, 4, 32):
         result = run(
-            chain(replace(BODY, inertia=1e-2)), mode=6, duration=0.2, substeps=substeps, motor_substeps=1, compiled=False,
+            chain(replace(BODY, inertia=1e-2)),
+            mode=6,
+            duration=0.2,
+            substeps=substeps,
+            motor_substeps=1,
+            compiled=False,
             references={"equilibrium_position": Sinusoid(amplitude=0.4, frequency=3.0)},
-            parameters={"spring_stiffness": 20.0, **free}, sensor_imperfections={"*": Imperfections(delay=4e-3)},
-        )  # fmt: skip
+            parameters={"spring_stiffness": 20.0, **free},
+            sensor_imperfections={"*": Imperfections(delay=4e-3)},
+        )
         found.append(column(result, "motor_1_position"))
     coarse, fine = (np.abs(positions - found[2]).max() for positions in found[:2])
     assert coarse < 2e-4
@@ -78,10 +88,14 @@ def test_limits_are_counted_on_both_sides(name, mode):
     found = []
     for goal in (0.8, -0.8):
         result = run(
-            chain(replace(BODY, inertia=1e-3, limits=LIMITS.format(-3, 3, 1))), mode=mode, duration=0.1, gravity=0.0,
-            references={"equilibrium_position": Step(at=0.01, after=goal)}, compiled=False,
+            chain(replace(BODY, inertia=1e-3, limits=LIMITS.format(-3, 3, 1))),
+            mode=mode,
+            duration=0.1,
+            gravity=0.0,
+            references={"equilibrium_position": Step(at=0.01, after=goal)},
+            compiled=False,
             parameters={"max_deflection": 0.1, "motor_1_max_torque": 3.0, "spring_stiffness": 80.0},
-        )  # fmt: skip
+        )
         found.append(int(getattr(result.counts, name)[0]))
     assert found[0] == found[1] > 10
 

@@ -20,9 +20,14 @@ DELAY = 0.034
 
 def moved(*, compiled=False, imperfections, mode=2, bodies=(BODY,), **keys):
     return run(
-        chain(*bodies), mode=mode, duration=0.4, compiled=compiled, joints={"joint_1": {"reference_1": SINE}},
-        command_imperfections={"joint_1": imperfections}, **keys,
-    )  # fmt: skip
+        chain(*bodies),
+        mode=mode,
+        duration=0.4,
+        compiled=compiled,
+        joints={"joint_1": {"reference_1": SINE}},
+        command_imperfections={"joint_1": imperfections},
+        **keys,
+    )
 
 
 @pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
@@ -51,9 +56,13 @@ def test_only_joints_whose_commands_have_effects_record_sent_commands():
 
 def test_each_motor_of_a_joint_has_its_sent_command():
     found = run(
-        chain(replace(BODY, actuator="qbmove")), mode=2, duration=0.2, compiled=False,
-        references={"reference_1": SINE, "reference_2": 0.1}, command_imperfections={"*": Imperfections(delay=DELAY)},
-    )  # fmt: skip
+        chain(replace(BODY, actuator="qbmove")),
+        mode=2,
+        duration=0.2,
+        compiled=False,
+        references={"reference_1": SINE, "reference_2": 0.1},
+        command_imperfections={"*": Imperfections(delay=DELAY)},
+    )
     np.testing.assert_allclose(column(found, "sent_reference_1"), SINE.values(found.samples.time), atol=1e-12)
     np.testing.assert_allclose(column(found, "sent_reference_2"), 0.1, atol=1e-12)
 

@@ -125,8 +125,14 @@ class Program:
 
 
 OPERATIONS = (
-    Program.advance, Program.advance, Program.set_reference, Program.look, Program.keep, Program.go_back, Program.reset,
-)  # fmt: skip
+    Program.advance,
+    Program.advance,
+    Program.set_reference,
+    Program.look,
+    Program.keep,
+    Program.go_back,
+    Program.reset,
+)
 
 
 def run_program(folder, engine, seed, *, compiled=False):

@@ -34,9 +34,13 @@ def test_the_first_velocity_is_the_initial_velocity(tmp_path, stepping):
 def test_an_equilibrium_start_respects_the_stop_of_a_motor():
     """The reference is beyond the motor's stop, so the link rests on the spring of the stopped motor."""
     result = run(
-        chain(BODY), mode=6, duration=0.1, initial_equilibrium=True, references={"equilibrium_position": 0.4},
+        chain(BODY),
+        mode=6,
+        duration=0.1,
+        initial_equilibrium=True,
+        references={"equilibrium_position": 0.4},
         parameters={"spring_stiffness": 20.0, "motor_1_max_position": 0.05, "motor_1_min_position": -1.0},
-    )  # fmt: skip
+    )
     q = column(result, "link_position")
     np.testing.assert_allclose(column(result, "motor_1_position"), 0.05, atol=1e-12)
     assert np.ptp(q) < 1e-9
@@ -66,9 +70,14 @@ def test_the_controller_of_the_link_in_toolbox_stepping():
     """Torque = P e + I times the sum of e dt, including this step, - D v."""
     gains = {"controller_1_proportional": 3.0, "controller_1_integral": 40.0, "controller_1_derivative": 0.02}
     result = run(
-        chain(replace(BODY, inertia=1e-2)), mode=1, duration=0.05, stepping="toolbox", gravity=0.0,
-        references={"link_position": 0.3}, parameters=gains,
-    )  # fmt: skip
+        chain(replace(BODY, inertia=1e-2)),
+        mode=1,
+        duration=0.05,
+        stepping="toolbox",
+        gravity=0.0,
+        references={"link_position": 0.3},
+        parameters=gains,
+    )
     error, v = 0.3 - column(result, "link_position"), column(result, "link_velocity")
     expected = 3.0 * error + 40.0 * 1e-3 * np.cumsum(error) - 0.02 * v
     np.testing.assert_allclose(column(result, "link_torque"), expected, rtol=1e-12)
@@ -94,9 +103,15 @@ def test_a_reference_that_is_set_acts_from_the_next_step(tmp_path, engine):
 
 def scenario_of(**fields):
     return Scenario(
-        name="one joint", robot=Path("arm.urdf"), modes={"*": 6}, duration=0.1, substeps=1, motor_substeps=1,
-        references={"*": {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)}}, **fields,
-    )  # fmt: skip
+        name="one joint",
+        robot=Path("arm.urdf"),
+        modes={"*": 6},
+        duration=0.1,
+        substeps=1,
+        motor_substeps=1,
+        references={"*": {"equilibrium_position": Sinusoid(amplitude=0.4, frequency=5.0)}},
+        **fields,
+    )
 
 
 def test_observed_positions_are_the_logged_positions():

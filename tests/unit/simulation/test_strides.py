@@ -14,9 +14,14 @@ RANGES = {"*": {"equilibrium_position": [-1, 1], "stiffness_preset": [0.05, 0.4]
 
 def arm(step=0.001, substeps=2, **keys):
     given = {
-        "engine": "mujoco", "duration": 2.0, "modes": {"*": 6}, "motor_substeps": 1, "references": {"*": SINE},
-        "reference_ranges": RANGES, **keys,
-    }  # fmt: skip
+        "engine": "mujoco",
+        "duration": 2.0,
+        "modes": {"*": 6},
+        "motor_substeps": 1,
+        "references": {"*": SINE},
+        "reference_ranges": RANGES,
+        **keys,
+    }
     return asrsim.make_scenario(EXAMPLES / "urdf" / "dof2_horizontal.urdf", step=step, substeps=substeps, **given)
 
 
@@ -50,10 +55,14 @@ def test_the_motion_has_second_order_and_nearly_the_error_of_all_substeps():
 def test_a_spring_that_swings_between_stiff_and_soft_keeps_its_energy():
     """A change in every swing would feed energy into the swing, 7 % in 100 s: the stride stays short instead."""
     keys = {
-        "engine": "mujoco", "duration": 5.0, "modes": {"*": 3}, "initial": {"joint_1": 0.7}, "gravity": [0, 0, 0],
+        "engine": "mujoco",
+        "duration": 5.0,
+        "modes": {"*": 3},
+        "initial": {"joint_1": 0.7},
+        "gravity": [0, 0, 0],
         "references": {"*": {"equilibrium_position": 0.0, "stiffness_preset": 0.1}},
         "reference_ranges": {"*": {"equilibrium_position": [-0.1, 0.1], "stiffness_preset": [0.05, 0.2]}},
-    }  # fmt: skip
+    }
     robot = EXAMPLES / "urdf" / "dof1_qbmove.urdf"
     free = asrsim.make_scenario(robot, step=0.001, substeps=2, **keys)
     prepared = asrsim.prepare(free).vary({"joint_1": {"damping": 0.0}})

@@ -64,9 +64,14 @@ def test_substeps_do_not_depend_on_the_position_of_a_joint(actuator, mode):
     for start, goal in ((0.0, 0.2), (0.4, 0.6), (-0.7, -0.5), (0.4, 0.4)):
         references = {4: {"motor_1_torque": 0.1}, 5: {"reference_1": goal, "reference_2": goal}}
         resolved = run(
-            robot, mode=mode, duration=0.001, gravity=0.0, initial=[start], compiled=False,
+            robot,
+            mode=mode,
+            duration=0.001,
+            gravity=0.0,
+            initial=[start],
+            compiled=False,
             references=references.get(mode, {"equilibrium_position": goal}),
-        ).resolution  # fmt: skip
+        ).resolution
         found.append(resolved.stiffness[0])
     assert found[1:3] == pytest.approx([found[0]] * 2, rel=1e-6)
     assert found[3] <= found[0] * (1 + 1e-9)

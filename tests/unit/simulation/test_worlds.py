@@ -25,11 +25,15 @@ def arm(**keys):
 def test_a_rollout_gives_what_a_run_records(stepping):
     """All channels agree bit for bit, for an electric motor in mode 6 and for ideal motors in mode 3."""
     electric = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.5, "motor_1_inertia": 0.01}
-    scenario = arm(duration=0.02, stepping=stepping,
-        modes={"joint_1": 6, "joint_2": 3}, parameters={"joint_1": electric}, substeps=3,
+    scenario = arm(
+        duration=0.02,
+        stepping=stepping,
+        modes={"joint_1": 6, "joint_2": 3},
+        parameters={"joint_1": electric},
+        substeps=3,
         initial={"joint_1": {"position": 0.1, "velocity": 0.3}},
         references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.2, "frequency": 3}}}},
-    )  # fmt: skip
+    )
     samples = asrsim.run(scenario).samples
     with Worlds(prepare(scenario), 1) as worlds:
         found = worlds.rollout(tuple(samples.values))
@@ -85,10 +89,14 @@ def test_equal_calls_with_new_values_give_the_bits_of_fresh_calls():
     jump of the scenario's references, beside an external torque that varies, over the ends of chunks, with values set, and
     given back."""
     step = {"step": {"from": 0.0, "to": 0.2, "at": 0.0502}}
-    scenario = arm(duration=1.0, modes=6, substeps=2, compiled=True,
+    scenario = arm(
+        duration=1.0,
+        modes=6,
+        substeps=2,
+        compiled=True,
         references={"*": {"equilibrium_position": step}},
         external_torques={"joint_2": {"sinusoid": {"amplitude": 0.1, "frequency": 8.0}}},
-    )  # fmt: skip
+    )
 
     def moved(*, fresh):
         """Quantities after each call; fresh: restore the worlds before."""
@@ -120,9 +128,12 @@ def test_equal_calls_with_new_values_give_the_bits_of_fresh_calls():
 def test_repeated_parameters_give_the_same_bits(compiled):
     """Other parameters in between, in another world or in the same one, have no effect."""
     scenario = make_scenario(
-        EXAMPLES / "urdf" / "dof2_vertical.urdf", duration=0.1, initial="equilibrium", compiled=compiled,
+        EXAMPLES / "urdf" / "dof2_vertical.urdf",
+        duration=0.1,
+        initial="equilibrium",
+        compiled=compiled,
         references={"*": {"equilibrium_position": 0.2, "stiffness_preset": 0.2}},
-    )  # fmt: skip
+    )
     light, heavy = (Start(parameters={"link_1": {"mass": mass}, "joint_1": {"spring_k_1": 0.03}}) for mass in (0.4, 0.6))
     starts = [Start(), light, heavy, Start(positions={"joint_1": 0.1})]
     with Worlds(scenario, 4) as worlds:

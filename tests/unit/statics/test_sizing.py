@@ -124,7 +124,7 @@ def test_a_warning_says_what_yields_and_why():
         "turn_3": ({"sag": 2.5}, "falls", "1.5 N m at 2 s: its springs are too soft"),
         "slide": ({"on_stop": True, "limited": True}, "falls onto its stop", "1.5 N at 2 s: its motors are too weak"),
         "slide_2": ({"overloaded": True}, "sags by 0.4 m", "1.5 N at 2 s: its effort limit of 7 N is too low"),
-    }  # fmt: skip
+    }
     joints = tuple(
         Joint(name=name, kind="prismatic" if "slide" in name else "revolute", parent="a", child=name, effort=7.0)
         for name in cases

@@ -197,9 +197,13 @@ def test_a_summary_does_not_depend_on_the_chunks(kept, monkeypatch):
         for a, b in zip([0, *ends], ends, strict=False):
             tip = np.full((b - a, 7), 0.1) + time[a:b, None]
             collector.write(
-                Samples(time=time[a:b], joints=("elbow",), values={name: table[a:b] for name, table in columns.items()},
-                        bodies={"tip": tip, "tip_goal": np.zeros((b - a, 7))})
-            )  # fmt: skip
+                Samples(
+                    time=time[a:b],
+                    joints=("elbow",),
+                    values={name: table[a:b] for name, table in columns.items()},
+                    bodies={"tip": tip, "tip_goal": np.zeros((b - a, 7))},
+                )
+            )
         found.append(collector.seen())
         np.testing.assert_array_equal(
             collector.read(("link_position",), ("elbow",)).values["link_position"], columns["link_position"]
@@ -325,10 +329,13 @@ def test_joints_that_end_stuck_or_on_stops_get_warnings(tiny, usual, otherwise, 
         for one in run.robot.joints
     ]
     run = replace(
-        run, robot=replace(run.robot, joints=tuple(joints)), counts=replace(run.counts, stop=np.array([now.stop])),
-        scenario=replace(run.scenario, initial_equilibrium=now.balanced), warnings=(),
+        run,
+        robot=replace(run.robot, joints=tuple(joints)),
+        counts=replace(run.counts, stop=np.array([now.stop])),
+        scenario=replace(run.scenario, initial_equilibrium=now.balanced),
+        warnings=(),
         info=replace(run.info, joints=(replace(run.info.joints[0], prismatic=now.prismatic),)),
-    )  # fmt: skip
+    )
     nothing = dict.fromkeys(("overshoot", "settling", "frequency", "peak_deflection"), math.nan)
     measures = JointSummary(steady_state=now.rest, steady_state_error=now.error, **nothing)
     told = make_summary(run, Seen(measures=(measures,), tip={}, travels=(now.travel,)), samples=1).warnings

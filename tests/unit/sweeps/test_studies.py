@@ -456,9 +456,13 @@ def test_sobol_indices_leave_out_base_samples_with_empty_results(tmp_path):
 
 def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
     results = {
-        "tip.last": [1.0, 2.0, 3.0], "b.peak": [5.0, 6.0, 7.0], "a.small": [1.0, 1.1, 1.2], "a.large": [0.1, 0.2, 1.0],
-        "a.overshoot": [0.0, 1e-16, 3e-16], "claim_0.measured": [1.0, 5.0, 9.0],
-    }  # fmt: skip
+        "tip.last": [1.0, 2.0, 3.0],
+        "b.peak": [5.0, 6.0, 7.0],
+        "a.small": [1.0, 1.1, 1.2],
+        "a.large": [0.1, 0.2, 1.0],
+        "a.overshoot": [0.0, 1e-16, 3e-16],
+        "claim_0.measured": [1.0, 5.0, 9.0],
+    }
     whole = manifest_of(3, "a.mass", *results, over={"a.mass": [0, 1, 2]})
     store = open_store(tmp_path, whole, resume=False, overwrite=False)
     store.add([(run, "a", "complete", float(run), *(values[run] for values in results.values())) for run in range(3)])
@@ -476,13 +480,16 @@ SIGNALS = {
 def signal_scenario(folder, **keys):
     robot = EXAMPLES.parent / "urdf" / "dof2_vertical.urdf"
     data = {
-        "robot": str(robot), "duration": 0.1, "engine": "mujoco",
+        "robot": str(robot),
+        "duration": 0.1,
+        "engine": "mujoco",
         "references": {
             "joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.3, "frequency": 5.0}}, "stiffness_preset": 0.3},
             "joint_2": {"equilibrium_position": {"step": {"at": 0.02, "to": 0.1}}, "stiffness_preset": 0.3},
         },
-        "external_torques": {"joint_2": {"step": {"at": 0.05, "to": 0.1}}}, **keys,
-    }  # fmt: skip
+        "external_torques": {"joint_2": {"step": {"at": 0.05, "to": 0.1}}},
+        **keys,
+    }
     path = folder / "signals.yaml"
     path.write_text(json.dumps(data))
     return path

@@ -32,10 +32,14 @@ def live(tmp_path_factory):
     """A live view of an arm whose reference moves, and the folder of its first log."""
     folder = tmp_path_factory.mktemp("live") / "run"
     scenario = asrsim.make_scenario(
-        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, gravity=[0, 0, 0], compiled=False,
+        EXAMPLES / "urdf" / "dof1_sea.urdf",
+        duration=1.0,
+        gravity=[0, 0, 0],
+        compiled=False,
         references={"joint_1": {"equilibrium_position": {"sinusoid": {"amplitude": 0.5, "frequency": 0.7}}}},
-        parameters={"joint_1": {"spring_stiffness": STIFFNESS}}, link_damping={"joint_1": {"constant": 0.2}},
-    )  # fmt: skip
+        parameters={"joint_1": {"spring_stiffness": STIFFNESS}},
+        link_damping={"joint_1": {"constant": 0.2}},
+    )
     with asrsim.view(scenario, out=folder) as view:
         yield view, folder
 

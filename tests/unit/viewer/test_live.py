@@ -85,9 +85,12 @@ def test_another_variant_is_another_run(arm):
 def test_a_run_that_diverges_says_so_and_a_reset_goes_on(tmp_path):
     push = {"step": {"at": 0.05, "to": 1e9}}
     scenario = asrsim.make_scenario(
-        EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, compiled=False, external_torques={"joint_1": push},
+        EXAMPLES / "urdf" / "dof1_sea.urdf",
+        duration=1.0,
+        compiled=False,
+        external_torques={"joint_1": push},
         references={"joint_1": {"equilibrium_position": 0.5}},
-    )  # fmt: skip
+    )
     with asrsim.view(scenario, out=tmp_path / "run") as view:
         first = until(lambda: view.show.session)
         until(lambda: "diverged at t = 0.05" in (text := first.operator._page._status.content) and "Reset" in text)
@@ -202,9 +205,14 @@ def test_the_mouse_pulls_objects_and_robots_with_a_floating_base(tmp_path, engin
     (tmp_path / "robot.urdf").write_text(FLOATING)
     wall = {"shape": "box", "size": [0.1, 0.1, 0.1], "position": [2.0, 0.0, 0.5]}
     scenario = asrsim.make_scenario(
-        tmp_path / "robot.urdf", duration=1.0, gravity=[0, 0, 0], engine=engine, compiled=False, base={"fixed": False},
+        tmp_path / "robot.urdf",
+        duration=1.0,
+        gravity=[0, 0, 0],
+        engine=engine,
+        compiled=False,
+        base={"fixed": False},
         world={"objects": {"ball": ball, "wall": wall}},
-    )  # fmt: skip
+    )
     with asrsim.view(scenario, out=tmp_path / "run") as view:
         desk = until(lambda: view.show.session and view.show.session.operator)
         session = view.show.session

@@ -149,11 +149,12 @@ def test_every_kind_of_limit_of_every_joint_is_an_event():
     lasting = {"link_position": 0.0, "link_torque": 0.0, **{f"motor_{i}_torque": 0.0 for i in (1, 2, 3)}, "deflection": 0.0}
     values = {name: np.full((401, 2), value) for name, value in lasting.items()}
     reached = [
-        ("link_position", 1, 0.5, 1.0, "quick at its upper stop"), ("link_position", 0, 1.0, -2.0, "slow at its lower stop"),
+        ("link_position", 1, 0.5, 1.0, "quick at its upper stop"),
+        ("link_position", 0, 1.0, -2.0, "slow at its lower stop"),
         ("link_torque", 1, 1.5, -3.0, "quick at its effort limit"),
         ("motor_1_torque", 0, 2.0, 0.4, "slow: motor 1 at its torque limit"),
         ("motor_3_torque", 1, 2.5, -0.6, "quick: motor 3 at its torque limit"),
-    ]  # fmt: skip
+    ]
     for name, column, at, value, _ in reached:
         values[name][np.isin(np.round(time, 2), [at, at + 0.03, at + 1.0]), column] = value
     stops = {"slow": (-2.0, 2.0, 7.0), "quick": (-1.0, 1.0, 3.0)}
@@ -194,9 +195,12 @@ def test_the_preset_of_two_antagonistic_springs_uses_up_part_of_the_largest_defl
 
 (SWING,) = load_scenario(SOFT_ARM, variant="nominal_soft", overrides=["duration=0.7"])
 TURN = asrsim.make_scenario(
-    EXAMPLES / "urdf" / "dof1_sea.urdf", duration=0.7, modes={"*": 3}, initial={"joint_1": 1.5},
+    EXAMPLES / "urdf" / "dof1_sea.urdf",
+    duration=0.7,
+    modes={"*": 3},
+    initial={"joint_1": 1.5},
     references={"joint_1": {"equilibrium_position": {"ramp": {"duration": 0.6, "from": 1.5, "to": -1.6}}}},
-)  # fmt: skip
+)
 """A link turns by half a turn."""
 
 
