@@ -8,7 +8,7 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import astuple, fields, is_dataclass, replace
 from functools import cache, cached_property, partial
 from typing import Any
 
@@ -130,7 +130,8 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             found = getattr(stage, law)(*(({"memory": memory, "own": own} | SAMPLE)[name] for name in takes))
             if law != "remember" and not _is_number(found):
                 yield law, f"must return a number (got {found!r})", "bad-law"
-            if law != "remember" and memory != before:
+            # A value that is not known yet is NaN.
+            if law != "remember" and not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
                 yield law, "must not change the memory; only `remember` does", "bad-law"
             if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
                 yield law, f"must keep a number in `{wrong[0]}` of the memory (got {getattr(memory, wrong[0])!r})", "bad-law"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from asrsim.document.file import COMMANDS, kind_of
+from asrsim.document.file import COMMANDS, NOUNS, kind_of
 from support.paths import EXAMPLES
 
 TAKES = {
@@ -47,7 +47,8 @@ def test_commands_name_the_kind_of_a_wrong_file(wanted, files, asrsim_command):
                 continue
             done = asrsim_command(command, path)
             assert done.code == 1, (command, kind)
-            assert f"is a {kind}, not a {wanted}" in done.err + done.out, (command, kind)
+            noun = NOUNS.get(kind, kind)
+            assert f"is a {noun}, not a {wanted}" in done.err + done.out, (command, kind)
             known = COMMANDS[kind].format(path=path, folder=path.parent)
             assert f"Use it with: {known}" in done.err + done.out, (command, kind)
 
