@@ -211,7 +211,7 @@ def _rivals(found: Extended) -> Iterator[str]:
             ways = " ".join(dict.fromkeys(_options(one, other)))
             names.append(_with_size(other, iter(_last_values(one, len(other.parameters)))) + (f" ({ways})" if ways else ""))
         if names:
-            yield f"; as likely in the place of {cause.text}: {', or '.join(names)}"
+            yield f"; equally likely instead of {cause.text}: {', or '.join(names)}"
 
 
 def _last_values(found: Extended, count: int) -> list[float]:
@@ -304,7 +304,7 @@ def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
         if offset.key not in problem.layout.keys:
             yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
         if gain.key not in problem.layout.keys and command.unit in EFFORTS:
-            yield Extension(text=f"another scale of {command.key}", parameters=(gain,))
+            yield Extension(text=f"a different scale of {command.key}", parameters=(gain,))
 
 
 def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:

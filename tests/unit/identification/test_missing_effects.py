@@ -151,8 +151,8 @@ def test_an_equally_likely_cause_is_named_beside_the_suspected_one(tmp_path):
     rows[:, 1] *= 1.25
     save(table, "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad]", *rows.T)
     (text, *_) = identify(lab, [table], free=["joint_1.damping", "link_1.iyy"]).causes
-    suspected, rivals = text.split("; as likely in the place of ")
-    scale = next(part for part in (suspected, rivals) if "another scale of joint_1.reference_1" in part)
-    mass = next(part for part in (suspected, rivals) if "another mass of link_1" in part)
+    suspected, rivals = text.split("; equally likely instead of ")
+    scale = next(part for part in (suspected, rivals) if "a different scale of joint_1.reference_1" in part)
+    mass = next(part for part in (suspected, rivals) if "a different mass of link_1" in part)
     assert float(scale.split("joint_1.reference_1.gain=")[1].split(")")[0]) == pytest.approx(0.8, rel=0.02)
     assert float(mass.split("link_1.mass=")[1].split(")")[0]) == pytest.approx(0.625, rel=0.02)
