@@ -580,7 +580,7 @@ class Calculation:
         *,
         own: Collection[str] = (),
     ) -> None:
-        """make: returns the compiled function for records of a Numba type. None: the record is a room, and the function is
+        """make: returns the compiled function for records of a Numba type. None: the record is a `Room`, and the function is
         compiled if this process has imported Numba. own: names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make
         self._plain, self.packed = plain(record, own), pack(record)

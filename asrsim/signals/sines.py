@@ -25,7 +25,7 @@ class Sinusoid(Signal):
     frequency: float | None = declare(POSITIVE, doc="frequency (or angular_frequency)", unit="Hz", default=None)
     angular_frequency: float | None = declare(POSITIVE, doc="angular frequency (or frequency)", unit="rad/s", default=None)
     phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
-    offset: float = driven("added to it", default=0.0)
+    offset: float = driven("constant added to the signal", default=0.0)
     start: float = start_time()
 
     def __post_init__(self) -> None:
@@ -60,7 +60,7 @@ class Chirp(Signal):
         default="linear",
     )
     phase: float = declare(NUMBER, doc="phase at the start", unit="rad", default=0.0)
-    offset: float = driven("added to it", default=0.0)
+    offset: float = driven("constant added to the signal", default=0.0)
     start: float = start_time()
 
     def __post_init__(self) -> None:
@@ -102,7 +102,7 @@ class Multisine(Signal):
         key="phase",
     )
     seed: int = declare(Integer(minimum=0), doc="seed of the random phases", default=0)
-    offset: float = driven("added to it", default=0.0)
+    offset: float = driven("constant added to the signal", default=0.0)
     start: float = start_time()
 
     def __post_init__(self) -> None:
