@@ -81,7 +81,9 @@ def commands() -> str:
     rows = []
     for name, command in all_commands().items():
         what, *rest = (" ".join(part.split()) for part in str(command.help).split("\n\n"))
-        example = next(part for part in rest if part.startswith("Example: "))
+        example = next((part for part in rest if part.startswith("Example: ")), None)
+        if example is None:
+            raise SystemExit(f"the docstring of the command '{name}' has no line `Example: asrsim {name} ...`")
         rows.append((f"`{name}`", what, f"`{example.removeprefix('Example: ')}`"))
     return markdown_table(("command", "what it does", "example"), rows)
 

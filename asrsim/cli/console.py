@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from asrsim.errors import AsrsimError, InputError, Problem, listed, printable, shortened
+from asrsim.plain import finite_or_none, mapped
 from asrsim.tables import TableColumn, from_rows
 
 if TYPE_CHECKING:
@@ -94,13 +95,22 @@ def complain(text: str, style: str = "") -> None:
 
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
-    """Print a JSON document on stdout. The data may contain paths and objects with `as_dict`, but no NaN and no infinity."""
-    say(printable(json.dumps(data, indent=2, ensure_ascii=not _unicode(), allow_nan=False, default=_encoded)))
+    """Print a JSON document on stdout. Numbers that are not finite become null, which is how JSON writes undefined numbers. The
+    data may contain NumPy arrays and numbers, paths, and objects with `as_dict`.
+    """
+    say(printable(json.dumps(mapped(data, _encoded), indent=2, ensure_ascii=not _unicode(), allow_nan=False)))
 
 
 def _encoded(value: Any) -> Any:
-    """Path, or object with the method `as_dict`, as data for JSON."""
-    return value.as_dict() if hasattr(value, "as_dict") else os.fspath(value)
+    """A value as data for JSON."""
+    if isinstance(value, float):
+        return finite_or_none(float(value))
+    if value is None or isinstance(value, str | int):
+        return value
+    for method in ("as_dict", "tolist"):
+        if hasattr(value, method):
+            return mapped(getattr(value, method)(), _encoded)
+    return os.fspath(value)
 
 
 def say_table(columns: Sequence[TableColumn], styles: Sequence[str] = ()) -> None:

@@ -28,6 +28,12 @@ class Stepping:
     """Whether joints behave as in the released toolbox: its own order of a step (`asrsim.simulation.released`), no substeps,
     motors that start at 0, not passive."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for a fraction outside 0 to 1, with which a step would gain energy or look into the future."""
+        for name in ("implicitness", "first_drift"):
+            if not 0.0 <= (value := getattr(self, name)) <= 1.0:
+                raise InputError("must be from 0 to 1", key=f"stepping {self.name}.{name}", value=value, code="out-of-range")
+
 
 STEPPINGS: Mapping[str, Stepping] = {
     stepping.name: stepping

@@ -1,6 +1,8 @@
 """Parts of a user's own: the code of each page works as its page says, and errors of this code name its file and line."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
+from asrsim.registry.steppings import Stepping
 from asrsim.runs.rerun import rerun
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
@@ -545,3 +548,23 @@ def test_a_command_that_returns_nothing_is_named():
 
     with pytest.raises(TypeError, match=r"the command 'forgetful' must return Done\(data=\.\.\.\), not None"):
         forgetful()
+
+
+def test_the_data_of_a_command_may_be_undefined_numbers_and_arrays(capsys):
+    from asrsim.cli.command import Done, command
+
+    @command(plugins=False)
+    def measured():
+        """Return numbers as NumPy makes them."""
+        return Done(
+            data={"gain": np.float64("nan"), "rows": np.array([[1.0, np.inf]]), "count": np.int64(3), "file": Path("a")}
+        )
+
+    measured(json=True)
+    assert json.loads(capsys.readouterr().out) == {"gain": None, "rows": [[1.0, None]], "count": 3, "file": "a"}
+
+
+@pytest.mark.parametrize("wrong", [{"implicitness": 1.7}, {"implicitness": -1.0}, {"first_drift": float("nan")}])
+def test_a_stepping_with_an_impossible_fraction_is_refused(wrong):
+    with pytest.raises(InputError, match=f"stepping mine.{next(iter(wrong))}: must be from 0 to 1"):
+        Stepping(name="mine", order=1, doc="mine", **wrong)
