@@ -162,10 +162,11 @@ def _call_fault(error: BaseException) -> ActuatorError | None:
     """An ActuatorError if asrsim called a function of a plugin file with arguments that this function does not take: Python
     raises this error at the call, outside of the file."""
     match = _MISFIT_CALL.match(str(error)) if isinstance(error, TypeError) else None
-    modules = [module for name, module in list(sys.modules.items()) if name.startswith(MODULES)] if match else []
-    for module in modules:
+    if match is None:
+        return None
+    for module in [module for name, module in list(sys.modules.items()) if name.startswith(MODULES)]:
         found: Any = module
-        for part in match[1].split(".") if match else ():
+        for part in match[1].split("."):
             found = getattr(found, part, None)
         code = getattr(inspect.unwrap(found), "__code__", None) if callable(found) else None
         if code is not None and code.co_filename == module.__file__:

@@ -189,7 +189,8 @@ def _said(function: ast.FunctionDef | ast.Module) -> Iterator[tuple[str, str, st
             continue
         message = words.get("message", node.args[0] if node.args else None)
         cure = _template(words.get("hint"), known) or ("Choose one that the message lists" if "choices" in words else "")
-        if (said := _template(message, known).strip()) != "...":
+        # A message that the code composes elsewhere has no words here.
+        if re.search("[A-Za-z]", said := _template(message, known).strip()):
             yield str(code.value), said, cure.strip()
 
 

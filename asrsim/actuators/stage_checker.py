@@ -128,11 +128,12 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             before = replace(memory)
             takes = inspect.signature(getattr(Stage, law)).parameters
             found = getattr(stage, law)(*(({"memory": memory, "own": own} | SAMPLE)[name] for name in takes))
-            if law != "remember" and not _is_number(found):
-                yield law, f"must return a number (got {found!r})", "bad-law"
-            # A value that is not known yet is NaN.
-            if law != "remember" and not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
-                yield law, "must not change the memory; only `remember` does", "bad-law"
+            if law != "remember":
+                if not _is_number(found):
+                    yield law, f"must return a number (got {found!r})", "bad-law"
+                # A value that is not known yet is NaN.
+                if not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
+                    yield law, "must not change the memory; only `remember` does", "bad-law"
             if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
                 yield law, f"must keep a number in `{wrong[0]}` of the memory (got {getattr(memory, wrong[0])!r})", "bad-law"
                 return

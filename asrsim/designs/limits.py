@@ -53,7 +53,7 @@ class DesignLimits:
         return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
 
 
-LIMITS: Block[DesignLimits] = block_of(DesignLimits, "limits")
+LIMITS: Block[DesignLimits] = block_of(DesignLimits, "file of limits")
 
 
 def read_limits(path: Path) -> DesignLimits:

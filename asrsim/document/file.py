@@ -21,7 +21,7 @@ COMMANDS = {
     "robot": "asrsim init {path}",
     "scenario": "asrsim run {path}",
     "fit": "asrsim identify {path}",
-    "limits": "asrsim design SCENARIO.yaml --limits {path}",
+    "file of limits": "asrsim design SCENARIO.yaml --limits {path}",
     "study": "asrsim sweep {path}",
     "log": "asrsim plot {path}",
     "recording": "asrsim init ROBOT.urdf --experiment {path}",
@@ -40,13 +40,11 @@ FOLDERS = {"log.mcap": "log", "study.json": "study"}
 KEYS = {
     "summary": {"generator"},
     "scenario": {"robot", "references", "duration"},
-    "limits": {"limits"},
+    "file of limits": {"limits"},
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
 """Top-level keys of each kind of file. Any of these keys identifies the kind; the first match wins."""
-NOUNS = {"limits": "file of limits"}
-"""Nouns of the kinds that are not called by their own name."""
 DOCUMENTS = (".yaml", ".yml", ".json")
 """Endings of files whose kind is detected by their keys."""
 
@@ -83,12 +81,7 @@ def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | Non
     if kind is None or kind == wanted:
         return None
     command = COMMANDS[kind].format(path=path, folder=path.parent)
-    return Problem(
-        f"is a {NOUNS.get(kind, kind)}, not a {NOUNS.get(wanted, wanted)}",
-        file=path,
-        hint=f"Use it with: {command}",
-        code="other-kind",
-    )
+    return Problem(f"is a {kind}, not a {wanted}", file=path, hint=f"Use it with: {command}", code="other-kind")
 
 
 def read_document(

@@ -15,6 +15,7 @@ import numpy as np
 
 from asrsim.errors import InputError
 from asrsim.identification.combinations import percent
+from asrsim.identification.data import RecordedSignal
 from asrsim.identification.extensions import (
     FURTHER,
     Extended,
@@ -200,11 +201,7 @@ def _suspected(found: Extended, rest: str) -> str:
 def _rivals(found: Extended) -> Iterator[str]:
     """Ends of the sentence on causes that explain the recordings as well as suspected ones."""
     for i, cause in enumerate(found.chosen):
-        before = found.chosen[:i]
-        likely = [
-            one for one in found.rivals
-            if len(one.chosen) == i + 1 and all(a is b for a, b in zip(one.chosen, before, strict=False))
-        ][:RIVALS]  # fmt: skip
+        likely = [one for one in found.rivals if one.chosen[:-1] == found.chosen[:i]][:RIVALS]
         names = []
         for one in likely:
             other = one.chosen[-1]
@@ -274,8 +271,7 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
         if part.track != problem.fitted[0] or not np.isfinite(off).all():
             continue
         key, zeroed = channel.key, channel.key.endswith(MEASURED_FROM_ZERO)
-        offset = FitParameter(key=f"{key}.offset", unit=channel.unit, start=0.0)
-        gain = FitParameter(key=f"{key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        offset, gain = _zero_and_scale(channel)
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         predicted = part.recorded + off
@@ -294,13 +290,18 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
 
 
+def _zero_and_scale(signal: RecordedSignal) -> tuple[FitParameter, FitParameter]:
+    """The zero of a recorded channel or command, and its scale."""
+    offset = FitParameter(key=f"{signal.key}.offset", unit=signal.unit, start=0.0)
+    return offset, FitParameter(key=f"{signal.key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+
+
 def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free the zeros of commands, such as that of an amplifier, and the scales of torques, voltages and
     currents: a drive computes its torque from a nominal torque constant, and a voltage sags.
     """
     for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
-        offset = FitParameter(key=f"{command.key}.offset", unit=command.unit, start=0.0)
-        gain = FitParameter(key=f"{command.key}.gain", unit="1", start=1.0, low=1e-3, high=1e3, logarithmic=True)
+        offset, gain = _zero_and_scale(command)
         if offset.key not in problem.layout.keys:
             yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
         if gain.key not in problem.layout.keys and command.unit in EFFORTS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -140,11 +141,11 @@ def measure(
     # Other measures get the same arrays: a function that writes into them is an error.
     lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
     result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
-    try:
-        return float(result if np.isrealobj(result) else "")
-    except (TypeError, ValueError):
-        kind = type(result).__name__
-        raise result_fault(found.function, f"a measure must return a number; this one returns a value of type {kind}") from None
+    with suppress(TypeError, ValueError):
+        if np.isrealobj(result):
+            return float(result)
+    kind = type(result).__name__
+    raise result_fault(found.function, f"a measure must return a number; this one returns a value of type {kind}")
 
 
 def _read_only(values: Array) -> Array:

@@ -49,17 +49,16 @@ class Reader:
     """True: the file is read in a child process with limits on time and memory. True for all formats except text and JSON."""
 
     def __post_init__(self) -> None:
-        for key, values, kind, valid in (
-            ("suffixes", self.suffixes, str, "must be a tuple of endings in lower case with their point, such as ('.lab',)"),
-            ("magic", self.magic, bytes, "must be a tuple of bytes, such as (b'LAB1',)"),
-        ):
-            if not (isinstance(values, tuple) and all(isinstance(one, kind) and _is_mark(one) for one in values)):
-                raise InputError(valid, key=key, value=values, code="reader")
+        if not (isinstance(self.suffixes, tuple) and all(map(_is_suffix, self.suffixes))):
+            valid = "must be a tuple of endings in lower case with their point, such as ('.lab',)"
+            raise InputError(valid, key="suffixes", value=self.suffixes, code="reader")
+        if not (isinstance(self.magic, tuple) and all(isinstance(one, bytes) for one in self.magic)):
+            raise InputError("must be a tuple of bytes, such as (b'LAB1',)", key="magic", value=self.magic, code="reader")
 
 
-def _is_mark(mark: str | bytes) -> bool:
-    """Whether an ending begins with a point and is in lower case, as it is compared with; first bytes may be any."""
-    return isinstance(mark, bytes) or (mark[:1] == "." and len(mark) > 1 and mark == mark.lower())
+def _is_suffix(ending: object) -> bool:
+    """Whether a file's ending can be equal to this one: it begins with a point and is compared in lower case."""
+    return isinstance(ending, str) and ending[:1] == "." and len(ending) > 1 and ending == ending.lower()
 
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}

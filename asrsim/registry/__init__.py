@@ -108,11 +108,8 @@ class Registry(Generic[T]):
 
     def own(self, name: str, entry: T) -> T:
         """Register an entry of asrsim itself: it belongs to no plugin file, even if such a file is the first to import it."""
-        before, Registry.file = Registry.file, ""
-        try:
+        with plugin_file(""):
             return self.add(name, entry)
-        finally:
-            Registry.file = before
 
     def _fault(self, name: str, entry: object) -> str:
         """Why the registry refuses an entry, as the end of a sentence; empty if it takes the entry."""

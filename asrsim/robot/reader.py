@@ -146,7 +146,7 @@ def _text(data: bytes, root: Any, *, mended: bool) -> str:
 
 
 def _uses_xacro(root: Any) -> bool:
-    # Elements and attributes of xacro, and its expressions in texts, which lxml finds far faster than Python would.
+    # lxml searches elements, texts and attributes for xacro's words far faster than Python would.
     return bool(
         root.xpath(
             "boolean(//*[starts-with(name(), 'xacro:')] | //*[contains(text(), '${') or contains(text(), '$(')]"

@@ -83,7 +83,7 @@ def _stiffness(
 
         def absorbed(deflection: Array) -> Array:
             """Energy in J that pretensioned springs absorb when the link moves by `deflection`."""
-            energy = springs.largest(springs.energy, -deflection, [theta + np.zeros_like(deflection) for theta in pretension])
+            energy = springs.largest(springs.energy, -deflection, pretension)
             return energy - stored
 
         # The link moves until the springs have absorbed its kinetic energy.
@@ -117,7 +117,7 @@ class _Springs:
     def largest(self, law: Callable[..., Any], link: Array, motors: Sequence[Array]) -> Array:
         """Largest magnitude of the values of a law with link and motors at these positions; infinite where a value is not
         finite."""
-        values = np.abs(over_arrays(law)(link, *motors, *(rest + np.zeros_like(link) for rest in self._rest), self._elastic))
+        values = np.abs(over_arrays(law)(link, *motors, *self._rest, self._elastic))
         values = np.where(np.isfinite(values), values, np.inf)
         return values if values.ndim == link.ndim else values.max(axis=0)
 

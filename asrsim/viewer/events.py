@@ -23,7 +23,7 @@ NEAR = 1e-3
 """Distance from a limit, as a fraction of it, within which the limit counts as reached."""
 APART = 0.05
 """Time between two events of a kind and joint, s."""
-EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs}
+EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs, "overshoot": np.abs}
 """Measures that belong to an instant: that at which this function of the series is largest."""
 
 

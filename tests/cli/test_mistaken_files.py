@@ -2,7 +2,7 @@
 
 import pytest
 
-from asrsim.document.file import COMMANDS, NOUNS, kind_of
+from asrsim.document.file import COMMANDS, kind_of
 from support.paths import EXAMPLES
 
 TAKES = {
@@ -25,7 +25,7 @@ def files(tmp_path, tiny, asrsim_command):
         "fit": tmp_path / "made.fit.yaml",
         "study": tmp_path / "study.yaml",
         "recording": EXAMPLES / "recordings" / "two_joints.csv",
-        "limits": EXAMPLES / "recordings" / "limits.yaml",
+        "file of limits": EXAMPLES / "recordings" / "limits.yaml",
         "log": next(tmp_path.rglob("log.mcap")),
         "summary": next(tmp_path.rglob("summary.json")),
     }
@@ -47,8 +47,7 @@ def test_commands_name_the_kind_of_a_wrong_file(wanted, files, asrsim_command):
                 continue
             done = asrsim_command(command, path)
             assert done.code == 1, (command, kind)
-            noun = NOUNS.get(kind, kind)
-            assert f"is a {noun}, not a {wanted}" in done.err + done.out, (command, kind)
+            assert f"is a {kind}, not a {wanted}" in done.err + done.out, (command, kind)
             known = COMMANDS[kind].format(path=path, folder=path.parent)
             assert f"Use it with: {known}" in done.err + done.out, (command, kind)
 

@@ -125,26 +125,19 @@ def test_a_measure_that_needs_either_gets_none_without_a_reference():
     assert measure("nearness", time, np.ones(11), np.full(11, 0.5)) == 0.5
 
 
-def test_the_error_of_a_measure_with_options_names_its_file_and_line(tiny, asrsim_command):
+@pytest.mark.parametrize(
+    ("option", "claimed", "said"),
+    [("", "tolerance: 9", ""), (", *, level=1.0", "options: {level: 2}", "with level: 2: .*")],
+)
+def test_the_error_of_a_measure_names_its_file_and_line(option, claimed, said, tiny, asrsim_command):
     (tiny.folder / "mine.py").write_text(
-        "from asrsim.metrics import MEASURES, Measure\n\ndef broken(time, values, *, level=1.0):\n    return 1 / 0\n\n"
+        f"from asrsim.metrics import MEASURES, Measure\n\ndef broken(time, values{option}):\n    return 1 / 0\n\n"
         'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
     )
-    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, options: {level: 2}}]"
+    claim = f"expect=[{{joint: elbow, quantity: link_position, measure: broken, value: 0, {claimed}}}]"
     done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
     assert done.code == 1
-    assert re.search(r"with level: 2: .*mine\.py:4: broken: the plugin raised ZeroDivisionError", done.err), done.err
-
-
-def test_the_error_of_a_measure_names_its_file_and_line(tiny, asrsim_command):
-    (tiny.folder / "mine.py").write_text(
-        "from asrsim.metrics import MEASURES, Measure\n\ndef broken(time, values):\n    return 1 / 0\n\n"
-        'MEASURES.add("broken", Measure(name="broken", function=broken, unit="1", needs="series"))\n'
-    )
-    claim = "expect=[{joint: elbow, quantity: link_position, measure: broken, value: 0, tolerance: 9}]"
-    done = asrsim_command("run", tiny.scenario, "--set", claim, "--plugin", tiny.folder / "mine.py", "--no-plot")
-    assert done.code == 1
-    assert "mine.py:4: broken: the plugin raised ZeroDivisionError" in done.err
+    assert re.search(rf"{said}mine\.py:4: broken: the plugin raised ZeroDivisionError", done.err), done.err
 
 
 @pytest.mark.parametrize(

@@ -170,7 +170,9 @@ def test_every_kind_of_limit_of_every_joint_is_an_event():
     assert sorted((event.time, event.text) for event in found) == sorted(wanted, key=lambda pair: (pair[0].expected, pair[1]))
 
 
-@pytest.mark.parametrize(("measure", "at"), [("maximum", 0.9), ("minimum", 0.3), ("peak", 0.3), ("mean", 1.0)])
+@pytest.mark.parametrize(
+    ("measure", "at"), [("maximum", 0.9), ("minimum", 0.3), ("peak", 0.3), ("overshoot", 0.3), ("mean", 1.0)]
+)
 def test_a_claim_that_fails_is_an_event_at_its_extreme(tmp_path, measure, at):
     """The position falls to -3 at 0.3 s and rises to 2 at 0.9 s; a mean belongs to the end."""
     position = np.interp(np.arange(1001) * 1e-3, [0.0, 0.3, 0.9, 1.0], [0.0, -3.0, 2.0, 0.0])
