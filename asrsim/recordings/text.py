@@ -172,10 +172,12 @@ class TableLayout:
         ragged = list(self.skipped)
         waiting = iter(rows)
         while block := [*itertools.islice(waiting, _BLOCK)]:
-            # A power failure may leave zero bytes at the end of a file.
-            filled = [row for row in block if "".join(row[1]).strip("\0 \t") and not row[1][0].startswith(COMMENTS)]
-            whole = [row for row in filled if len(row[1]) == len(columns)]
-            ragged += [row for row in filled if len(row[1]) != len(columns)]
+            whole = block
+            if not _are_plain(block, len(columns)):
+                # A power failure may leave zero bytes at the end of a file.
+                filled = [row for row in block if "".join(row[1]).strip("\0 \t") and not row[1][0].startswith(COMMENTS)]
+                whole = [row for row in filled if len(row[1]) == len(columns)]
+                ragged += [row for row in filled if len(row[1]) != len(columns)]
             if whole:
                 numbers, cells = zip(*whole, strict=True)
                 lines += numbers
@@ -213,6 +215,15 @@ class TableLayout:
         return Content(tables=(table,), findings=tuple(findings))
 
 
+def _are_plain(rows: Sequence[NumberedLine], width: int) -> bool:
+    """Whether all rows have this number of cells and begin with a number: then no row is blank or a comment."""
+    first = [cells[0] for _, cells in rows if len(cells) == width]
+    try:
+        return len([*map(float, first)]) == len(rows)
+    except ValueError:
+        return False
+
+
 def _problem(message: str, lines: Sequence[int], code: str, key: str | None = None) -> Problem:
     return Problem(f"{message}: {places_text('line', lines)}", line=lines[0], key=key, code=code)
 
@@ -232,7 +243,8 @@ def read_text(path: Path, reading: Reading) -> Content:
         layout = layout_of([(i, spread(_cells(line, separator), widths)) for i, line in start], reading, decimal)
         stream.seek(0)
         numbered = enumerate(itertools.islice(stream, layout.first - 1, None), start=layout.first)
-        found = layout.content(((i, spread(split(line.strip("\r\n"), separator), widths)) for i, line in numbered))
+        rows = ((i, split(line.strip("\r\n"), separator)) for i, line in numbered)
+        found = layout.content(((i, spread(cells, widths)) for i, cells in rows) if widths else rows)
     return replace(found, layout={"separator": word, "decimal": decimal, "encoding": encoding, "header": layout.header})
 
 
@@ -385,7 +397,16 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
     words = [reading.separator] if reading.separator else [*SEPARATORS]
     marks = [reading.decimal] if reading.decimal else [".", ","]
     quoted = bool(reading.decimal) or any('"' in line for line in lines)
-    return max(((word, mark) for word in words for mark in marks if word != mark or quoted), key=score)
+    layouts = [(word, mark) for word in words for mark in marks if word != mark or quoted]
+    best, most = layouts[0], -math.inf
+    # Separators that occur are tried first: no layout with one column has the highest score, 1.
+    for layout in sorted(layouts, key=lambda one: all(len(split(line, SEPARATORS[one[0]])) == 1 for line in lines)):
+        found = score(layout)
+        if found > most:
+            best, most = layout, found
+        if found == 1.0:
+            break
+    return best
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

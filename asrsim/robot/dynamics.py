@@ -13,6 +13,7 @@ causes at unit velocity.
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -81,7 +82,6 @@ class RobotModel:
     ) -> None:
         """floating: whether the base is free to accelerate, which affects the mass matrix only."""
         merged, moving = merge_fixed(robot), robot.moving_joints
-        self.robot = robot
         self.joints = tuple(joint.name for joint in moving)
         self.links = tuple(link.name for link in robot.links)
         self.lower, self.upper = np.array([joint.stops for joint in moving]).reshape(-1, 2).T
@@ -92,7 +92,8 @@ class RobotModel:
         chain = with_base_joints(merged.robot) if floating else merged.robot
         joints = chain.outward_joints
         # Joint k moves body k + 1; body 0 stands still.
-        bodies = {chain.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
+        self._numbers = bodies = {chain.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
+        """Number of each body, by name of its link in the merged robot."""
         self._parents = [bodies[joint.parent] for joint in joints]
         self._at = np.array([bodies[joint.child] - 1 for joint in moving], dtype=np.int64)
         """Indices (n,) of the robot's joints among all joints."""
@@ -105,20 +106,31 @@ class RobotModel:
         self._twists = np.array([_unit_twist(joint) for joint in joints]).reshape(-1, 4, 4)
         origins = [frame(joint.origin, rotation_matrix(joint.rpy)) for joint in joints]
         self._origins = np.array(origins).reshape(-1, 4, 4)
-        self._inertias = np.zeros((len(joints) + 1, 4, 4))
-        for link in chain.links:
-            self._inertias[bodies[link.name]] = _pseudo_inertia(link)
-        self._floats = np.zeros((len(joints) + 1, 4, 4))
-        """Pseudo-inertias of the masses on which gravity does not act; only their mass and first moments are used."""
-        for link in chain.links:
-            mass, centre = link.weightless
-            self._floats[bodies[link.name]] = mass * np.outer([*centre, 1.0], [*centre, 1.0])
-        self._armature = np.zeros(len(joints))
-        self._armature[self._at] = [joint.armature for joint in moving]
         self.couplings = robot.couplings
         self._places = {
             name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
         }
+        self._load(robot)
+
+    def varied(self, robot: Robot) -> RobotModel:
+        """The same for a robot that differs in its inertias and other numbers only."""
+        other = copy(self)
+        other._load(robot)
+        return other
+
+    def _load(self, robot: Robot) -> None:
+        """Set the inertias of the bodies."""
+        self.robot = robot
+        self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
+        """Pseudo-inertias of the bodies, and of the masses on which gravity does not act, of which only mass and first moments
+        are used.
+        """
+        for link in merge_fixed(robot).robot.links:
+            (mass, centre), body = link.weightless, self._numbers[link.name]
+            self._inertias[body] = _pseudo_inertia(link)
+            self._floats[body] = mass * np.outer([*centre, 1.0], [*centre, 1.0])
+        self._armature = np.zeros(len(self._parents))
+        self._armature[self._at] = [joint.armature for joint in robot.moving_joints]
 
     def poses(self, positions: ArrayLike, base: Array | None = None) -> dict[str, Array]:
         """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the start."""

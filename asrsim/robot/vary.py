@@ -12,7 +12,7 @@ import numpy as np
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import tensor_of
-from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, Robot
+from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
 JOINT_NAMES = {
@@ -48,25 +48,24 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 Problem("no joint or link has this name", key=owner, meant=owner, choices=known, code="unknown-joint")
             )
             continue
+        of_joint: dict[str, Any] = {}
+        of_block, of_link = dict[str, ParameterValue](), dict[str, float]()
         for name, value in values.items():
             fault: str | None = None
             if value != value:
                 fault = "must be a number"
             elif owner in joints and name in JOINT_NAMES:
-                changed: dict[str, Any] = {JOINT_NAMES[name]: float(value)}
-                joints[owner] = replace(joints[owner], **changed)
+                of_joint[JOINT_NAMES[name]] = float(value)
                 if value < 0.0 and name != "passive_reference":
                     fault = "must be at least 0"
                 elif value == 0.0 and name == "stribeck_velocity":
                     fault = "must be larger than 0"
             elif owner in blocks and name in blocks[owner].parameters:
-                block = blocks[owner]
-                number = replace(block.parameters[name], value=float(value), origin="scenario")
-                blocks[owner] = replace(block, parameters={**block.parameters, name: number})
-                actuator: Any = ACTUATORS.get(block.actuator)
+                of_block[name] = replace(blocks[owner].parameters[name], value=float(value), origin="scenario")
+                actuator: Any = ACTUATORS.get(blocks[owner].actuator)
                 fault = parameter_fault(_declared(actuator)[name], value)
             elif owner in links and name in LINK_NAMES:
-                links[owner] = _with_inertial(links[owner], name, float(value))
+                of_link[name] = float(value)
                 if value < 0.0 and name in ("mass", "ixx", "iyy", "izz"):
                     fault = "must be at least 0"
             else:
@@ -75,6 +74,13 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 problems.append(Problem(message, key=key, meant=name, choices=known, code="unknown-parameter"))
             if fault:
                 problems.append(Problem(fault, key=f"{owner}.{name}", value=f"{value:g}", code="parameter-range"))
+        # One copy of each object, since every evaluation of a fit calls this function.
+        if of_joint:
+            joints[owner] = replace(joints[owner], **of_joint)
+        if of_block:
+            blocks[owner] = replace(blocks[owner], parameters={**blocks[owner].parameters, **of_block})
+        if of_link:
+            links[owner] = _with_inertial(links[owner], of_link)
     if not problems:
         changed_blocks = (blocks[block.joint] for block in robot.actuators if blocks[block.joint] is not block)
         problems += (fault for block in changed_blocks for fault in together_faults(block))
@@ -106,15 +112,14 @@ def _declared(actuator: Any) -> dict[str, Parameter]:
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 
-def _with_inertial(link: Link, name: str, value: float) -> Link:
-    if name == "mass":
-        return replace(link, mass=value)
-    if name in CENTRES:
-        x, y, z = (value if axis == name else old for axis, old in zip(CENTRES, link.centre_of_mass, strict=True))
-        return replace(link, centre_of_mass=(x, y, z))
-    inertia = list(link.inertia or (0.0,) * 6)
-    inertia[INERTIAS.index(name)] = value
-    return replace(link, inertia=(inertia[0], inertia[1], inertia[2], inertia[3], inertia[4], inertia[5]))
+def _with_inertial(link: Link, numbers: Mapping[str, float]) -> Link:
+    """The link with other numbers, by the names in `LINK_NAMES`; a link without inertia has the inertia 0."""
+    x, y, z = (numbers.get(name, old) for name, old in zip(CENTRES, link.centre_of_mass, strict=True))
+    inertia = link.inertia
+    if not _INERTIAS.isdisjoint(numbers):
+        moments = [numbers.get(name, old) for name, old in zip(INERTIAS, inertia or (0.0,) * 6, strict=True)]
+        inertia = (moments[0], moments[1], moments[2], moments[3], moments[4], moments[5])
+    return replace(link, mass=numbers.get("mass", link.mass), centre_of_mass=(x, y, z), inertia=inertia)
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:

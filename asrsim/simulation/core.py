@@ -24,7 +24,7 @@ from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
-from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
+from asrsim.simulation.rows import constants_table, kind_of, scheme_of, start_of, table_of_kinds
 from asrsim.simulation.shape import RowShape, shape_of
 from asrsim.simulation.strides import ALWAYS_ALL, Strides
 
@@ -109,7 +109,8 @@ class Core:
     def _bind_joints(self) -> Array:
         """Make the kinds of the joints, with the addresses of their laws. Returns the table P (joints, ...)."""
         drives, stepping = self.prepared.drives, self.prepared.stepping
-        kinds, constants = tables(self.prepared, self.shape)
+        constants = constants_table(self.prepared, self.shape)
+        kinds = [kind_of(drive, self.shape, stages) for drive, stages in zip(drives, self.shape.stages, strict=True)]
         # Joints with the same actuator and stages share a law: each call computes a digest and checks files in the cache.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
@@ -186,7 +187,7 @@ class Core:
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
         self._make_room(prepared)
-        _, self.P[world] = tables(prepared, self.shape)
+        self.P[world] = constants_table(prepared, self.shape)
         self._plain_links.pop(world, None)
         self._engines[world] = self._shared
         if prepared.robot.inertials != self.prepared.robot.inertials:

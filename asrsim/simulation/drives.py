@@ -206,7 +206,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
                 on_link=not drive.mode.motor,
                 noises=tuple(Noise(seed, imperfections.noise) if imperfections.noise else None for seed in seeds),
             )
-        found.append(replace(drive, sensor=sensor))
+        found.append(drive if sensor is drive.sensor else replace(drive, sensor=sensor))
     return tuple(found)
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 from asrsim.engines.base import Engine
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.registry.steppings import Stepping
-from asrsim.robot.dynamics import RobotModel, robot_model
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.robot.vary import varied_robot
 from asrsim.samples import Array, RunInfo
@@ -171,18 +171,18 @@ class Prepared:
         drives = with_sensors(make_drives(robot, self.stepping, self.scenario), self.scenario, self.substep)
         drives = tuple(with_delays(drive, delays.get(drive.name, {})) for drive in drives)
         if model is not None and robot.inertials != self.robot.inertials:
-            model = self._model_of(robot, drives)
+            model = self._model_of(model, robot, drives)
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
 
-    def _model_of(self, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
+    def _model_of(self, model: RobotModel, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
         """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
-        for inertials, model in self._latest:
+        for inertials, known in self._latest:
             if inertials == robot.inertials:
-                return model
-        model = robot_model(self.scenario, robot)
-        check_inertia(drives, model)
-        self._latest[:] = [(robot.inertials, model)]
-        return model
+                return known
+        varied = model.varied(robot)
+        check_inertia(drives, varied)
+        self._latest[:] = [(robot.inertials, varied)]
+        return varied
 
     def _settled(self) -> Prepared:
         """A copy that starts at equilibrium if the scenario requires it. Raises ScenarioError."""

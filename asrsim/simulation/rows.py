@@ -111,16 +111,14 @@ def scheme_of(prepared: Prepared) -> Scheme:
     )
 
 
-def tables(prepared: Prepared, shape: RowShape) -> tuple[list[JointKind], Array]:
-    """Kinds of the joints, without the addresses, and the table P (joints, ...)."""
-    pairs = list(zip(prepared.drives, shape.stages, strict=True))
-    kinds = [kind_of(drive, shape, stages) for drive, stages in pairs]
+def constants_table(prepared: Prepared, shape: RowShape) -> Array:
+    """Table P (joints, ...)."""
     substeps, cutoff = prepared.resolution.motor_substeps, prepared.velocity_cutoff
-    table = np.zeros((len(pairs), shape.constants))
-    for j, (drive, stages) in enumerate(pairs):
+    table = np.zeros((len(prepared.drives), shape.constants))
+    for j, (drive, stages) in enumerate(zip(prepared.drives, shape.stages, strict=True)):
         row = row_of_link(constants_of(drive, shape, stages, motor_substeps=substeps, cutoff=cutoff), stages)
         table[j, : len(row)] = row
-    return kinds, table
+    return table
 
 
 def table_of_kinds(kinds: Sequence[JointKind], shape: RowShape) -> NDArray[np.int64]:

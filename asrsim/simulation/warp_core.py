@@ -23,7 +23,7 @@ from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import scheme_of, start_of, table_of_kinds, tables
+from asrsim.simulation.rows import constants_table, kind_of, scheme_of, start_of, table_of_kinds
 from asrsim.simulation.shape import shape_of
 from asrsim.simulation.warp_step import LOADS, law_of, program
 from asrsim.warping.program import loaded_warp
@@ -56,7 +56,8 @@ class WarpCore(Core):
         self._scheme = scheme_of(prepared)
         made, laws = program(prepared.drives, self.shape)
         self._program: Any = made.load()
-        joints, constants = tables(prepared, self.shape)
+        constants = constants_table(prepared, self.shape)
+        joints = [kind_of(drive, self.shape, stages) for drive, stages in zip(prepared.drives, self.shape.stages, strict=True)]
         for k, drive, stages in zip(joints, prepared.drives, self.shape.stages, strict=True):
             law = law_of(drive, stages)
             k.spring_law = 0 if law is None else laws.index(law) + 1
@@ -146,7 +147,7 @@ class WarpCore(Core):
         """Give a world other parameters. The world must then be started again."""
         if shape_of(prepared.drives, self.shape) != self.shape:
             raise SimulationError("stages that do not act at the start cannot be added on Warp: give all worlds one of them")
-        _, self.P[world] = tables(prepared, self.shape)
+        self.P[world] = constants_table(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
             raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")
         for name, table in self._inertials.items():
