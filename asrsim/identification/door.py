@@ -34,11 +34,9 @@ OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
 ENGINES_KEPT = 3
 """Number of substep settings whose engines stay open, since fits alternate between settings."""
-AT_ONCE = cores()
-"""Number of worlds of a rollout."""
 THREADED = 3
-"""Number of joints from which the worlds of a rollout run in parallel threads: with one or two joints, threads took 3 to 5 %
-more CPU time for fits of 4 s, and 5 % less to 5 % more time.
+"""Number of joints from which worlds run together, in parallel threads: with one or two joints, threads took 3 to 5 % more CPU
+time for fits of 4 s, and 5 % less to 5 % more time.
 """
 
 Substeps = tuple[int, int]
@@ -65,6 +63,8 @@ class Door:
         self.substeps: Substeps = self._prepared.resolution.substeps, self._prepared.resolution.motor_substeps
         self.exact_in_time = not self._prepared.stepping.released
         """Whether finer substeps reduce the error; false for the released code, which prescribes its steps."""
+        self._together = cores() if len(self.joints) >= THREADED else 1
+        """Number of worlds of a rollout."""
         self._made: dict[tuple[Substeps, tuple[str, ...]], Worlds] = {}
         """Worlds by their substeps and by the quantities that they record."""
         self._columns = tuple(columns_of(shape_of(self.drives)))
@@ -82,8 +82,8 @@ class Door:
                 # substeps.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
-            threads = AT_ONCE if len(self.joints) >= THREADED else 1
-            found = Worlds(prepared, AT_ONCE, names=names, watched=False, expected_substeps=OFTEN, threads=threads)
+            count = self._together
+            found = Worlds(prepared, count, names=names, watched=False, expected_substeps=OFTEN, threads=count)
         while len(self._made) >= ENGINES_KEPT:
             self._made.pop(next(iter(self._made))).close()
         self._made[substeps, names] = found
@@ -124,8 +124,8 @@ class Door:
                 channels = (self._channel(found, world, *name) for name in names)
                 yield np.stack([*channels]) if made.healthy[world] else None
 
-        for first in range(0, len(starts), AT_ONCE):
-            yield from run(first, starts[first : first + AT_ONCE])
+        for first in range(0, len(starts), self._together):
+            yield from run(first, starts[first : first + self._together])
 
     def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
         """Values (rows,) of a quantity of a joint; NaN if the simulation does not record the quantity."""

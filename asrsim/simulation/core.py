@@ -47,7 +47,9 @@ def is_worth_compiling(joints: int, substeps: int) -> bool:
 
 
 class Core:
-    """N worlds of one robot. The worlds share an engine; a world whose links have other inertias has a separate engine."""
+    """N worlds of one robot. The worlds share an engine; a world whose links have other inertias has a separate engine, unless
+    it is the only world and the engine can take its inertias.
+    """
 
     def __init__(
         self,
@@ -103,6 +105,8 @@ class Core:
         self._own: dict[int, BoundEngine] = {}
         """Separate engines, by number of the world that has used one."""
         self._shared = self._bound(engine, prepared)
+        self._inertials = prepared.robot.inertials
+        """Inertials of the shared engine."""
         self._engines = [self._shared] * worlds
         """Engine of each world."""
 
@@ -190,12 +194,19 @@ class Core:
         self.P[world] = constants_table(prepared, self.shape)
         self._plain_links.pop(world, None)
         self._engines[world] = self._shared
-        if prepared.robot.inertials != self.prepared.robot.inertials:
+        if not self._varied_alone(prepared) and prepared.robot.inertials != self._inertials:
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
                 own = self._bound(prepared.make_engine(), prepared)
                 finalize(own, own.engine.close)
             self._own[world] = self._engines[world] = own
+
+    def _varied_alone(self, prepared: Prepared) -> bool:
+        """Whether the shared engine has taken other inertials: only one world uses it, and it can do so."""
+        if len(self._engines) > 1 or not self._shared.engine.vary(prepared.robot):
+            return False
+        self._inertials = prepared.robot.inertials
+        return True
 
     # -- state ------------------------------------------------------------------------------------------------------
 
@@ -239,7 +250,9 @@ class Core:
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)
         self._engines[world] = bound
-        if bound is not self._shared:
+        if bound is self._shared:
+            self._varied_alone(prepared)
+        else:
             self._own[world] = bound
             bound.engine.vary(prepared.robot)
         bound.put(world, engine)
