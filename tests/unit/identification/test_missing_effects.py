@@ -25,6 +25,7 @@ NAMED = {
     "torque limit": "a limit motor_1_max_torque of joint_1",
     "speed limit": "a limit motor_1_max_velocity of joint_1",
     "load": "a different mass of link_1",
+    "late sensor": "a delay of joint_1.link_position",
 }
 
 
