@@ -28,7 +28,7 @@ from asrsim.identification.extensions import (
     tied_to,
 )
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
-from asrsim.identification.judge import FOLLOWED, missing_mode
+from asrsim.identification.judge import ENOUGH, FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
@@ -49,8 +49,6 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 """Endings of the names of quantities whose sensors may have a zero offset."""
 EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
-DRIVEN_WELL = 0.95
-"""Explained fraction of a motor's variance below which its drive counts as unexplained: that of a robot that is written."""
 DIFFERENT = 0.05
 """Relative difference of two tied parameters above which their tie is reported as wrong."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
@@ -261,12 +259,12 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
         others = [one for one in track.channels if one.joint == joint and not one.quantity.startswith("motor")]
-        lost = not np.mean(left**2) < (1.0 - DRIVEN_WELL) * np.var(part.recorded)
+        lost = not np.mean(left**2) < (1.0 - ENOUGH) * np.var(part.recorded)
         if part.channel.quantity == "motor_1_position" and lost and commands and others:
             maps = " ".join(f"--map '{name}=ignore'" for name in commands)
             yield (
-                f"the drive of {joint} does not explain the motion of its motor: fit spring and link without the drive, with the "
-                f"recorded motion of the motor ({maps})"
+                f"the drive of {joint} does not explain the motion of its motor: fit spring and link without the drive, with "
+                f"the recorded motion of the motor ({maps})"
             )
 
 

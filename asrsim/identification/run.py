@@ -221,8 +221,9 @@ def _judged(
         predicted = channel_fits(problem, before, trained) if observed else fits
         causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
+        read = not misread((*predicted, *fits))
         with watch.in_time(), suppress(OutOfTime):
-            for level in slow if not misread((*predicted, *fits)) else ():
+            for level in slow if read else ():
                 for one in _causes(*level):
                     # Causes that are found without a trial fit are equal at all levels: each is reported once.
                     if one.trials or level is slow[0]:
@@ -233,7 +234,7 @@ def _judged(
                     break
             if not any(one.trials for one in suspected):
                 causes += [text for text in foreign(fits) if observed and text not in causes]
-                causes += unexplained_drives(*slow[0]) if not misread((*predicted, *fits)) else ()
+                causes += unexplained_drives(*slow[0]) if read else ()
             causes += failed_predictions(*slow[0])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
