@@ -49,8 +49,6 @@ MOBILE_POSTURES = 16
 """Number of random postures in which the smallest inertia of each joint is sought."""
 CLOSE = 1e-3
 """Distance from the position of rest at which its search ends, rad (m); sags are printed with two digits."""
-RESTED = 1e-10
-"""Error of the motors' positions in this search, rad: small beside the differences that give the stiffness of the springs."""
 SHOVE = 0.1
 """Displacement by which the search leaves an unstable equilibrium, rad (m): far, since the arm falls a long way."""
 SAG = 0.3
@@ -66,8 +64,6 @@ SLOWEST = 5.0
 a few seconds, even with good damping."""
 CARRYING = 3.0
 """Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
-MARGIN = 1.5
-"""Safety factor on the change of the weight's torques within the tolerated sag, since only single edges are evaluated."""
 SHORT = 0.01
 """Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
 LONGEST_DECAY = 8.0
@@ -124,20 +120,20 @@ class _Statics:
     def __init__(self, scenario: Scenario, robot: Robot, model: RobotModel, blocks: list[ActuatorBlock]) -> None:
         self.model, self.time = model, _instants(scenario, blocks)
         wanted = np.tile([*start_positions(scenario, robot).values()], (len(self.time), 1))
-        self.springs: dict[int, tuple[Joint, Drive, Array]] = {}
+        self.drives: dict[int, tuple[Joint, Drive, Array]] = {}
         """Joint, drive, and positions of its motors at the instants (positions, instants), by column of the joint."""
         for block in blocks:
             column, joint = model.joints.index(block.joint), robot.joint(block.joint)
             goals, goal = goals_of(scenario, block, self.time)
-            self.springs[column] = joint, drive_of(block), goals
+            self.drives[column] = joint, drive_of(block), goals
             wanted[:, column] = np.clip(goal, *joint.stops)
         self.couplings = model.couplings
         self.wanted = self.couplings.expand(wanted)
         """Commanded positions (instants, joints), rad or m."""
-        rows = [*self.springs.values()]
+        rows = [*self.drives.values()]
         self._efforts = np.array([joint.most_effort for joint, *_ in rows])
         self._motors = [
-            (group, MotorsAtRest([rows[i][1] for i in group], _goals([rows[i][2] for i in group]), tolerance=RESTED))
+            (group, MotorsAtRest([rows[i][1] for i in group], np.stack([rows[i][2] for i in group], axis=1)))
             for group in alike([drive for _, drive, _ in rows])
         ]
         """Motors, and the numbers of their springs, for each kind of drive."""
@@ -153,65 +149,33 @@ class _Statics:
 
         return weighing
 
-    def pulls(self, positions: Array) -> Array:
-        """Torques (instants, 2, joints) in N m of the springs on the links at two positions for each instant."""
-        q, columns = self.couplings.expand(positions), [*self.springs]
-        place = q[..., columns]
-        torques, links = np.empty((len(columns), place[..., 0].size)), place.reshape(-1, len(columns)).T
+    def springs(self, positions: Array) -> tuple[Array, Array]:
+        """Torques (instants, joints) in N m of the springs on the links, and their changes per displacement of their joints, in
+        the steps of one search by Newton's method; see `MotorsAtRest.follow`."""
+        q, columns = self.couplings.expand(positions), [*self.drives]
+        links = q[:, columns].T
+        torques, changes = np.empty_like(links), np.empty_like(links)
         for group, motors in self._motors:
-            torques[group] = motors.under(links[group])[1].sum(axis=0)
-        found = np.zeros_like(positions)
-        found[..., columns] = np.clip(torques.T.reshape(place.shape), -self._efforts, self._efforts)
-        return self.couplings.fold(found, q)
-
-
-def _goals(references: Sequence[Array]) -> Array:
-    """References (positions, joints, n) of drives at two positions for each instant. references: those (positions, instants) of
-    each drive."""
-    return np.repeat(np.stack(references, axis=1), 2, axis=2)
-
-
-@np.errstate(all="ignore")
-def surely_held(statics: _Statics) -> bool:
-    """Whether no joint sags too much, by an estimate that is far cheaper than the position of rest. False: it is unknown.
-
-    Around the commanded positions lies a box of the sag that needs no warning. If, at each face of the box, the spring pulls
-    inward more than the weight can pull outward anywhere in the box, then the arm rests inside (theorem of Poincare and
-    Miranda). The weight in the box is estimated from its changes along each edge, with a margin.
-    """
-    if statics.couplings:
-        return False
-    model, wanted, columns = statics.model, statics.wanted, [*statics.springs]
-    scale = np.zeros(len(model.joints))
-    scale[columns] = [_scale(joint) for joint, *_ in statics.springs.values()]
-    weight = -model.gravity_torques(wanted)
-    # A joint that falls onto a stop between these distances gets a warning; a stop that is nearer holds it.
-    rooms = np.stack([model.upper - wanted, wanted - model.lower], axis=1)
-    reach = np.where((rooms > OFF * scale) & (rooms < SAG * scale), OFF, SAG) * scale
-    sides = np.array([[1.0], [-1.0]])
-    outward = sides * (statics.pulls(wanted[:, None] + sides * reach) + weight[:, None])
-    outward = np.where(rooms <= OFF * scale, -np.inf, outward)[..., columns]
-    # Most arms that sag are seen here, without the weight's changes, which take most of the time.
-    if not (outward < 0.0).all():
-        return False
-    changes = -model.gravity_torques(wanted[:, None] + np.diag(SAG * scale)) - weight[:, None]
-    change = MARGIN * np.abs(changes).sum(axis=1)[:, None, columns]
-    return bool((outward + change < 0.0).all())
+            torques[group], changes[group] = motors.follow(links[group])
+        found = np.zeros((2, *q.shape))
+        found[0][:, columns] = np.clip(torques.T, -self._efforts, self._efforts)
+        found[1][:, columns] = np.where(np.abs(torques.T) < self._efforts, changes.T, 0.0)
+        return self.couplings.fold(found[0], q), self.couplings.fold_gains(found[1], q)
 
 
 @np.errstate(all="ignore")
 def holdings(statics: _Statics) -> tuple[Holding, ...]:
     """Largest sag of each joint over time, from the position of its references to the position of rest."""
-    model, wanted, couplings, columns = statics.model, statics.wanted, statics.couplings, [*statics.springs]
+    model, wanted, couplings, columns = statics.model, statics.wanted, statics.couplings, [*statics.drives]
     movable = np.isin(np.arange(len(model.joints)), couplings.master[columns])
     positions, _ = balanced(
-        statics.weights(movable), statics.pulls, wanted, model.lower, model.upper, movable, close=CLOSE, shove=SHOVE
+        statics.weights(movable), statics.springs, wanted, model.lower, model.upper, movable, close=CLOSE, shove=SHOVE
     )
     positions = couplings.expand(positions)
     sags, loads = np.abs(positions - wanted)[:, columns], -model.gravity_torques(wanted)[:, columns]
     worst, rows = sags.argmax(axis=0), np.arange(len(columns))
     links = positions[:, columns][worst, rows]
-    joints, drives, references = zip(*statics.springs.values(), strict=True)
+    joints, drives, references = zip(*statics.drives.values(), strict=True)
     found: dict[int, Holding] = {}
     for group in alike(drives):
         goals = np.stack([references[row][:, worst[row]] for row in group], axis=1)[..., None]
@@ -326,8 +290,6 @@ def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, prop
     if not blocks or robot.loops:
         return ()
     statics = _Statics(scenario, robot, model, blocks)
-    if surely_held(statics):
-        return ()
     found = Sizing(joints=holdings(statics))
     if propose and found.weak:
         found = replace(found, proposal=_proposal(scenario, robot, model))
