@@ -162,7 +162,9 @@ class MotorsAtRest:
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
         of_link, of_motors = changes[:, :, 0].sum(axis=0), np.moveaxis(changes[:, :, 1:].sum(axis=0), 1, 0)
-        return pulls.sum(axis=0) + np.sum(of_motors * (ends[:motors] - theta), axis=0), of_link + np.sum(of_motors * rates, axis=0)
+        return pulls.sum(axis=0) + np.sum(of_motors * (ends[:motors] - theta), axis=0), of_link + np.sum(
+            of_motors * rates, axis=0
+        )
 
     def _law(self, position: Array, *positions: Array) -> Array:
         """Torques (springs, joints, n) of the springs with links and motors at these positions (joints, n)."""

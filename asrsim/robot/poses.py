@@ -47,7 +47,7 @@ def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
     return pose
 
 
-def cross_matrix(vector: Sequence[float]) -> Array:
+def cross_matrix(vector: Vector | Array) -> Array:
     """Matrix (3, 3) whose product with a second vector is the cross product of both vectors."""
     x, y, z = vector
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
@@ -68,7 +68,8 @@ def rotation_matrix(rpy: Vector) -> Array:
 def rotation_about(axis: Vector, angle: float) -> Array:
     """Rotation matrix (3, 3) of an angle in rad about a unit vector, by Rodrigues' formula."""
     cross = cross_matrix(axis)
-    return np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross
+    rotation: Array = np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross
+    return rotation
 
 
 def roll_pitch_yaw(rotation: Array) -> Vector:
@@ -95,7 +96,8 @@ def rotation_of(quaternion: Sequence[float]) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
     vector, w = np.asarray(quaternion[:3]), quaternion[3]
     cross = cross_matrix(vector)
-    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    rotation: Array = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    return rotation
 
 
 def link_poses(robot: Robot) -> dict[str, Pose]:

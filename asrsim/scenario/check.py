@@ -20,7 +20,7 @@ from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
-from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
+from asrsim.robot.mounting import equipped, reference_names
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.load import contradictions
@@ -53,13 +53,12 @@ def robot_of(scenario: Scenario) -> Robot:
 def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem], list[Problem]]:
     """Robot with the scenario's changes; errors in the robot's file and in these changes; other errors in the scenario: unknown
     names, invalid values, impossible references. The robot is None if it has no moving joint or cannot be read. Checks that
-    depend on an invalid value are skipped.
+    depend on an invalid value are skipped. The lines of the problems are missing: `Scenario.placed` adds them.
 
     robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
-        own = [scenario.placed(problem) for problem in signal_faults(scenario)]
-        return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], own
+        return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], [*signal_faults(scenario)]
     if not scenario.unread and (wrong := [*_fields(scenario)]):
         return None, [*robot.faults], wrong
     changed, faults = changed_robot(scenario, robot)
@@ -69,7 +68,7 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
     unread = {key for key, *_ in scenario.unread}
     for needed, check in CHECKS:
         if not unread.intersection(needed):
-            errors += (scenario.placed(problem) for problem in check(scenario, driven))
+            errors += check(scenario, driven)
     return changed, [*robot.faults, *faults], errors
 
 
@@ -88,18 +87,14 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
     """
     changed, problems = changed_robot(scenario, robot)
     if problems:
-        raise ScenarioError(problems)
+        raise ScenarioError(list(map(scenario.placed, problems)))
     return changed
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the valid changes of the scenario, and the problems of the other changes."""
+    """Robot with the valid changes of the scenario, and the problems of the other changes, still without their lines."""
     given = scenario.actuators
-    own = {joint: one.parameters for joint, one in given.items() if one.parameters}
-    looped, wrong = _with_loops(scenario, robot)
-    changed, problems = mounted(looped, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
-    problems += wrong
-    unread = set(changed.unread)
+    unread = set[str]()
     parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
     for section, *rest in scenario.unread:
         if section == "parameters" and len(rest) == 2:
@@ -107,14 +102,17 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         elif section in ("actuators", "modes", "parameters"):
             joint = rest[0] if rest else "*"
             unread |= {one.name for one in robot.moving_joints} if joint == "*" else {joint}
-    changed, faults = overridden(replace(changed, unread=frozenset(unread)), scenario.modes, parameters)
-    problems += faults
-    for fault in block_faults(changed, robot):
-        section, _, joint = (fault.key or "").partition(".")
-        table = {"modes": scenario.modes, "parameters": parameters}.get(section, {})
-        set_there = fault.file is not None or joint in table or "*" in table
-        problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
-    changed = with_rotors(changed, scenario.armature)
+    looped, wrong = _with_loops(scenario, robot)
+    changed, problems = equipped(
+        looped,
+        {joint: (one.type, one.mode) for joint, one in given.items()},
+        {joint: one.parameters for joint, one in given.items() if one.parameters},
+        modes=scenario.modes,
+        parameters=parameters,
+        armature=scenario.armature,
+        unread=unread,
+    )
+    problems += wrong
     if scenario.weightless:
         off = scenario.weightless
         links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
@@ -126,7 +124,7 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
-    return changed, [scenario.placed(problem) for problem in problems]
+    return changed, problems
 
 
 def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
@@ -158,10 +156,14 @@ def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
 
 
 def _fields(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: numbers, vectors and choices that are invalid in a file, but that code can set by `dataclasses.replace`."""
-    reading = DocumentReading()
+    """Errors: numbers, vectors and choices that are invalid in a file, but that code can set by `dataclasses.replace`. The
+    values of a file were checked when the file was read.
+    """
+    reading, before = DocumentReading(), scenario.as_read
     keys = {field.name: field.metadata["key"] for field in fields(Scenario) if field.name in PLAIN_FIELDS}
     for name, key in keys.items():
+        if before is not None and getattr(scenario, name) is getattr(before, name):
+            continue
         kind = Integer(minimum=1) if name == "log_every" else key.kind
         attempt(kind, node_from_data(getattr(scenario, name)), (key.name or name,), reading)
     yield from reading.problems

@@ -38,8 +38,8 @@ def by_differences(loads: Callable[[Array], Array], movable: NDArray[np.bool_]) 
 
 
 Springs = Callable[[Array], tuple[Array, Array]]
-"""Function from positions (m, n) to the torques of springs on the joints (m, n) in N m, each of which depends on the position of
-its own joint only, and to their changes (m, n) per displacement of this joint."""
+"""Function from positions (m, n) to the torques of springs on the joints (m, n) in N m, and to their changes (m, n) per
+displacement of their joints. Each torque depends on the position of its own joint only."""
 
 
 def springs_by_differences(springs: Callable[[Array], Array]) -> Springs:

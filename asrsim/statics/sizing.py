@@ -9,7 +9,7 @@ of the zero pose.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +23,8 @@ from asrsim.actuators.vectorised import over_arrays
 from asrsim.errors import Problem
 from asrsim.robot import ActuatorBlock, Joint, Robot
 from asrsim.robot.dynamics import RobotModel, robot_model
-from asrsim.robot.mounting import drive_of, with_overrides
+from asrsim.robot.mounting import drive_of
+from asrsim.robot.values import with_overrides
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
 from asrsim.scenario.doubts import made_elsewhere
