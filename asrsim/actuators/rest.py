@@ -25,6 +25,10 @@ LONGEST = 0.2
 """Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
+NEAR = 1e-3
+"""Step of the motors that need not be followed by another one, rad: the error that is left is of second order."""
+ROUNDING = 1e-12
+"""Distance from an edge that counts as none, rad."""
 INTEGRATING = 1e9
 """Stiffness that Newton's method assumes for a controller with integral action, N m/rad: far more than springs have."""
 
@@ -130,41 +134,55 @@ class MotorsAtRest:
 
     def follow(self, position: Array) -> tuple[Array, Array]:
         """Torques (joints, n) in N m on the links at `position` (joints, n) in rad, and their changes per displacement, for a
-        search by Newton's method: the motors take a step of the search with the links, instead of a search at each step.
+        search by Newton's method: the motors follow the steps of the links by few steps of their own, instead of a search at
+        each step.
 
         The motors begin at rest. The torques and changes are those with motors at rest, linearised about the motors' last step.
         """
-        motors, most, (low, high) = self._motors, self._most, self._ranges
+        motors, (low, high) = self._motors, self._ranges
         if self._followed is None:
-            ends = self.under(position)[0]
+            ends = self._references + np.zeros_like(position)
         else:
             before, ends, rates = self._followed
             ends[:motors] = np.clip(ends[:motors] + rates * (position - before), low, high)
-        theta = ends[:motors].copy()
-        # Springs as they are, then with the link displaced, then with each of the motors displaced.
-        places = np.repeat(np.stack([position, *ends])[:, :, None], 2 + motors, axis=2)
-        for moved in range(1 + motors):
-            places[moved, :, 1 + moved] += NUDGE
-        torques = self._law(*places.reshape(*places.shape[:2], -1)).reshape(-1, *places.shape[1:])
-        pulls, changes = torques[:, :, 0], (torques[:, :, 1:] - torques[:, :, :1]) / NUDGE
-        gain = np.where(self._integral > 0.0, INTEGRATING, self._gain)
-        driven = gain * (self._references[:motors] - theta)
-        stiffness = np.maximum(np.where(np.abs(driven) < most, gain, 0.0), FLAT)
-        missing = pulls[:motors] - np.minimum(np.maximum(driven, -most), most)
-        # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
-        slopes = changes[:motors].transpose(1, 3, 0, 2)
-        matrix = slopes[..., 1:] + np.moveaxis(stiffness, 0, -1)[..., None] * np.eye(motors)
-        sides = np.stack([np.moveaxis(missing, 0, -1), slopes[..., 0]], axis=-1)
-        step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
-        aim = theta + np.clip(step, -LONGEST, LONGEST)
-        ends[:motors] = np.clip(aim, low, high)
+        gain = np.maximum(np.where(self._integral > 0.0, INTEGRATING, self._gain), FLAT)
+        # Beyond these positions the controllers give the largest torques.
+        edges = self._references[:motors] + np.array([-1.0, 1.0]).reshape(2, 1, 1, 1) * self._most / gain
+        for _ in range(ROUNDS):
+            theta = ends[:motors].copy()
+            pulls, changes = self._displaced(position, ends)
+            strained = (theta < edges[0] - ROUNDING) | (theta > edges[1] + ROUNDING)
+            driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
+            # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
+            slopes = changes[:motors].transpose(1, 3, 0, 2)
+            stiffness = np.where(strained, FLAT, gain)
+            matrix = slopes[..., 1:] + np.moveaxis(stiffness, 0, -1)[..., None] * np.eye(motors)
+            sides = np.stack([np.moveaxis(pulls[:motors] - driven, 0, -1), slopes[..., 0]], axis=-1)
+            step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
+            aim = theta + np.clip(step, -LONGEST, LONGEST)
+            # A step from outside ends at the first edge, since the slope is another one beyond.
+            aim = np.where(
+                theta < edges[0], np.minimum(aim, edges[0]), np.where(theta > edges[1], np.maximum(aim, edges[1]), aim)
+            )
+            ends[:motors] = np.clip(aim, low, high)
+            moved = ends[:motors] - theta
+            if not np.abs(moved).max(initial=0.0) > NEAR:
+                break
         # A motor that is pressed onto its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
         of_link, of_motors = changes[:, :, 0].sum(axis=0), np.moveaxis(changes[:, :, 1:].sum(axis=0), 1, 0)
-        return pulls.sum(axis=0) + np.sum(of_motors * (ends[:motors] - theta), axis=0), of_link + np.sum(
-            of_motors * rates, axis=0
-        )
+        pull = pulls.sum(axis=0) + np.sum(of_motors * moved, axis=0)
+        return pull, of_link + np.sum(of_motors * rates, axis=0)
+
+    def _displaced(self, position: Array, ends: Array) -> tuple[Array, Array]:
+        """Torques (springs, joints, n) of the springs with links and motors at these places, and their changes (springs,
+        joints, 1 + motors, n) per displacement of the link, and of each motor."""
+        places = np.repeat(np.stack([position, *ends])[:, :, None], 2 + self._motors, axis=2)
+        for moved in range(1 + self._motors):
+            places[moved, :, 1 + moved] += NUDGE
+        torques = self._law(*places.reshape(*places.shape[:2], -1)).reshape(-1, *places.shape[1:])
+        return torques[:, :, 0], (torques[:, :, 1:] - torques[:, :, :1]) / NUDGE
 
     def _law(self, position: Array, *positions: Array) -> Array:
         """Torques (springs, joints, n) of the springs with links and motors at these positions (joints, n)."""
