@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,7 @@ FLAT = 1e-3
 NEAR = 1e-3
 """Step of the motors that need not be followed by another one, rad: the error that is left is of second order."""
 ROUNDING = 1e-12
-"""Distance from an edge that counts as none, rad."""
+"""Distance from the border of a controller's range at which a step ends, rad."""
 INTEGRATING = 1e9
 """Stiffness that Newton's method assumes for a controller with integral action, N m/rad: far more than springs have."""
 
@@ -133,37 +134,32 @@ class MotorsAtRest:
         return resting, torques
 
     def follow(self, position: Array) -> tuple[Array, Array]:
-        """Torques (joints, n) in N m on the links at `position` (joints, n) in rad, and their changes per displacement, for a
-        search by Newton's method: the motors follow the steps of the links by few steps of their own, instead of a search at
-        each step.
+        """Torques (joints, n) in N m on the links at `position` (joints, n) in rad, and their changes per displacement, with
+        the motors at rest: for a search of the links' positions by Newton's method.
 
-        The motors begin at rest. The torques and changes are those with motors at rest, linearised about the motors' last step.
+        The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
+        steps where that one was long. Torques and changes are linearised about the last step.
         """
-        motors, (low, high) = self._motors, self._ranges
+        motors, (low, high), (gain, least, most) = self._motors, self._ranges, self._unstrained
         if self._followed is None:
             ends = self._references + np.zeros_like(position)
         else:
             before, ends, rates = self._followed
             ends[:motors] = np.clip(ends[:motors] + rates * (position - before), low, high)
-        gain = np.maximum(np.where(self._integral > 0.0, INTEGRATING, self._gain), FLAT)
-        # Beyond these positions the controllers give the largest torques.
-        edges = self._references[:motors] + np.array([-1.0, 1.0]).reshape(2, 1, 1, 1) * self._most / gain
         for _ in range(ROUNDS):
             theta = ends[:motors].copy()
             pulls, changes = self._displaced(position, ends)
-            strained = (theta < edges[0] - ROUNDING) | (theta > edges[1] + ROUNDING)
+            below, above = theta < least, theta > most
             driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
             # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
             slopes = changes[:motors].transpose(1, 3, 0, 2)
-            stiffness = np.where(strained, FLAT, gain)
-            matrix = slopes[..., 1:] + np.moveaxis(stiffness, 0, -1)[..., None] * np.eye(motors)
-            sides = np.stack([np.moveaxis(pulls[:motors] - driven, 0, -1), slopes[..., 0]], axis=-1)
+            stiffness = np.where(below | above, FLAT, gain).transpose(1, 2, 0)
+            matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
+            sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
-            aim = theta + np.clip(step, -LONGEST, LONGEST)
-            # A step from outside ends at the first edge, since the slope is another one beyond.
-            aim = np.where(
-                theta < edges[0], np.minimum(aim, edges[0]), np.where(theta > edges[1], np.maximum(aim, edges[1]), aim)
-            )
+            aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
+            # A step between strained and unstrained ends at the border, since the stiffness is another one beyond.
+            aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta
             if not np.abs(moved).max(initial=0.0) > NEAR:
@@ -171,9 +167,17 @@ class MotorsAtRest:
         # A motor that is pressed onto its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
-        of_link, of_motors = changes[:, :, 0].sum(axis=0), np.moveaxis(changes[:, :, 1:].sum(axis=0), 1, 0)
+        of_link, of_motors = changes[:, :, 0].sum(axis=0), changes[:, :, 1:].sum(axis=0).swapaxes(0, 1)
         pull = pulls.sum(axis=0) + np.sum(of_motors * moved, axis=0)
         return pull, of_link + np.sum(of_motors * rates, axis=0)
+
+    @cached_property
+    def _unstrained(self) -> tuple[Array, Array, Array]:
+        """Stiffness in N m/rad of the controllers in Newton's method, and the least and largest positions (motors, joints, n)
+        of the motors, between which the controllers give less than the largest torques."""
+        gain = np.maximum(np.where(self._integral > 0.0, INTEGRATING, self._gain), FLAT)
+        references = self._references[: self._motors]
+        return gain, references - self._most / gain, references + self._most / gain
 
     def _displaced(self, position: Array, ends: Array) -> tuple[Array, Array]:
         """Torques (springs, joints, n) of the springs with links and motors at these places, and their changes (springs,
