@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.document.kinds import Integer, attempt, walk
+from asrsim.document.kinds import walk
 from asrsim.document.node import node_from_data
-from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST_NUMBER
@@ -23,7 +22,6 @@ from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import equipped, reference_names
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import prescribes_motion, released_order
-from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 from asrsim.scenario.starts import stated_start
@@ -32,11 +30,6 @@ MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
 MOST_TICKS = 100
 """Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
-PLAIN_FIELDS = (
-    "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
-    "engine", "stepping", "substeps", "motor_substeps", "max_substeps", "compiled", "velocity_cutoff",
-)  # fmt: skip
-"""Fields of the scenario with the values of the file's keys, unchanged: numbers, vectors and choices."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
@@ -59,8 +52,6 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
     """
     if robot is None or not robot.moving_joints:
         return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], [*signal_faults(scenario)]
-    if not scenario.unread and (wrong := [*_fields(scenario)]):
-        return None, [*robot.faults], wrong
     changed, faults = changed_robot(scenario, robot)
     errors: list[Problem] = []
     # Only actuators with a known mode can be checked.
@@ -153,26 +144,6 @@ def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
     joints = tuple(replace(joint, start=stated_start(scenario, joint)) if joint.moves else joint for joint in robot.joints)
     stated = [joint.name for joint in robot.moving_joints if joint.name in scenario.initial_positions]
     return assembly_of(replace(robot, joints=joints), stated)
-
-
-def _fields(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: numbers, vectors and choices that are invalid in a file, but that code can set by `dataclasses.replace`. The
-    values of a file were checked when the file was read.
-    """
-    reading, before = DocumentReading(), scenario.as_read
-    keys = {field.name: field.metadata["key"] for field in fields(Scenario) if field.name in PLAIN_FIELDS}
-    for name, key in keys.items():
-        if before is not None and getattr(scenario, name) is getattr(before, name):
-            continue
-        kind = Integer(minimum=1) if name == "log_every" else key.kind
-        attempt(kind, node_from_data(getattr(scenario, name)), (key.name or name,), reading)
-    yield from reading.problems
-    for joint, own in scenario.parameters.items():
-        for name, value in own.items():
-            if not isinstance(value, int | float | np.number):
-                yield Problem("must be a number", key=f"parameters.{joint}.{name}", value=value, code="type")
-    if not reading.problems:
-        yield from contradictions({**vars(scenario), "log_every": None})
 
 
 def nothing_moves(robot: Robot) -> Problem:

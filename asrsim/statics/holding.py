@@ -20,7 +20,6 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.mounting import drive_of
 from asrsim.samples import Array
 from asrsim.scenario.data import for_joint
-from asrsim.scenario.doubts import made_elsewhere
 from asrsim.scenario.starts import start_positions
 from asrsim.statics.balance import Loads, balanced, by_differences
 
@@ -209,7 +208,7 @@ def _sagging(scenario: Scenario, robot: Robot) -> list[ActuatorBlock]:
     return [
         block
         for block in sprung(robot)
-        if not made_elsewhere(scenario, block.joint) and for_joint(scenario.desired, block.joint) is None
+        if not scenario.computes_reference(block.joint) and for_joint(scenario.desired, block.joint) is None
     ]
 
 
