@@ -271,7 +271,7 @@ def without_invalid(scenario: Scenario) -> tuple[Scenario, list[Problem]]:
     if reading.unread:
         scenario = replace(scenario, **kept, parameters=parameters, unread=(*scenario.unread, *reading.unread))
     problems += contradictions({**vars(scenario), "log_every": None}, {key for key, *_ in scenario.unread})
-    return scenario, [scenario.placed(problem) for problem in problems]
+    return scenario, list(map(scenario.placed, problems))
 
 
 def _plain(data: Any) -> Any:
