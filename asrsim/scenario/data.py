@@ -297,6 +297,12 @@ class Scenario:
         """Declared ranges of a joint's references by name. Entries for the joint take precedence."""
         return {**self.reference_ranges.get("*", {}), **self.reference_ranges.get(joint, {})}
 
+    def computes_reference(self, joint: str) -> bool:
+        """Whether a Cartesian task or iterative learning computes the joint's reference."""
+        if any(joint in trajectory or "*" in trajectory for trajectory in self.trajectories.values()):
+            return True
+        return self.task is not None and (not self.task.joints or joint in self.task.joints)
+
     def placed(self, problem: Problem) -> Problem:
         """Problem with the file and line of its key, or of the nearest parent key, unless it already states a file."""
         if problem.file is not None:
