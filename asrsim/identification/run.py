@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
+from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, unexplained_drives, wrong_controllers
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
@@ -221,8 +221,9 @@ def _judged(
         predicted = channel_fits(problem, before, trained) if observed else fits
         causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
+        read = not misread((*predicted, *fits))
         with watch.in_time(), suppress(OutOfTime):
-            for level in slow if not misread((*predicted, *fits)) else ():
+            for level in slow if read else ():
                 for one in _causes(*level):
                     # Causes that are found without a trial fit are equal at all levels: each is reported once.
                     if one.trials or level is slow[0]:
@@ -231,8 +232,9 @@ def _judged(
                         others += one.trials
                 if any(one.trials for one in suspected):
                     break
-            if observed and not any(one.trials for one in suspected):
-                causes += [text for text in foreign(fits) if text not in causes]
+            if not any(one.trials for one in suspected):
+                causes += [text for text in foreign(fits) if observed and text not in causes]
+                causes += unexplained_drives(*slow[0]) if read else ()
             causes += failed_predictions(*slow[0])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
