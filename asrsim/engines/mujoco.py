@@ -146,7 +146,7 @@ class MujocoEngine(RigidEngine):
 
     def _make_native_record(self, stride: int) -> NativeRecord:
         if stride == 1 and not self._lent:
-            # The engine itself does not step while a kernel steps: the first record is the engine's own.
+            # The engine itself does not step while a kernel steps.
             self._lent = True
             return NativeRecord(self._calculation.packed.ctypes.data, self._calculation)
         data = self._mujoco.MjData(self._m)

@@ -1,4 +1,4 @@
-"""Values of an actuator block: defaults, changes, and checks whether calculations with the values are possible."""
+"""Values of actuator blocks: defaults, changes of modes and parameters, and checks whether calculations are possible."""
 
 from __future__ import annotations
 

@@ -202,7 +202,7 @@ def _instants(scenario: Scenario, blocks: list[ActuatorBlock]) -> Array:
 
 
 def _sagging(scenario: Scenario, robot: Robot) -> list[ActuatorBlock]:
-    """Actuators whose springs must hold the arm at their references; see `sizing`."""
+    """Actuators whose springs must hold the arm at their references; see `holdings`."""
     if not scenario.fixed_base or not any(scenario.gravity):
         return []
     return [
