@@ -282,6 +282,8 @@ class Scenario:
     """This variant with overrides as plain JSON values; parsing them gives this scenario."""
     unread: tuple[KeyPath, ...] = ()
     """Paths of the invalid keys that `read_scenarios` left out."""
+    named: tuple[tuple[KeyPath, str, str], ...] = field(default=(), compare=False, repr=False)
+    """Names in the file: path, name, and noun, such as `joint` or `link`; `*` stands for all joints."""
     as_read: Scenario | None = field(default=None, compare=False, repr=False)
     """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
     states_engine: bool = field(default=False, compare=False, repr=False)

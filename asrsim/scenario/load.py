@@ -240,6 +240,7 @@ def build_scenario(
         text=text,
         attachments=dict(reading.attachments),
         unread=tuple(reading.unread),
+        named=tuple(reading.named),
         lines=lines,
         states_engine=stated,
     )
