@@ -16,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, unexplained_drives, wrong_controllers
+from asrsim.identification.causes import (
+    MOST,
+    Suspicion,
+    contradicted_ties,
+    missing_causes,
+    unexplained_drives,
+    wrong_controllers,
+)
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
@@ -148,7 +155,7 @@ def identify(
         check: Compute only the sensitivities at the start.
         accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
             is written.
-        adopt: If the model does not fit, add the effects that it may lack, and fit again.
+        adopt: If the model does not fit, add the effects that it may lack, and fit again; up to three times.
         duration: Longest time of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
@@ -168,12 +175,13 @@ def identify(
         watch.stop = stop
         watch.best = Best(problem, start)
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
-        if adopt and suspected is not None and suspected.model is not None:
-            # The search begins again, since the effects change the other parameters, too.
+        rounds = MOST if adopt else 0
+        while rounds and suspected is not None and suspected.model is not None:
+            # The search begins again, since the effects change the other parameters, too; and other effects may show then.
             wider, start = suspected.model
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
-            setup = replace(setup, adopted=suspected.added)
-            result, _ = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
+            setup, rounds = replace(setup, adopted=(*setup.adopted, *suspected.added)), rounds - 1
+            result, suspected = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
         return result
 
 

@@ -112,6 +112,9 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
     """Sizes of an effect that changes the motion visibly, drawn at random; "" for a right model."""
     u, k = random.uniform, p["spring_stiffness"]
     inertia = p["iyy"] + 0.5 * 0.06**2
+    if effect == "late sensor":
+        # Drawn apart, so that the noise of the other robots stays as it was.
+        return {"late": u(0.02, 0.06)}
     return {
         "": {},
         "backlash": {"backlash": u(0.02, 0.06)},
@@ -122,7 +125,6 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
         "torque limit": {"torque": u(0.7, 1.1)},
         "speed limit": {"speed": u(1.5, 2.5)},
         "load": {"load": u(0.15, 0.4)},
-        "late sensor": {"late": u(0.02, 0.06)},
     }[effect]
 
 

@@ -46,17 +46,24 @@ parameters:
 """
 
 
+def drawn(seed: int) -> tuple[dict[str, float], np.random.Generator]:
+    """Sizes by key of identification, and the generator of the noise. The inertia is that of motor and link."""
+    random = np.random.default_rng(seed)
+    names = "motor_1_inertia", "motor_1_friction_torque", "reference_1.offset", "reference_1.delay"
+    sizes = np.array([0.0035, 0.05, 0.034, 0.04]) * np.exp(random.uniform(-0.2, 0.2, 4)) * (1.0, 1.0, -1.0, 1.0)
+    return {f"joint_1.{name}": size for name, size in zip(names, sizes.tolist(), strict=True)}, random
+
+
 def record(folder: Path, seed: int) -> tuple[Path, Path]:
     """Scenario of a model with Coulomb friction and without delay; recording of `hub` (rad) and `drive` (V), 10 s."""
-    random = np.random.default_rng(seed)
-    sizes = np.array([0.0035, 0.05, 0.034, 0.04]) * np.exp(random.uniform(-0.2, 0.2, 4))
-    inertia, rub, zero, delay = sizes.tolist()
+    sizes, random = drawn(seed)
+    inertia, rub, zero, delay = sizes.values()
     steps, late = round(10.0 / STEP), round(delay / STEP)
     place, speed, places, volts = -0.055, 0.0, np.empty(steps), np.empty(steps)
     for i in range(steps):
         goal = 0.1 if i * STEP > 1.0 and (i * STEP - 1.0) % 5.0 < 2.5 else -0.1
         places[i], volts[i] = place, 6.0 * (goal - place)
-        volt = (volts[i - late] if i >= late else -0.27) + zero
+        volt = (volts[i - late] if i >= late else -0.27) - zero
         torque = GEAR * CONSTANT / RESISTANCE * (volt - GEAR * CONSTANT * speed)
         if speed == 0.0 and abs(torque) < 1.5 * rub:
             continue

@@ -15,6 +15,8 @@ from support.identify_files import SEA as LAB
 from support.identify_files import record as log_of
 from support.odd_arm import drawn, record, true_effect
 from support.soft_arm import SEA
+from support.sticky_drive import LINK
+from support.sticky_drive import drawn as sticky
 from support.sticky_drive import record as stick
 
 NAMED = {
@@ -185,6 +187,25 @@ def test_a_voltage_without_a_unit_has_that_of_its_mode(tmp_path):
     scenario, recording = stick(tmp_path, 0)
     found = identify(scenario, [recording], mapping=["drive=joint_1.reference_1", "hub=joint_1.motor_1_position"], free=DRIVE)
     assert found.causes[0].startswith("a zero offset of joint_1.reference_1 (-28 mV) is suspected"), found.causes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 5])
+def test_a_cause_that_shows_after_another_one_is_adopted_too(tmp_path, seed):
+    """A zero of the amplifier hides a delay; with the zero alone, the inertia would be three times too large."""
+    scenario, recording = stick(tmp_path, seed)
+    maps = ["drive=joint_1.reference_1", "hub=joint_1.motor_1_position"]
+    found = identify(scenario, [recording], mapping=maps, free=DRIVE, adopt=True)
+    assert found.fits, found.misfit
+    assert any(text.startswith("joint_1.reference_1.offset, joint_1.reference_1.delay: adopted") for text in found.remarks)
+    truth, _ = sticky(seed)
+    for key, part in (
+        ("joint_1.motor_1_inertia", LINK),
+        ("joint_1.reference_1.offset", 0.0),
+        ("joint_1.reference_1.delay", 0.0),
+    ):
+        one = found.find(key)
+        assert one.low < truth[key] - part < one.high, key
 
 
 def test_a_drive_that_does_not_explain_its_motor_is_left_out_on_advice(tmp_path):
