@@ -150,10 +150,11 @@ class MotorsAtRest:
             theta = ends[:motors].copy()
             pulls, changes = self._displaced(position, ends)
             below, above = theta < least, theta > most
+            strained = below | above
             driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
             # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
             slopes = changes[:motors].transpose(1, 3, 0, 2)
-            stiffness = np.where(below | above, FLAT, gain).transpose(1, 2, 0)
+            stiffness = np.where(strained, FLAT, gain).transpose(1, 2, 0)
             matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
             sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
@@ -162,7 +163,8 @@ class MotorsAtRest:
             aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta
-            if not np.abs(moved).max(initial=0.0) > NEAR:
+            settled = strained == ((ends[:motors] < least) | (ends[:motors] > most))
+            if settled.all() and not np.abs(moved).max(initial=0.0) > NEAR:
                 break
         # A motor that is pressed onto its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)

@@ -64,19 +64,18 @@ def test_springs_of_many_joints_are_those_of_each_joint_alone():
 
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_motors_that_follow_their_link_come_to_rest_where_a_search_finds_them(name):
-    """Also where a motor gives its largest torque, and where it stands at its stop."""
+    """Also where motors give their largest torques, and where they no longer do, back at their references."""
     actuator, spring, preset, _ = CASES[name]
-    for limits in ({}, {"max_torque": 0.05}, {"integral": 1.0, "max_torque": 0.3}):
-        drive = drive_with(actuator, mode=3, spring=spring, **{name: (limits[name],) * actuator.motors for name in limits})
+    for limits in ({}, {"max_torque": 0.05}, {"integral": 1.0, "max_torque": 0.05}):
+        drive = drive_with(actuator, mode=6, spring=spring, **{name: (limits[name],) * actuator.motors for name in limits})
         goals = np.array(actuator.motor_references(0.1, preset))[:, None, None]
         motors = MotorsAtRest([drive], goals)
-        for position in (0.3, 0.31, -0.4, 0.8):
+        for position in (0.3, 0.31, -0.4, 0.8, 0.1):
             link = np.array([[position]])
-            for _ in range(30):
-                torque, change = motors.follow(link)
+            torque, change = motors.follow(link)
             rest = [resting_motors([drive], link + step, goals)[1].sum() for step in (-1e-5, 0.0, 1e-5)]
-            assert torque.item() == pytest.approx(rest[1], rel=1e-6, abs=1e-9)
-            assert change.item() == pytest.approx((rest[2] - rest[0]) / 2e-5, rel=1e-3, abs=2e-3)
+            assert torque.item() == pytest.approx(rest[1], rel=1e-3, abs=1e-4)
+            assert change.item() == pytest.approx((rest[2] - rest[0]) / 2e-5, rel=0.02, abs=4e-3)
 
 
 def test_roots_do_not_depend_on_the_estimated_slope():
