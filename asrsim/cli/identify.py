@@ -187,7 +187,7 @@ def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done
 
 def _robot(found: FitResult | Resumed, folder: Path, *, everything: bool) -> tuple[list[Path], list[str]]:
     """Write the robot of a complete fit, unless it is not accepted; return paths and remarks."""
-    from asrsim.identification.result import ACCEPTABLE
+    from asrsim.identification.judge import ACCEPTABLE
     from asrsim.identification.write import write_robot
 
     if found.fits or found.accepted or everything:

@@ -210,16 +210,9 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             message = f"has no effect: an actuator of type {block.actuator} has no second reference"
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
-            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
+            if name not in own and name not in common and not scenario.computes_reference(block.joint):
                 message = f"joint '{block.joint}' has no {name}, so this reference stays at its start"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
-
-
-def made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """Whether a Cartesian task or iterative learning computes the joint's reference."""
-    if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
-        return True
-    return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
 
 # -- no effect ---------------------------------------------------------------------------------------------------------

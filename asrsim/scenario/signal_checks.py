@@ -49,7 +49,7 @@ def wanted_positions(scenario: Scenario) -> dict[str, Mapping[str, Signal]]:
 def over_run(scenario: Scenario, signal: Signal) -> tuple[Array, Array]:
     """Ascending times of the run, including the signal's jumps, and the signal's values at these times."""
     end = scenario.duration
-    time = np.sort(np.concatenate([np.linspace(0.0, end, POINTS + 1), signal.jumps(0.0, end)]))
+    time = np.sort(np.append(np.linspace(0.0, end, POINTS + 1), signal.jumps(0.0, end)))
     return time, signal.values(time)
 
 

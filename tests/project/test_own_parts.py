@@ -13,10 +13,12 @@ from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
+from asrsim.metrics.expect import check_expectation
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import Stepping
 from asrsim.runs.rerun import rerun
+from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import EXAMPLES, ROOT
@@ -148,6 +150,15 @@ def test_the_measures_are_claimed(own, tiny, asrsim_command):
     done = asrsim_command("run", tiny.scenario, "--set", f"expect=[{above}, {lead}]", "--plugin", plugin, "--no-plot")
     assert done.code == 0, done.err
     assert done.out.count("holds") == 2
+
+
+def test_a_measure_that_divides_by_the_motion_of_the_reference_is_tried_without_a_warning(recwarn):
+    def ratio(time, values, reference):
+        return float(np.ptp(values) / np.ptp(reference))
+
+    MEASURES.add("ratio", Measure(name="ratio", function=ratio, unit="1", needs="pair"))
+    check_expectation(Expectation(joint="elbow", quantity="link_position", measure="ratio", value=1.0))
+    assert not recwarn.list
 
 
 def test_the_measure_of_the_page_counts_the_whole_time(own):
