@@ -27,6 +27,7 @@ WORDS = {
     "torque limit": ("max_torque",),
     "speed limit": ("max_velocity",),
     "load": ("mass", "load"),
+    "late sensor": ("delay of joint_1.link_position",),
 }
 """Words of a cause, by effect."""
 

@@ -53,6 +53,7 @@ def motor_kick(
     anchor: float,
     integral: float,
     reference: float,
+    held: float,
     load: float,
     slowest: float,
     fastest: float,
@@ -65,7 +66,8 @@ def motor_kick(
 
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
-    load: torque of the spring on the motor in N m; slowest, fastest: smallest and largest velocity in rad/s that stops and
+    held: torque of spring and stages against the motor in N m; load: torque between motor and link in N m, with which friction
+    grows; slowest, fastest: smallest and largest velocity in rad/s that stops and
     speed limit allow (`velocity_bounds`); limit: largest torque of the motor in N m; own: constants of the motor. Damping,
     back-EMF and derivative action act on the velocity (1 - implicitness) old + implicitness new: 1/2 is the midpoint rule
     (second order), 0 the explicit Euler rule.
@@ -86,20 +88,20 @@ def motor_kick(
     for _ in range(2 if excess != 0.0 else 1):
         most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
         friction = most if bristles > most else -most if bristles < -most else bristles
-        after = velocity + easy * (gain * push - load - friction - drag * velocity)
+        after = velocity + easy * (gain * push - held - friction - drag * velocity)
         after = fastest if after > fastest else slowest if after < slowest else after
         middle = velocity + implicitness * (after - velocity)
         torque = gain * (push - d * middle) - lag * middle
         if abs(torque + emf * middle) > stall:
             torque = stall if torque + emf * middle > 0.0 else -stall
             slow = step / (inertia + implicitness * step * (damping + emf))
-            after = velocity + slow * (torque - load - friction - (damping + emf) * velocity)
+            after = velocity + slow * (torque - held - friction - (damping + emf) * velocity)
             after = fastest if after > fastest else slowest if after < slowest else after
             torque -= emf * (velocity + implicitness * (after - velocity))
         if abs(torque) > limit:
             torque = limit if torque > 0.0 else -limit
             slow = step / (inertia + implicitness * step * damping)
-            after = velocity + slow * (torque - load - friction - damping * velocity)
+            after = velocity + slow * (torque - held - friction - damping * velocity)
             after = fastest if after > fastest else slowest if after < slowest else after
         mean = 0.5 * (velocity + after)
     if friction != bristles:

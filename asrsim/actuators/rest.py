@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,20 @@ MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
 TOLERANCE = 4e-15
 """Smallest step of a root search, rad or m (relative for values above 1)."""
-NEAR, NEAR_STEPS = 0.1, 8
-"""Largest step in rad, and largest number of steps, of a search near the roots of a similar one."""
 FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
+NUDGE = 1e-6
+"""Step of the finite differences that give the stiffness, rad (m)."""
+LONGEST = 0.2
+"""Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
+FLAT = 1e-3
+"""Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
+NEAR = 1e-3
+"""Step of the motors that need not be followed by another one, rad: the error that is left is of second order."""
+ROUNDING = 1e-12
+"""Distance from the border of a controller's range at which a step ends, rad."""
+INTEGRATING = 1e9
+"""Stiffness that Newton's method assumes for a controller with integral action, N m/rad: far more than springs have."""
 
 
 def spring_torques(drives: Sequence[Drive], position: Array, references: Sequence[Array]) -> Array:
@@ -55,30 +66,27 @@ class MotorsAtRest:
     is neglected.
     """
 
-    def __init__(
-        self, drives: Sequence[Drive], references: Array, *, limited: bool = True, tolerance: float | None = None
-    ) -> None:
+    def __init__(self, drives: Sequence[Drive], references: Array, *, limited: bool = True) -> None:
         """drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference
-        map, rad. limited: whether the motors' largest torques and position stops apply. tolerance: error of the positions in
-        rad with which many similar searches end, each of which begins where the last one ended; None: each search is as exact
-        as numbers are, and begins at the references."""
-        self._references, self._tolerance = references, tolerance
+        map, rad. limited: whether the motors' largest torques and position stops apply."""
+        self._references = references
         self._springs = over_arrays(drives[0].actuator.elastic_torques)
         self._motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
         self._elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
         self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
 
-        def numbers(name: str) -> Array:
-            """Numbers (..., motors, joints, 1) of the motors."""
-            return np.array([getattr(drive, name) for drive in drives]).T[..., None]
+        def numbers(name: str, *several: int) -> Array:
+            """Numbers (..., motors, joints, 1) of the motors. several: numbers of each motor."""
+            found = np.array([getattr(drive, name)[: self._motors] for drive in drives])
+            return found.reshape(len(drives), self._motors, *several).T[..., None]
 
         self._gain, self._integral, self._most = numbers("proportional"), numbers("integral"), numbers("max_torque")
-        self._ranges = numbers("motor_ranges")
+        self._ranges = numbers("motor_ranges", 2)
         if not limited:
             self._most, self._ranges = np.full_like(self._most, np.inf), np.full_like(self._ranges, np.inf)
             self._ranges[:1] = -np.inf
-        self._last: Array | None = None
-        """Positions (motors, joints, n) at which the last search ended."""
+        self._followed: tuple[Array, Array, Array] | None = None
+        """Positions of links, ends of springs, and rates of motors after the last step of `follow`."""
 
     def under(self, position: Array) -> tuple[Array, Array]:
         """Rest positions (positions, joints, n) of motors and adjusters in rad with the links at `position` (joints, n) in rad,
@@ -87,7 +95,6 @@ class MotorsAtRest:
         if not motors:
             return resting, self._law(position, *resting)
         wanted, (low, high) = resting[:motors].copy(), self._ranges
-        begin = wanted if self._tolerance is None or self._last is None else self._last
 
         def pulls(theta: Array) -> Array:
             """Torques (springs, joints, n) of the springs with the motors at `theta` (motors, joints, n)."""
@@ -109,18 +116,12 @@ class MotorsAtRest:
                     torque = np.where(integral > 0.0, holding, torque)
                 return np.asarray(pulls(trial)[:motors][own] - np.minimum(np.maximum(torque, least), most))
 
-            found = None
-            if self._tolerance is not None and self._last is not None:
-                found = near_roots(missing, begin[own], slope=gain, tolerance=self._tolerance)
-            if found is None:
-                found = increasing_roots(missing, begin[own], slope=gain, apart=True, tolerance=self._tolerance or TOLERANCE)
-            return np.clip(found, low[own], high[own])
+            return np.clip(increasing_roots(missing, wanted[own], slope=gain, apart=True), low[own], high[own])
 
         # Usually each spring depends on one motor, and one search finds all motors.
         found = search(slice(motors))
         torques = pulls(found)
         if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
-            self._last = found
             return np.concatenate([found, resting[motors:]]), torques
         for _ in range(ROUNDS):
             loads = []
@@ -130,8 +131,64 @@ class MotorsAtRest:
             torques = pulls(resting[:motors])
             if np.array_equal(loads, torques[:motors]):
                 break
-        self._last = resting[:motors]
         return resting, torques
+
+    def follow(self, position: Array) -> tuple[Array, Array]:
+        """Torques (joints, n) in N m on the links at `position` (joints, n) in rad, and their changes per displacement, with
+        the motors at rest: for a search of the links' positions by Newton's method.
+
+        The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
+        steps where that one was long. Torques and changes are linearised about the last step.
+        """
+        motors, (low, high), (gain, least, most) = self._motors, self._ranges, self._unstrained
+        if self._followed is None:
+            ends = self._references + np.zeros_like(position)
+        else:
+            before, ends, rates = self._followed
+            ends[:motors] = np.clip(ends[:motors] + rates * (position - before), low, high)
+        for _ in range(ROUNDS):
+            theta = ends[:motors].copy()
+            pulls, changes = self._displaced(position, ends)
+            below, above = theta < least, theta > most
+            strained = below | above
+            driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
+            # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
+            slopes = changes[:motors].transpose(1, 3, 0, 2)
+            stiffness = np.where(strained, FLAT, gain).transpose(1, 2, 0)
+            matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
+            sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
+            step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
+            aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
+            # A step between strained and unstrained ends at the border, since the stiffness is another one beyond.
+            aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
+            ends[:motors] = np.clip(aim, low, high)
+            moved = ends[:motors] - theta
+            settled = strained == ((ends[:motors] < least) | (ends[:motors] > most))
+            if settled.all() and not np.abs(moved).max(initial=0.0) > NEAR:
+                break
+        # A motor that is pressed onto its stop does not follow its link.
+        rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
+        self._followed = position, ends, rates
+        of_link, of_motors = changes[:, :, 0].sum(axis=0), changes[:, :, 1:].sum(axis=0).swapaxes(0, 1)
+        pull = pulls.sum(axis=0) + np.sum(of_motors * moved, axis=0)
+        return pull, of_link + np.sum(of_motors * rates, axis=0)
+
+    @cached_property
+    def _unstrained(self) -> tuple[Array, Array, Array]:
+        """Stiffness in N m/rad of the controllers in Newton's method, and the least and largest positions (motors, joints, n)
+        of the motors, between which the controllers give less than the largest torques."""
+        gain = np.maximum(np.where(self._integral > 0.0, INTEGRATING, self._gain), FLAT)
+        references = self._references[: self._motors]
+        return gain, references - self._most / gain, references + self._most / gain
+
+    def _displaced(self, position: Array, ends: Array) -> tuple[Array, Array]:
+        """Torques (springs, joints, n) of the springs with links and motors at these places, and their changes (springs,
+        joints, 1 + motors, n) per displacement of the link, and of each motor."""
+        places = np.repeat(np.stack([position, *ends])[:, :, None], 2 + self._motors, axis=2)
+        for moved in range(1 + self._motors):
+            places[moved, :, 1 + moved] += NUDGE
+        torques = self._law(*places.reshape(*places.shape[:2], -1)).reshape(-1, *places.shape[1:])
+        return torques[:, :, 0], (torques[:, :, 1:] - torques[:, :, :1]) / NUDGE
 
     def _law(self, position: Array, *positions: Array) -> Array:
         """Torques (springs, joints, n) of the springs with links and motors at these positions (joints, n)."""
@@ -149,26 +206,6 @@ def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques
     trial = wanted.copy()
     trial[motor] = found[motor]
     return np.array_equal(pulls(trial)[motor], torques[motor])
-
-
-@np.errstate(all="ignore")
-def near_roots(function: Callable[[Array], Array], start: Array, *, slope: Array, tolerance: float) -> Array | None:
-    """Roots (...) of an increasing, elementwise `function` close to `start`, by the secant method, which needs half as many
-    evaluations there as `increasing_roots`; None if it does not find all of them. slope: estimate of the function's slope;
-    tolerance: as in `increasing_roots`."""
-    place, value = start, function(start)
-    for _ in range(NEAR_STEPS):
-        step = -value / slope
-        sizes = np.abs(step)
-        if (sizes <= tolerance * np.maximum(1.0, np.abs(place))).all():
-            return np.asarray(place + step)
-        if not (sizes < NEAR).all():
-            return None
-        place, before = place + step, value
-        value = function(place)
-        rise = (value - before) / step
-        slope = np.where(rise > 0.0, rise, slope)
-    return None
 
 
 @np.errstate(all="ignore")

@@ -1,6 +1,6 @@
 """Checks that a stage is declared as `Stage` requires, and that its laws agree with each other and with physics.
 
-The laws run along random motions of a spring's deflection, as in a simulation: torque, then memory, then energy and loss.
+The laws run along random motions of a motor and of its spring, as in a simulation: torque, then memory, then energy and loss.
 """
 
 from __future__ import annotations
@@ -19,12 +19,13 @@ from asrsim.actuators.declaration import declaration_problem
 from asrsim.actuators.modes import MODES
 from asrsim.actuators.parameters import Parameter
 from asrsim.actuators.sea import Sea
-from asrsim.actuators.stages import OF_JOINTS, STAGES, Stage
+from asrsim.actuators.stages import OF_JOINTS, STAGES, Kick, Stage
 from asrsim.errors import Problem
 from asrsim.quantities import Quantity, each_motor
 from asrsim.records import declared
 
-LAWS = ("place", "torque", "limit", "remember", "energy", "loss", "stiffness_bound", "damping_bound")
+BOUNDS = ("stiffness_bound", "damping_bound", "ground_stiffness_bound", "ground_damping_bound")
+LAWS = ("place", "torque", "ground", "limit", "remember", "energy", "loss", *BOUNDS)
 SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
 """Relative size of each random motion: a law may differ between small and large deflections."""
 STEPS, STEP = 4000, 1e-4
@@ -35,11 +36,15 @@ parameters of the stage say that it acts only there."""
 BEYOND = 2.0
 """Deflection and speed that a motion exceeds, relative to the largest parameter in rad and in rad/s."""
 LARGEST = 5.0
-"""Torque limit and largest torque of the motor in a motion, N m."""
+"""Torque limit, and largest torques of motor and spring in a motion, N m."""
+MOTOR = 0.7
+"""Frequencies of the motor's motion, relative to those of the deflection."""
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
-SAMPLE = {"deflection": 0.03, "velocity": 0.2, "torque": 1.0, "step": 1e-3}
-"""Numbers at which a law is called to see what it returns: rad, rad/s, N m, s."""
+SAMPLE = Kick(
+    motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3
+)
+"""Kick at which a law is called to see what it returns."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
 """Values of the motor on which a stage is tried."""
 
@@ -127,7 +132,8 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         for law in LAWS:
             before = replace(memory)
             takes = inspect.signature(getattr(Stage, law)).parameters
-            found = getattr(stage, law)(*(({"memory": memory, "own": own} | SAMPLE)[name] for name in takes))
+            given = {"memory": memory, "own": own, "torque": SAMPLE.motor_torque, "kick": replace(SAMPLE)}
+            found = getattr(stage, law)(*(given[name] if name in given else getattr(SAMPLE, name) for name in takes))
             if law != "remember":
                 if not _is_number(found):
                     yield law, f"must return a number (got {found!r})", "bad-law"
@@ -175,7 +181,7 @@ def _run(
 
 
 class StageTrial:
-    """A stage with random parameters, and a random motion of the deflection at its motor."""
+    """A stage with random parameters, and a random motion of its motor and of the deflection there."""
 
     def __init__(self, stage: type[Stage], seed: int) -> None:
         source = np.random.default_rng([seed, 48])
@@ -192,10 +198,23 @@ class StageTrial:
         velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
         larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
         faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
-        self.deflection, self.velocity = (larger * deflection).tolist(), (larger * faster * velocity).tolist()
-        self.torque = (LARGEST * np.sin(3.0 * angles[0])).tolist()
-        self.step = STEP / faster
-        """Time between kicks, s."""
+        # The motor moves otherwise than the deflection, since the link moves too.
+        slower = (
+            (sizes * np.sin(MOTOR * angles)).sum(axis=0),
+            (sizes * MOTOR * rates[:, None] * np.cos(MOTOR * angles)).sum(axis=0),
+        )
+        self.trajectory = np.column_stack(
+            (
+                larger * slower[0],
+                larger * faster * slower[1],
+                larger * deflection,
+                larger * faster * velocity,
+                LARGEST * np.sin(3.0 * angles[0]),
+                LARGEST * np.sin(2.0 * angles[1]),
+                np.full(STEPS, STEP / faster),
+            )
+        )
+        """The numbers of each kick, in the order of `Kick`."""
 
     def _largest(self, unit: str) -> float:
         """Largest magnitude of the stage's parameters in this unit."""
@@ -203,15 +222,24 @@ class StageTrial:
         return max((value for value in found if np.isfinite(value)), default=0.0)
 
     @cached_property
-    def kicks(self) -> Sequence[tuple[Any, Any, float, float]]:
-        """Memory before and after each kick, and the deflection and its velocity at the kick."""
+    def kicks(self) -> Sequence[tuple[Any, Any, Kick]]:
+        """Memory before and after each kick, and the kick."""
         memory, kicks = self.stage.Memory(), []
-        for x, v, torque in zip(self.deflection, self.velocity, self.torque, strict=True):
-            after = replace(memory)
-            self.stage.remember(after, self.own, x, v, torque, self.step)
-            kicks.append((memory, after, x, v))
+        for row in self.trajectory.tolist():
+            after, kick = replace(memory), Kick(*row)
+            self.stage.remember(after, self.own, replace(kick))
+            kicks.append((memory, after, kick))
             memory = after
         return kicks
+
+    def torque(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
+        """Torque between motor and link, where deflection and velocity differ from those of the kick by `way` and `speed`."""
+        return self.stage.torque(memory, self.own, kick.deflection + way, kick.velocity + speed)
+
+    def ground(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
+        """Torque between motor and ground, where position and velocity of the motor differ in this way."""
+        place, velocity = kick.motor_position + way, kick.motor_velocity + speed
+        return self.stage.ground(memory, self.own, place, velocity, kick.elastic_torque)
 
 
 def _drawn(one: Parameter, source: np.random.Generator) -> float:
@@ -227,47 +255,51 @@ def _acts(trial: StageTrial) -> Iterator[float]:
 
 def _finite(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
-    for (memory, _, x, v), torque in zip(trial.kicks, trial.torque, strict=True):
+    for memory, _, kick in trial.kicks:
         found = (
-            stage.place(memory, own, x),
-            stage.torque(memory, own, x, v),
-            stage.limit(memory, own, abs(torque)),
+            stage.place(memory, own, kick.deflection),
+            trial.torque(memory, kick),
+            trial.ground(memory, kick),
+            stage.limit(memory, own, abs(kick.motor_torque)),
             stage.energy(memory, own),
         )
         yield float(not np.isfinite(found).all())
 
 
 def _stiffness(trial: StageTrial) -> Iterator[float]:
-    return _excess(trial, trial.stage.stiffness_bound(trial.own), way=1e-6)
+    yield from _excess(trial, trial.torque, trial.stage.stiffness_bound(trial.own), way=1e-6)
+    yield from _excess(trial, trial.ground, trial.stage.ground_stiffness_bound(trial.own), way=1e-6)
 
 
 def _damping(trial: StageTrial) -> Iterator[float]:
-    return _excess(trial, trial.stage.damping_bound(trial.own), speed=1e-4)
+    yield from _excess(trial, trial.torque, trial.stage.damping_bound(trial.own), speed=1e-4)
+    yield from _excess(trial, trial.ground, trial.stage.ground_damping_bound(trial.own), speed=1e-4)
 
 
-def _excess(trial: StageTrial, bound: float, *, way: float = 0.0, speed: float = 0.0) -> Iterator[float]:
-    """Relative excess of the torque's slope over its bound. way or speed: half of the difference, in rad or rad/s, from which
-    the slope follows."""
-    stage, own = trial.stage, trial.own
-    for memory, _, x, v in trial.kicks:
-        change = stage.torque(memory, own, x + way, v + speed) - stage.torque(memory, own, x - way, v - speed)
-        slope = abs(change) / (2.0 * (way + speed))
+def _excess(
+    trial: StageTrial, law: Callable[..., float], bound: float, *, way: float = 0.0, speed: float = 0.0
+) -> Iterator[float]:
+    """Relative excess of the slope of a torque of the trial over its bound. way or speed: half of the difference, in rad or
+    rad/s, from which the slope follows."""
+    for memory, _, kick in trial.kicks:
+        slope = abs(law(memory, kick, way, speed) - law(memory, kick, -way, -speed)) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
 
 
 def _balance(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
-    work = lost = turned = stored = first = before = 0.0
-    last = trial.deflection[0]
-    for number, (memory, after, x, v) in enumerate(trial.kicks):
-        pull = stage.torque(memory, own, x, v)
+    work = lost = turned = stored = first = pull_before = hold_before = 0.0
+    last = trial.kicks[0][2]
+    for number, (memory, after, kick) in enumerate(trial.kicks):
+        pull, hold = trial.torque(memory, kick), trial.ground(memory, kick)
         stored = stage.energy(after, own)
         if number == 0:
             first = stored
         else:
-            way = 0.5 * (pull + before) * (x - last)
-            work, turned, lost = work + way, turned + abs(way), lost + stage.loss(after, own)
-        before, last = pull, x
+            pulled = 0.5 * (pull + pull_before) * (kick.deflection - last.deflection)
+            held = 0.5 * (hold + hold_before) * (kick.motor_position - last.motor_position)
+            work, turned, lost = work + pulled + held, turned + abs(pulled) + abs(held), lost + stage.loss(after, own)
+        pull_before, hold_before, last = pull, hold, kick
     yield abs(work - (stored - first) - lost) / max(turned, 1e-9)
 
 
@@ -278,7 +310,8 @@ def _gains(trial: StageTrial) -> Iterator[float]:
 
 def _series(trial: StageTrial) -> Iterator[float]:
     stage, own, near = trial.stage, trial.own, 1e-6
-    for memory, _, x, _ in trial.kicks:
+    for memory, _, kick in trial.kicks:
+        x = kick.deflection
         slope = (stage.place(memory, own, x + near) - stage.place(memory, own, x - near)) / (2.0 * near)
         yield max(slope - 1.0 - SLACK, -slope - SLACK, 0.0)
 
@@ -294,17 +327,17 @@ CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], .
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
     (
         "stiffness",
-        "the torque is nowhere steeper over the deflection than `stiffness_bound`: the step is chosen by it",
+        "no torque is steeper over the deflection or the motor's position than its bound: the step is chosen by it",
         0.0,
         _stiffness,
     ),
     (
         "damping",
-        "the torque is nowhere steeper over the velocity than `damping_bound`: the step is chosen by it",
+        "no torque is steeper over the velocity than its bound: the step is chosen by it",
         0.0,
         _damping,
     ),
-    ("energy", "work of the torque = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
+    ("energy", "work of the torques = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
     ("loss", "the stage gains no energy: `loss` is never negative, J", 1e-12, _gains),
     ("series", "`place` does not decrease, and has no slope above 1", 0.0, _series),
     ("limit", "`limit` lies between 0 and the motor's torque limit, N m", 0.0, _limits),

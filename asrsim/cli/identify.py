@@ -107,11 +107,10 @@ def identify(
     were held out, and the robot is written with the identified numbers. --duration and Ctrl-C keep the best fit so far. Exit
     code: 0, 1 if nothing could be fitted, the model does not fit, or --duration ended the search, 130 after Ctrl-C.
 
-    Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
+    `asrsim init ROBOT --experiment FILE --out lab.yaml` writes a fit file. Options beside a fit file add to its `free` and
+    `ties` and to the `map` of each recording; they replace the other values of the file.
 
-    Write a fit file for a recording: asrsim init robot.urdf --experiment a.csv --out lab.yaml
-    Options beside a fit file add to its `free` and `ties` and to the `map` of each recording; they replace the other values of
-    the file.
+    Example: asrsim identify lab.yaml --experiment examples/recordings/two_joints.csv --free 'joint_1.spring_*' --check
     """
     from asrsim.identification.task import task_of
     from asrsim.identification.write import fit_data
@@ -187,7 +186,7 @@ def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done
 
 def _robot(found: FitResult | Resumed, folder: Path, *, everything: bool) -> tuple[list[Path], list[str]]:
     """Write the robot of a complete fit, unless it is not accepted; return paths and remarks."""
-    from asrsim.identification.result import ACCEPTABLE
+    from asrsim.identification.judge import ACCEPTABLE
     from asrsim.identification.write import write_robot
 
     if found.fits or found.accepted or everything:

@@ -249,6 +249,18 @@ class Text(Kind[str]):
         return {"type": ["string", "number", "boolean"]}
 
 
+@dataclass(frozen=True, kw_only=True)
+class Name(Text):
+    """Kind of value: name of a thing outside of the document, such as a joint."""
+
+    noun: str
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
+        name = super().read(node, path, reading)
+        reading.named.append((path, name, self.noun))
+        return name
+
+
 @dataclass(frozen=True)
 class Choice(Kind[str]):
     """Kind of value: one of several words. A function may give the words, so that a registry is imported only when needed."""
@@ -403,9 +415,11 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         if node.value is None:
             return {}
         if self._is_bare(node):
+            reading.named.append(((*path, "*"), "*", self.noun))
             return {"*": self.of.read(node, path, reading)}
         if not isinstance(node.value, dict):
             raise self.wrong(node, path, reading)
+        reading.named += [((*path, name), name, self.noun) for name in node.value]
         results = {name: attempt(self.of, item, (*path, name), reading) for name, item in node.value.items()}
         if not self.star and "*" in results:
             raise reading.fault(node.value["*"], (*path, "*"), f"'*' cannot stand for a {self.noun} here", show=False)

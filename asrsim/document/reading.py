@@ -32,6 +32,8 @@ class DocumentReading:
     """Name of the attachment for each file or folder."""
     unread: list[KeyPath] = field(default_factory=list)
     """Paths of the invalid values, which are left out of the result."""
+    named: list[tuple[KeyPath, str, str]] = field(default_factory=list)
+    """Names of things outside of the document: path, name, and noun, such as `joint`; `*` stands for all such things."""
     renamed: dict[int, object] = field(default_factory=dict)
     """Name of the attachment for each node with a file name, by id of the node."""
 

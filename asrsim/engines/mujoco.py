@@ -94,7 +94,8 @@ class MujocoEngine(RigidEngine):
         """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
         self._hand = mujoco_step.empty_hand(len(self._places))
         """Wrenches that are held; all records share them."""
-        self._record = self._make_record(self._d)
+        self._record, self._lent = self._make_record(self._d), False
+        """Work space of the engine's own step, and whether compiled kernels use it too."""
         make = partial(compiled_step, self.version, unused(self._record.room))
         step = Calculation(bound(mujoco_step.step), self._record, make, own=WORK_SPACE)
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -144,6 +145,10 @@ class MujocoEngine(RigidEngine):
         return mujoco_step.make_record(self._m, data, room, self._scenario.wrenches, self._places, self._floats, self._hand)
 
     def _make_native_record(self, stride: int) -> NativeRecord:
+        if stride == 1 and not self._lent:
+            # The engine itself does not step while a kernel steps.
+            self._lent = True
+            return NativeRecord(self._calculation.packed.ctypes.data, self._calculation)
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
         # All records share the numbers that `start` and `vary` set; all runs of an engine have the same step.

@@ -28,7 +28,7 @@ from asrsim.identification.extensions import (
     tied_to,
 )
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
-from asrsim.identification.judge import FOLLOWED, missing_mode
+from asrsim.identification.judge import ENOUGH, FOLLOWED, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
@@ -253,13 +253,38 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
             )
 
 
+def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
+    """Sentences on motors whose recorded motion their drives do not explain, and that hide what springs and links show."""
+    for part, left in differences(problem, x):
+        track, joint = problem.tracks[part.track], part.channel.joint
+        commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
+        others = [one for one in track.channels if one.joint == joint and not one.quantity.startswith("motor")]
+        lost = not np.mean(left**2) < (1.0 - ENOUGH) * np.var(part.recorded)
+        if part.channel.quantity == "motor_1_position" and lost and commands and others:
+            maps = " ".join(f"--map '{name}=ignore'" for name in commands)
+            yield (
+                f"the drive of {joint} does not explain the motion of its motor: fit spring and link without the drive, with "
+                f"the recorded motion of the motor ({maps})"
+            )
+
+
 def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extension that frees a common delay of all commands."""
-    commands = dict.fromkeys(f"{one.key}.delay" for i in problem.fitted for one in problem.tracks[i].data.commands)
-    if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
+    """Extensions that free a common delay of all commands, or the delay of one channel: its sensor may be slower than the
+    others.
+    """
+    free, data = problem.layout.keys, [problem.tracks[i].data for i in problem.fitted]
+    commands = dict.fromkeys(f"{one.key}.delay" for own in data for one in own.commands)
+    if commands and not any(key.endswith(".delay") or key == CLOCK for key in free):
         first, *others = commands
-        parameter = FitParameter(key=first, unit="s", start=0.0, low=-1e-3, high=LATEST)
-        yield Extension(text="a delay of the commands", parameters=(parameter,), ties=tied_to(first, others), begins=(2.0,))
+        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=tied_to(first, others), begins=(2.0,))
+    channels = dict.fromkeys(one.key for own in data for one in own.channels)
+    for key in channels if len(channels) > 1 else ():
+        if f"{key}.delay" not in free:
+            yield Extension(text=f"a delay of {key}", parameters=(_delay(f"{key}.delay"),), begins=(2.0,))
+
+
+def _delay(key: str) -> FitParameter:
+    return FitParameter(key=key, unit="s", start=0.0, low=-1e-3, high=LATEST)
 
 
 def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
@@ -437,7 +462,7 @@ for name, cause in {
         "motors and of deflections, masses of links",
         extensions=_robot,
     ),
-    "delays": Cause(title="a delay of the commands", extensions=_delays),
+    "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),
     "ties": Cause(title="wrong ties", extensions=_wrong_ties),
     "modes": Cause(title="an elastic link: a trial robot has two bodies with a spring between them", extensions=_modes),
 }.items():

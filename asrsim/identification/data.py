@@ -15,7 +15,7 @@ from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
 from asrsim.identification.task import Experiment, Task
-from asrsim.quantities import unit_of
+from asrsim.quantities import PRISMATIC_UNITS, unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.suspicions import gear_between
@@ -183,11 +183,15 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
+        # A mapped command without a unit has the unit of the mode.
+        unit = column.unit or (modes[one.joint].units[0] if one.slot == 0 else "")
+        prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
             name=EXTERNAL if one.slot is None else modes[one.joint].references[one.slot],
             time=column.time[good] - plan.lag, values=column.values[good],
-            hold=one.hold and not str(column.quantity).startswith("motor"), column=column, unit=column.unit,
+            hold=one.hold and not str(column.quantity).startswith("motor"), column=column,
+            unit=PRISMATIC_UNITS.get(unit, unit) if prismatic else unit,
         )  # fmt: skip
 
 

@@ -36,6 +36,10 @@ fits.
 """
 FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
+ACCEPTABLE, ENOUGH = 0.9, 0.95
+"""Explained fractions of every channel's variance above which the user may accept a model that does not fit, and above which it
+is accepted by default.
+"""
 EXACT = 1e-4
 """Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from asrsim.identification.combinations import UNKNOWN, Combination, combinations, relative
 from asrsim.identification.data import PlayedCommand
-from asrsim.identification.judge import ChannelFit
+from asrsim.identification.judge import ACCEPTABLE, ENOUGH, ChannelFit
 from asrsim.identification.parameters import FitParameter, Layout
 from asrsim.identification.problem import FitProblem, differences
 from asrsim.identification.profiles import Profile
@@ -166,10 +166,6 @@ def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
 """Status of a fit: the fit was the fit was judged; its time was over; the user stopped it; only the sensitivities were
 computed.
-"""
-ACCEPTABLE, ENOUGH = 0.9, 0.95
-"""Explained fractions of every channel's variance above which the user may accept a model that does not fit, and above which it
-is accepted by default.
 """
 
 

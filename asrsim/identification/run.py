@@ -16,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from asrsim.errors import SimulationError
-from asrsim.identification.causes import Suspicion, contradicted_ties, missing_causes, wrong_controllers
+from asrsim.identification.causes import (
+    MOST,
+    Suspicion,
+    contradicted_ties,
+    missing_causes,
+    unexplained_drives,
+    wrong_controllers,
+)
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
@@ -148,7 +155,7 @@ def identify(
         check: Compute only the sensitivities at the start.
         accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
             is written.
-        adopt: If the model does not fit, add the effects that it may lack, and fit again.
+        adopt: If the model does not fit, add the effects that it may lack, and fit again; up to three times.
         duration: Longest time of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
 
     Raises:
@@ -168,12 +175,13 @@ def identify(
         watch.stop = stop
         watch.best = Best(problem, start)
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
-        if adopt and suspected is not None and suspected.model is not None:
-            # The search begins again, since the effects change the other parameters, too.
+        rounds = MOST if adopt else 0
+        while rounds and suspected is not None and suspected.model is not None:
+            # The search begins again, since the effects change the other parameters, too; and other effects may show then.
             wider, start = suspected.model
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
-            setup = replace(setup, adopted=suspected.added)
-            result, _ = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
+            setup, rounds = replace(setup, adopted=(*setup.adopted, *suspected.added)), rounds - 1
+            result, suspected = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
         return result
 
 
@@ -221,8 +229,9 @@ def _judged(
         predicted = channel_fits(problem, before, trained) if observed else fits
         causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
+        read = not misread((*predicted, *fits))
         with watch.in_time(), suppress(OutOfTime):
-            for level in slow if not misread((*predicted, *fits)) else ():
+            for level in slow if read else ():
                 for one in _causes(*level):
                     # Causes that are found without a trial fit are equal at all levels: each is reported once.
                     if one.trials or level is slow[0]:
@@ -231,8 +240,9 @@ def _judged(
                         others += one.trials
                 if any(one.trials for one in suspected):
                     break
-            if observed and not any(one.trials for one in suspected):
-                causes += [text for text in foreign(fits) if text not in causes]
+            if not any(one.trials for one in suspected):
+                causes += [text for text in foreign(fits) if observed and text not in causes]
+                causes += unexplained_drives(*slow[0]) if read else ()
             causes += failed_predictions(*slow[0])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:

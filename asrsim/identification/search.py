@@ -5,11 +5,11 @@ With a fast observer the residuals are errors of short predictions, which have h
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
 fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. Then only those levels count
-whose estimates let a free simulation follow the largest number of channels. Of these levels, the level is kept whose estimates
-differ least between tenths of the recordings. If several levels differ equally, within chance, the level with the best
-predictions is kept. If this is the first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors
-of the model accumulate; at a higher one, predictions are so short that they show little but noise. If there is no such level,
-the free simulation is kept.
+whose estimates let a free simulation explain as many channels by half, by 90 % and by 95 % as its own estimates do. Of these
+levels, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ equally,
+within chance, the level with the best predictions is kept. If this is the first level, the bandwidth rises as long as its level
+is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so short that they show little
+but noise. If there is no such level, the free simulation is kept.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
-from asrsim.identification.judge import FOLLOWED, HELD_OUT, fits, is_explained
+from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, fits, is_explained
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     FitProblem,
@@ -122,7 +122,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
     # Short predictions may contain too little information, so that the search finds parameters with a different motion.
-    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _followed(*fit) >= most]
+    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _reaches(fit, most)]
     if not levels:
         return
     kept, level = _best(levels), LEVELS[0]
@@ -130,7 +130,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     while kept is fastest and problem.can_rise(level := level * RISE):
         begin(_name(level))
         risen = _solved(kept.problem.observed(level), kept.x)
-        if _followed(*risen) < most:
+        if not _reaches(risen, most):
             break
         levels.append(fastest := _judged(*risen))
         kept = _best(levels)
@@ -197,10 +197,16 @@ def follows(problem: FitProblem, x: Array) -> bool:
     return all(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded) for part, left in differences(problem, x))
 
 
-def _followed(problem: FitProblem, x: Array) -> int:
-    """Number of channels of which a free simulation with these estimates explains half of the variance."""
+def _followed(problem: FitProblem, x: Array) -> list[int]:
+    """Numbers of channels that a free simulation with these estimates follows, explains acceptably, and explains enough."""
     found = differences(problem.observed(0.0), x)
-    return sum(bool(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded)) for part, left in found)
+    unexplained = [float(np.mean(left**2) / np.var(part.recorded)) for part, left in found]
+    return [sum(one < 1.0 - least for one in unexplained) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
+
+
+def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
+    """Whether a free simulation with these estimates explains as many channels as another one, with `most` from `_followed`."""
+    return all(own >= least for own, least in zip(_followed(*fit), most, strict=True))
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:
@@ -243,7 +249,8 @@ def settle(best: Best) -> None:
     _resolve(best)
     # With many samples, jumps and pre-sliding friction are significant even if the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
-    if found.chosen:
+    # Short predictions may gain by an effect with which a free simulation no longer follows the recording.
+    if found.chosen and _reaches((found.problem, found.x), _followed(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
     best.x = _timed(best.problem, best.x)

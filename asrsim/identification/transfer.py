@@ -36,7 +36,8 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
     there = refined(everything, x)
     before, after = _errors(everything, x), _errors(everything, there)
     for track in predicted:
-        name, ratio = problem.tracks[track].data.name, before[track] / max(after[track], 1e-300)
+        # A fit to all recordings may predict one of them worse than before.
+        name, ratio = problem.tracks[track].data.name, max(before[track] / max(after[track], 1e-300), 1.0)
         if ratio > TRANSFERS:
             yield (
                 f"{name}: if this recording is also fitted, its error falls to {percent(1.0 / ratio)}: the other "

@@ -77,13 +77,13 @@ class McapStorage:
         self.size = len(head)
         """Offset of the trailer, where the next record is written, bytes."""
 
-    def append(self, body: bytes) -> None:
-        """Append complete records to the data section. An OutputError leaves the file unchanged."""
-        self._commit(body, _TRAILER)
+    def append(self, head: bytes, *rest: bytes | memoryview) -> None:
+        """Append complete records, given in parts, to the data section. An OutputError leaves the file unchanged."""
+        self._commit(_TRAILER, head, *rest)
 
     def finish(self, body: bytes, footer: Footer) -> None:
         """Append the last records, from DataEnd to the end of the summary, and close the file."""
-        self._commit(body, _OPEN_END)
+        self._commit(_OPEN_END, body)
         try:
             self._write(encode(footer), self.size)
         except OSError as error:
@@ -97,22 +97,27 @@ class McapStorage:
             os.close(self._file)
             self._file = -1
 
-    def _commit(self, body: bytes, trailer: bytes) -> None:
-        switch = len(_TRAILER)
+    def _commit(self, trailer: bytes, head: bytes, *rest: bytes | memoryview) -> None:
+        """Write records, and after them a trailer. The trailer is written first and the head last: in between, the file has the
+        old trailer in the place of the head, and ends with the new one.
+        """
+        end = self.size + sum(map(len, (head, *rest)))
         try:
-            if len(body) <= switch:
-                self._write(body + trailer, self.size)
+            if len(head) < len(_TRAILER):
+                self._write(b"".join((head, *rest, trailer)), self.size)
             else:
-                view = memoryview(body)
-                self._write(trailer, self.size + len(body))
-                self._write(view[switch:], self.size + switch)
-                self._write(view[:switch], self.size)
+                self._write(trailer, end)
+                position = self.size + len(head)
+                for part in rest:
+                    self._write(part, position)
+                    position += len(part)
+                self._write(head, self.size)
         except OSError as error:
             with suppress(OSError):
                 self._write(_TRAILER, self.size)
-                os.ftruncate(self._file, self.size + switch)
+                os.ftruncate(self._file, self.size + len(_TRAILER))
             raise self._error(error) from error
-        self.size += len(body)
+        self.size = end
 
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
@@ -226,10 +231,11 @@ class McapContainer:
         for channel, entries in places.items():
             index_offsets.append((channel, len(index)))
             index += encode(MessageIndex(channel_id=channel, records=entries))
+        indexes: tuple[memoryview, ...] = ()
         if rows.count:
             records, size = rows.message_indexes(len(prefix))
             index_offsets += [(channel, len(index) + size * i) for i, channel in enumerate(rows.channels)]
-            index += records
+            indexes = (records,)
         content = rows.messages(prefix)
         packed = self._compress(content)
         head = _CHUNK_HEAD.pack(
@@ -244,7 +250,7 @@ class McapContainer:
             len(packed),
         )
         offset, length = self._storage.size, len(head) + len(packed)
-        self._storage.append(b"".join((head, packed, index)))
+        self._storage.append(head, packed, index, *indexes)
         after = offset + length
         index_record = ChunkIndex(
             chunk_length=length,
@@ -253,7 +259,7 @@ class McapContainer:
             compressed_size=len(packed),
             message_start_time=start,
             message_end_time=end,
-            message_index_length=len(index),
+            message_index_length=len(index) + sum(map(len, indexes)),
             message_index_offsets={channel: after + place for channel, place in index_offsets},
             uncompressed_size=len(content),
         )

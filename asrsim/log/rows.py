@@ -114,7 +114,7 @@ class RowBuffer:
         times = self._times[: self.count]
         return (int(times.min()), int(times.max())) if self.count else (0, 0)
 
-    def message_indexes(self, offset: int) -> tuple[bytes, int]:
+    def message_indexes(self, offset: int) -> tuple[memoryview, int]:
         """Message index records of all channels, and the length of one record. offset: bytes before the first row."""
         count = self.count
         size = 15 + 16 * count
@@ -126,7 +126,7 @@ class RowBuffer:
         entries[:, :, 0] = self._times[:count]
         rows = np.arange(count, dtype="<u8") * np.uint64(self.row_size)
         entries[:, :, 1] = np.asarray(self._starts, "<u8")[:, None] + (rows + np.uint64(offset))
-        return records.tobytes(), size
+        return records.reshape(-1).data, size
 
     def clear(self) -> None:
         """Empty the buffer for the next chunk."""

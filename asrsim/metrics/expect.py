@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import operator
 from collections.abc import Callable, Mapping
@@ -12,13 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text, attempt
-from asrsim.document.node import node_from_data
-from asrsim.document.reading import DocumentReading
+from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
 from asrsim.errors import InputError, Problem, ScenarioError
-from asrsim.metrics.measures import MEASURES, measure, option_problems, unrest
+from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES
-from asrsim.plugins import plugin_fault
 from asrsim.quantities import DERIVED, QUANTITIES, shown, unit_of
 from asrsim.samples import TIP, TIP_GOAL, Array, Samples
 
@@ -166,24 +162,26 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
 
     measurable: keys of claims found measurable before, which are not checked again; this claim's key is added.
     """
-    problems: list[Problem] = []
     if expectation.measure not in MEASURES:
         names = MEASURES.names()
         message = f"no measure is called '{expectation.measure}'"
         raise _error(expectation, message, choices=names, meant=expectation.measure)
-    options = {key: value for key, value in _of_measure(expectation).items() if key not in ("start", "end")}
-    problems += option_problems(MEASURES.get(expectation.measure), options)
-    if expectation.against is not None:
-        problems += _misfits(RECORDING_OPTIONS, expectation.options)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
+    problems: list[Problem] = []
     if expectation.tolerance and expectation.comparison != "==":
         message = f"a tolerance is valid with '==' only, not with '{expectation.comparison}'"
         hint = "Include the margin in the value"
         problems.append(Problem(message, key="tolerance", value=expectation.tolerance, hint=hint, code="tolerance"))
     subject = subject_of(expectation)
-    if not problems and (measurable is None or subject not in measurable):
-        problems = _unmeasurable(expectation)
+    if measurable is None or subject not in measurable:
+        problems += trial_problems(
+            expectation.measure,
+            expectation.options,
+            RECORDING_OPTIONS if expectation.against is not None else {},
+            poses=None if expectation.body is None else expectation.quantity == "position",
+            compared=expectation.quantity == "link_position" or bool(expectation.against or expectation.reference),
+        )
     if problems:
         raise ScenarioError(
             [
@@ -195,51 +193,11 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
         measurable.add(subject)
 
 
-def _unmeasurable(expectation: Expectation) -> list[Problem]:
-    """Invalid options of the measure, found before the run by applying the measure to an artificial series."""
-    options = _of_measure(expectation)
-    parameters = inspect.signature(MEASURES.get(expectation.measure).function).parameters
-    numbers = {"start", "end", *(name for name in options if str(parameters.get(name, "")).startswith(f"{name}: 'float"))}
-    problems = _misfits({name: Number() for name in numbers if options.get(name) is not None}, options)
-    start, end = options.pop("start", None), options.pop("end", None)
-    if not problems and start is not None and end is not None and not start < end:
-        problems.append(Problem("must be before the end", key="options.start", value=start, code="bad-option"))
-    if problems:
-        return problems
-    time = np.linspace(0.0, 1.0, 201)
-    poses = MEASURES.get(expectation.measure).needs == "poses"
-    series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
-    own = expectation.quantity == "link_position" or expectation.against is not None or expectation.reference is not None
-    if expectation.body is not None and poses != (expectation.quantity == "position"):
-        series = np.tile(time[:, None], 7) if expectation.quantity == "position" else time
-    try:
-        measure(expectation.measure, time, series, np.ones_like(time) if own else None, **options)
-    except InputError as error:
-        return list(error.problems)
-    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
-        fault = plugin_fault(error)
-        if fault and not options:
-            raise fault from error
-        given = ", ".join(f"{key}: {value}" for key, value in options.items())
-        how = f" with {given}" if given else ""
-        return [Problem(f"cannot be measured{how}: {fault or error}", key="options", code="bad-option")]
-    return []
-
-
 def _of_measure(expectation: Expectation) -> dict[str, Any]:
     """Options of the claim that belong to the measure, not to the recording."""
     if expectation.against is None:
         return dict(expectation.options)
     return {key: value for key, value in expectation.options.items() if key not in RECORDING_OPTIONS}
-
-
-def _misfits(kinds: Mapping[str, Kind[Any]], options: Mapping[str, Any]) -> list[Problem]:
-    """Problems of the options whose values have another kind than `kinds` states."""
-    reading = DocumentReading()
-    for name, kind in kinds.items():
-        if name in options:
-            attempt(kind, node_from_data(options[name]), ("options", name), reading)
-    return reading.problems
 
 
 def _is_body_quantity(name: str) -> bool:

@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from asrsim.document.kinds import Kind, Number, attempt
+from asrsim.document.node import node_from_data
+from asrsim.document.reading import DocumentReading
 from asrsim.errors import InputError, Problem
 from asrsim.metrics import difference, motion, oscillation, response, step, values
 from asrsim.metrics.rest import SHARE, motion_left
 from asrsim.metrics.values import last_part, mean
+from asrsim.plugins import plugin_fault
 from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
@@ -255,3 +260,58 @@ def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:
         if default is inspect.Parameter.empty and name not in options
     ]
     return problems
+
+
+def trial_problems(
+    name: str,
+    options: Mapping[str, Any],
+    kinds: Mapping[str, Kind[Any]] = MappingProxyType({}),
+    *,
+    poses: bool | None = None,
+    compared: bool = False,
+) -> list[Problem]:
+    """Problems of a measure's options, found before the run: wrong names and kinds of value, and errors of the measure when it
+    is applied to an artificial series.
+
+    Args:
+        name: Name of a measure in `MEASURES`.
+        options: Options of the measure, `start` and `end` among them, and further options.
+        kinds: Kinds of value of the further options.
+        poses: Whether the series are the poses of a body; None: as the measure needs.
+        compared: Whether there is a reference.
+    """
+    found, own = MEASURES.get(name), {key: value for key, value in options.items() if key not in kinds}
+    start, end = own.pop("start", None), own.pop("end", None)
+    problems = option_problems(found, own)
+    parameters = inspect.signature(found.function).parameters
+    numbers = {"start", "end", *(key for key in own if str(parameters.get(key, "")).startswith(f"{key}: 'float"))}
+    expected = {**kinds, **{key: Number() for key in numbers if options.get(key) is not None}}
+    reading = DocumentReading()
+    for key, kind in expected.items():
+        if key in options:
+            attempt(kind, node_from_data(options[key]), ("options", key), reading)
+    problems += reading.problems
+    if not problems and start is not None and end is not None and not start < end:
+        problems.append(Problem("must be before the end", key="options.start", value=start, code="bad-option"))
+    return problems or _failure(found, own, poses=found.needs == "poses" if poses is None else poses, compared=compared)
+
+
+def _failure(found: Measure, options: dict[str, Any], *, poses: bool, compared: bool) -> list[Problem]:
+    """Problems of a measure that cannot be applied to an artificial series."""
+    time = np.linspace(0.0, 1.0, 201)
+    series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
+    # The reference moves, as in a run: a constant one is a special case, in which many measures divide by zero.
+    reference = 1.0 - np.exp(-5.0 * time) if compared else None
+    try:
+        with np.errstate(all="ignore"):
+            measure(found.name, time, series, reference, **options)
+    except InputError as error:
+        return list(error.problems)
+    except (TypeError, ValueError, ArithmeticError, LookupError) as error:
+        fault = plugin_fault(error)
+        if fault and not options:
+            raise fault from error
+        given = ", ".join(f"{key}: {value}" for key, value in options.items())
+        how = f" with {given}" if given else ""
+        return [Problem(f"cannot be measured{how}: {fault or error}", key="options", code="bad-option")]
+    return []

@@ -12,12 +12,11 @@ from asrsim.robot.findings import Findings
 from asrsim.robot.model import UNREAD, ActuatorBlock, Joint, ParameterValue, is_locked
 from asrsim.robot.numbers import leading_number, read_number
 from asrsim.robot.tags import BLOCK_TAGS, REQUIRED_TAGS, SPRING_TAGS, parameter_tags, tag_parameters
-from asrsim.robot.values import default_parameter, parameter_fault
+from asrsim.robot.values import MODE_CHOICES, default_parameter, parameter_fault
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 _FILENAME = re.compile(r"(?:.*/)?(?:lib)?(?P<name>\w+?)_plugin(?:\.so)?")
 _BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 
 
 def read_blocks(

@@ -24,7 +24,7 @@ from asrsim.robot.chain_masses import Chain, work_space
 from asrsim.robot.inertia import inertia_tensor
 from asrsim.robot.merge import merge_fixed
 from asrsim.robot.model import ZERO, Joint, Link, Robot, Vector
-from asrsim.robot.poses import frame, rotation_matrix
+from asrsim.robot.poses import cross_matrix, frame, rotation_matrix
 
 Array = NDArray[np.float64]
 AXES = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
@@ -330,7 +330,7 @@ def _unit_twist(joint: Joint) -> Array:
     if joint.kind == "prismatic":
         twist[:3, 3] = joint.axis
     else:
-        twist[:3, :3] = np.cross(np.eye(3), joint.axis)
+        twist[:3, :3] = cross_matrix(joint.axis)
     return twist
 
 

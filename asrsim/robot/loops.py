@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from asrsim.errors import Problem, RobotError, listed
-from asrsim.robot.poses import HERE
+from asrsim.robot.poses import HERE, cross_matrix
 
 if TYPE_CHECKING:
     from asrsim.robot.model import Joint, Robot, Vector
@@ -127,7 +127,7 @@ class LoopPath:
     @cached_property
     def _twists(self) -> list[tuple[Array, Array]]:
         """Matrix of the cross product with each joint's axis, and its square."""
-        twists = [np.cross(np.eye(3), axis) for axis in self.axes]
+        twists = [cross_matrix(axis) for axis in self.axes]
         return [(twist, twist @ twist) for twist in twists]
 
 

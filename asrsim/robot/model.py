@@ -68,6 +68,15 @@ class ActuatorBlock:
     def _values(self) -> dict[str, float]:
         return {name: parameter.value for name, parameter in self.parameters.items()}
 
+    @cached_property
+    def names(self) -> Mapping[str, str]:
+        """Parameters by the names that a scenario may give them: their own names, and the tags of the toolbox, whose `max_def`
+        also means the `max_deflection` of a user's actuator.
+        """
+        tags = {one.tag: name for name, one in self.parameters.items() if one.tag}
+        alias = {"max_def": "max_deflection"} if "max_deflection" in self.parameters else {}
+        return {**alias, **tags, **{name: name for name in self.parameters}}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import missing_constants
 from asrsim.errors import Problem, ScenarioError, did_you_mean
-from asrsim.robot.blocks import MODE_CHOICES
 from asrsim.robot.model import ActuatorBlock, Joint, Robot
 from asrsim.robot.tags import REQUIRED_TAGS
-from asrsim.robot.values import block_for, together_faults, unknown_parameter, value_names, with_mode, with_values
+from asrsim.robot.values import block_faults, block_for, overridden
 
 
 def block_text(joint: str, actuator: str, mode: int) -> str:
@@ -114,6 +113,39 @@ def _key(key: str) -> str:
     return f"actuators.{joint or name}.parameters" + (f".{name}" if joint else "")
 
 
+def equipped(
+    robot: Robot,
+    types: Mapping[str, tuple[str, int]],
+    own: Mapping[str, Mapping[str, float]],
+    *,
+    modes: Mapping[str, int],
+    parameters: Mapping[str, Mapping[str, float]],
+    armature: Mapping[str, float],
+    unread: Collection[str] = (),
+) -> tuple[Robot, list[Problem]]:
+    """Robot with all valid changes of a scenario to its drives, and the problems of the other changes.
+
+    Args:
+        robot: Robot of the file.
+        types: Actuators (type, mode) by joint, as in `with_actuators`.
+        own: Parameters of these actuators.
+        modes: Modes by joint, as in `with_overrides`.
+        parameters: Parameters by joint, as in `with_overrides`.
+        armature: Rotor inertias by joint, as in `with_rotors`.
+        unread: Joints whose actuator, mode or parameters are invalid in the scenario.
+    """
+    changed, problems = mounted(robot, types, own)
+    changed, faults = overridden(replace(changed, unread=changed.unread.union(unread)), modes, parameters)
+    problems += faults
+    stated = {"modes": modes, "parameters": parameters}
+    for fault in block_faults(changed, robot):
+        section, _, joint = (fault.key or "").partition(".")
+        table = stated.get(section, {})
+        set_there = fault.file is not None or joint in table or "*" in table
+        problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
+    return with_rotors(changed, armature), problems
+
+
 def sprung_joints(robot: Robot) -> frozenset[str]:
     """Joints behind the spring of an actuator, whose motors have separate inertias."""
     return frozenset(block.joint for block in robot.actuators if MODES[block.mode].spring)
@@ -151,86 +183,3 @@ def reference_names(block: ActuatorBlock) -> tuple[str, ...]:
     actuator = ACTUATORS.get(block.actuator)
     names = MODES[block.mode].references_of(actuator.motors)
     return names if actuator.motors > 1 or actuator.adjuster else names[:1]
-
-
-def with_overrides(
-    robot: Robot,
-    *,
-    modes: Mapping[str, int] | None = None,
-    parameters: Mapping[str, Mapping[str, float]] | None = None,
-) -> Robot:
-    """Robot with other modes and parameters for joints. `"*"` stands for all joints; a joint's own entry takes precedence.
-
-    Parameters have the names of asrsim or the tags of the toolbox. Under `"*"`, parameters that an actuator lacks are ignored
-    if another actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError
-    with all problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
-    """
-    changed, problems = overridden(robot, modes or {}, parameters or {})
-    problems += block_faults(changed, robot)
-    if problems:
-        raise ScenarioError(problems)
-    return changed
-
-
-def overridden(
-    robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]]
-) -> tuple[Robot, list[Problem]]:
-    """Robot as from `with_overrides` without the invalid entries, and the problem of each invalid mode and parameter.
-
-    A parameter with an invalid value becomes `UNREAD`. `block_faults` checks whether the values of a block fit together.
-    """
-    problems: list[Problem] = []
-    joints = tuple(block.joint for block in robot.actuators)
-    for section, keys in (("modes", modes), ("parameters", parameters)):
-        problems.extend(
-            Problem(
-                "no actuator is on this joint",
-                key=f"{section}.{joint}",
-                choices=joints,
-                meant=joint,
-                code="unknown-joint",
-            )
-            for joint in keys
-            if joint != "*" and joint not in joints and joint not in robot.unread
-        )
-    problems.extend(
-        Problem(
-            "there is no such operation mode",
-            key=f"modes.{joint}",
-            value=mode,
-            choices=MODE_CHOICES,
-            code="operation-mode",
-        )
-        for joint, mode in modes.items()
-        if mode not in MODES
-    )
-    everyone = {name for block in robot.actuators for name in value_names(block)}
-    if not robot.unread:
-        common = parameters.get("*", {})
-        problems.extend(unknown_parameter(f"parameters.*.{key}", key, everyone) for key in common if key not in everyone)
-    blocks = []
-    for block in robot.actuators:
-        mode = modes.get(block.joint, modes.get("*", block.mode))
-        changed = with_mode(block, mode) if mode in MODES else block
-        for scope in ("*", block.joint):
-            changed, faults = with_values(changed, parameters.get(scope, {}), scope)
-            problems += [fault for fault in faults if fault not in problems]  # blocks share the problems of `*`
-        blocks.append(changed)
-    return replace(robot, actuators=tuple(blocks)), problems
-
-
-def block_faults(robot: Robot, before: Robot) -> list[Problem]:
-    """Problems of inconsistent values in actuator blocks. A problem is attributed to the robot file if the block in `before`
-    also has it.
-    """
-    earlier = {block.joint: block for block in before.actuators}
-    found = []
-    for block in robot.actuators:
-        if block.joint in robot.unread:
-            continue
-        old = earlier.get(block.joint)
-        for fault in together_faults(block):
-            if old is not None and old.actuator == block.actuator and fault in together_faults(old):
-                fault = replace(fault, file=robot.path, line=fault.line or old.line, key=old.plugin_name or block.joint)
-            found.append(fault)
-    return found

@@ -47,6 +47,12 @@ def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
     return pose
 
 
+def cross_matrix(vector: Vector | Array) -> Array:
+    """Matrix (3, 3) whose product with a second vector is the cross product of both vectors."""
+    x, y, z = vector
+    return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
+
+
 def rotation_matrix(rpy: Vector) -> Array:
     """Rotation matrix (3, 3) of roll, pitch, yaw in rad (about fixed x, y, z)."""
     (cr, cp, cy), (sr, sp, sy) = map(cos, rpy), map(sin, rpy)
@@ -61,8 +67,9 @@ def rotation_matrix(rpy: Vector) -> Array:
 
 def rotation_about(axis: Vector, angle: float) -> Array:
     """Rotation matrix (3, 3) of an angle in rad about a unit vector, by Rodrigues' formula."""
-    cross = np.cross(np.eye(3), axis)
-    return np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross
+    cross = cross_matrix(axis)
+    rotation: Array = np.eye(3) + sin(angle) * cross + (1.0 - cos(angle)) * cross @ cross
+    return rotation
 
 
 def roll_pitch_yaw(rotation: Array) -> Vector:
@@ -88,8 +95,9 @@ def quaternion(rpy: Vector) -> tuple[float, float, float, float]:
 def rotation_of(quaternion: Sequence[float]) -> Array:
     """Rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
     vector, w = np.asarray(quaternion[:3]), quaternion[3]
-    cross = np.cross(np.eye(3), vector)
-    return np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    cross = cross_matrix(vector)
+    rotation: Array = np.eye(3) + 2.0 * w * cross + 2.0 * cross @ cross
+    return rotation
 
 
 def link_poses(robot: Robot) -> dict[str, Pose]:

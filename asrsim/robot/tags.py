@@ -114,9 +114,3 @@ def tag_parameters(actuator: type[Actuator]) -> dict[str, str]:
     if "max_deflection" in tags and "max_def" not in tags:
         tags["max_def"] = "max_deflection"
     return tags
-
-
-def parameter_name(actuator: type[Actuator], key: str) -> str | None:
-    """Parameter with this name or with this tag of the toolbox; None if there is none."""
-    names = {parameter.name for parameter in actuator.all_parameters()}
-    return key if key in names else tag_parameters(actuator).get(key)

@@ -1,20 +1,21 @@
-"""Values of an actuator block: defaults, changes, and checks whether calculations with the values are possible."""
+"""Values of actuator blocks: defaults, changes of modes and parameters, and checks whether calculations are possible."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
-from asrsim.errors import Problem
+from asrsim.errors import Problem, ScenarioError
 from asrsim.robot.findings import LARGEST_NUMBER, SMALLEST
-from asrsim.robot.model import UNREAD, ActuatorBlock, Origin, ParameterValue
-from asrsim.robot.tags import parameter_name, parameter_tags, tag_parameters
+from asrsim.robot.model import UNREAD, ActuatorBlock, Origin, ParameterValue, Robot
+from asrsim.robot.tags import parameter_tags
 
+MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 DEFLECTION = 1e-3
 """Deflection at which an actuator's laws are evaluated, rad; a smaller deflection limit replaces it."""
 
@@ -54,11 +55,6 @@ def with_mode(block: ActuatorBlock, mode: int) -> ActuatorBlock:
     return replace(block, mode=mode, parameters=values)
 
 
-def value_names(block: ActuatorBlock) -> set[str]:
-    """Names and tags of the block's parameters."""
-    return {*block.parameters, *tag_parameters(ACTUATORS.get(block.actuator))}
-
-
 def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) -> tuple[ActuatorBlock, list[Problem]]:
     """Block with other values of parameters, which a scenario gives by name or tag, and the problems of invalid values.
 
@@ -72,9 +68,9 @@ def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) ->
     problems: list[Problem] = []
     for key, number in given.items():
         place = f"parameters.{scope}.{key}"
-        name = parameter_name(actuator, key)
+        name = block.names.get(key)
         if name is None:
-            problems += [] if scope == "*" else [unknown_parameter(place, key, value_names(block))]
+            problems += [] if scope == "*" else [_unknown_parameter(place, key, block.names)]
         elif name in seen:
             message, hint = f"is the same parameter as {seen[name]}", f"Give {seen[name]}"
             problems.append(Problem(message, key=place, hint=hint, code="duplicate-parameter"))
@@ -88,7 +84,7 @@ def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) ->
     return replace(block, parameters=values), problems
 
 
-def unknown_parameter(place: str, key: str, known: set[str]) -> Problem:
+def _unknown_parameter(place: str, key: str, known: Collection[str]) -> Problem:
     """Problem of a parameter that none of the concerned actuators has. place: dotted key in the scenario; known: valid
     names.
     """
@@ -169,3 +165,86 @@ def has_spring(block: ActuatorBlock) -> bool:
         return any(any(actuator.elastic_torques(-part * reach, *motors, parameters)) for part in (0.01, 0.1, 1.0))
     except Exception:
         return True
+
+
+def with_overrides(
+    robot: Robot,
+    *,
+    modes: Mapping[str, int] | None = None,
+    parameters: Mapping[str, Mapping[str, float]] | None = None,
+) -> Robot:
+    """Robot with other modes and parameters for joints. `"*"` stands for all joints; a joint's own entry takes precedence.
+
+    Parameters have the names of asrsim or the tags of the toolbox. Under `"*"`, parameters that an actuator lacks are ignored
+    if another actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError
+    with all problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
+    """
+    changed, problems = overridden(robot, modes or {}, parameters or {})
+    problems += block_faults(changed, robot)
+    if problems:
+        raise ScenarioError(problems)
+    return changed
+
+
+def overridden(
+    robot: Robot, modes: Mapping[str, int], parameters: Mapping[str, Mapping[str, float]]
+) -> tuple[Robot, list[Problem]]:
+    """Robot as from `with_overrides` without the invalid entries, and the problem of each invalid mode and parameter.
+
+    A parameter with an invalid value becomes `UNREAD`. `block_faults` checks whether the values of a block fit together.
+    """
+    problems: list[Problem] = []
+    joints = tuple(block.joint for block in robot.actuators)
+    for section, keys in (("modes", modes), ("parameters", parameters)):
+        problems.extend(
+            Problem(
+                "no actuator is on this joint",
+                key=f"{section}.{joint}",
+                choices=joints,
+                meant=joint,
+                code="unknown-joint",
+            )
+            for joint in keys
+            if joint != "*" and joint not in joints and joint not in robot.unread
+        )
+    problems.extend(
+        Problem(
+            "there is no such operation mode",
+            key=f"modes.{joint}",
+            value=mode,
+            choices=MODE_CHOICES,
+            code="operation-mode",
+        )
+        for joint, mode in modes.items()
+        if mode not in MODES
+    )
+    everyone = {name for block in robot.actuators for name in block.names}
+    if not robot.unread:
+        common = parameters.get("*", {})
+        problems.extend(_unknown_parameter(f"parameters.*.{key}", key, everyone) for key in common if key not in everyone)
+    blocks = []
+    for block in robot.actuators:
+        mode = modes.get(block.joint, modes.get("*", block.mode))
+        changed = with_mode(block, mode) if mode in MODES else block
+        for scope in ("*", block.joint):
+            changed, faults = with_values(changed, parameters.get(scope, {}), scope)
+            problems += [fault for fault in faults if fault not in problems]  # blocks share the problems of `*`
+        blocks.append(changed)
+    return replace(robot, actuators=tuple(blocks)), problems
+
+
+def block_faults(robot: Robot, before: Robot) -> list[Problem]:
+    """Problems of inconsistent values in actuator blocks. A problem is attributed to the robot file if the block in `before`
+    also has it.
+    """
+    earlier = {block.joint: block for block in before.actuators}
+    found = []
+    for block in robot.actuators:
+        if block.joint in robot.unread:
+            continue
+        old = earlier.get(block.joint)
+        for fault in together_faults(block):
+            if old is not None and old.actuator == block.actuator and fault in together_faults(old):
+                fault = replace(fault, file=robot.path, line=fault.line or old.line, key=old.plugin_name or block.joint)
+            found.append(fault)
+    return found

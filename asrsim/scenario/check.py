@@ -7,23 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
-from asrsim.document.kinds import Integer, attempt, walk
+from asrsim.document.kinds import walk
 from asrsim.document.node import node_from_data
-from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, RobotError, ScenarioError, counted, did_you_mean
 from asrsim.robot import ActuatorBlock, Robot, merge_fixed, read_robot
 from asrsim.robot.findings import LARGEST_NUMBER
 from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_of
 from asrsim.robot.model import UNREAD, is_locked
-from asrsim.robot.mounting import block_faults, mounted, overridden, reference_names, with_rotors
+from asrsim.robot.mounting import equipped, reference_names
 from asrsim.scenario.data import SCENARIO, Scenario
 from asrsim.scenario.kinds import prescribes_motion, released_order
-from asrsim.scenario.load import contradictions
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 from asrsim.scenario.starts import stated_start
@@ -32,11 +30,6 @@ MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
 MOST_TICKS = 100
 """Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
-PLAIN_FIELDS = (
-    "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
-    "engine", "stepping", "substeps", "motor_substeps", "max_substeps", "compiled", "velocity_cutoff",
-)  # fmt: skip
-"""Fields of the scenario with the values of the file's keys, unchanged: numbers, vectors and choices."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
@@ -53,15 +46,12 @@ def robot_of(scenario: Scenario) -> Robot:
 def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem], list[Problem]]:
     """Robot with the scenario's changes; errors in the robot's file and in these changes; other errors in the scenario: unknown
     names, invalid values, impossible references. The robot is None if it has no moving joint or cannot be read. Checks that
-    depend on an invalid value are skipped.
+    depend on an invalid value are skipped. The lines of the problems are missing: `Scenario.placed` adds them.
 
     robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
     """
     if robot is None or not robot.moving_joints:
-        own = [scenario.placed(problem) for problem in signal_faults(scenario)]
-        return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], own
-    if not scenario.unread and (wrong := [*_fields(scenario)]):
-        return None, [*robot.faults], wrong
+        return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], [*signal_faults(scenario)]
     changed, faults = changed_robot(scenario, robot)
     errors: list[Problem] = []
     # Only actuators with a known mode can be checked.
@@ -69,7 +59,7 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
     unread = {key for key, *_ in scenario.unread}
     for needed, check in CHECKS:
         if not unread.intersection(needed):
-            errors += (scenario.placed(problem) for problem in check(scenario, driven))
+            errors += check(scenario, driven)
     return changed, [*robot.faults, *faults], errors
 
 
@@ -88,18 +78,14 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
     """
     changed, problems = changed_robot(scenario, robot)
     if problems:
-        raise ScenarioError(problems)
+        raise ScenarioError(list(map(scenario.placed, problems)))
     return changed
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the valid changes of the scenario, and the problems of the other changes."""
+    """Robot with the valid changes of the scenario, and the problems of the other changes, still without their lines."""
     given = scenario.actuators
-    own = {joint: one.parameters for joint, one in given.items() if one.parameters}
-    looped, wrong = _with_loops(scenario, robot)
-    changed, problems = mounted(looped, {joint: (one.type, one.mode) for joint, one in given.items()}, own)
-    problems += wrong
-    unread = set(changed.unread)
+    unread = set[str]()
     parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
     for section, *rest in scenario.unread:
         if section == "parameters" and len(rest) == 2:
@@ -107,14 +93,17 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
         elif section in ("actuators", "modes", "parameters"):
             joint = rest[0] if rest else "*"
             unread |= {one.name for one in robot.moving_joints} if joint == "*" else {joint}
-    changed, faults = overridden(replace(changed, unread=frozenset(unread)), scenario.modes, parameters)
-    problems += faults
-    for fault in block_faults(changed, robot):
-        section, _, joint = (fault.key or "").partition(".")
-        table = {"modes": scenario.modes, "parameters": parameters}.get(section, {})
-        set_there = fault.file is not None or joint in table or "*" in table
-        problems.append(fault if set_there else replace(fault, key=f"actuators.{joint}"))
-    changed = with_rotors(changed, scenario.armature)
+    looped, wrong = _with_loops(scenario, robot)
+    changed, problems = equipped(
+        looped,
+        {joint: (one.type, one.mode) for joint, one in given.items()},
+        {joint: one.parameters for joint, one in given.items() if one.parameters},
+        modes=scenario.modes,
+        parameters=parameters,
+        armature=scenario.armature,
+        unread=unread,
+    )
+    problems += wrong
     if scenario.weightless:
         off = scenario.weightless
         links = tuple(replace(link, gravity=link.gravity and link.name not in off) for link in changed.links)
@@ -126,7 +115,7 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
     if scenario.namespace is not None:
         blocks = tuple(replace(block, namespace=scenario.namespace) for block in changed.actuators)
         changed = replace(changed, actuators=blocks)
-    return changed, [scenario.placed(problem) for problem in problems]
+    return changed, problems
 
 
 def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
@@ -155,22 +144,6 @@ def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
     joints = tuple(replace(joint, start=stated_start(scenario, joint)) if joint.moves else joint for joint in robot.joints)
     stated = [joint.name for joint in robot.moving_joints if joint.name in scenario.initial_positions]
     return assembly_of(replace(robot, joints=joints), stated)
-
-
-def _fields(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: numbers, vectors and choices that are invalid in a file, but that code can set by `dataclasses.replace`."""
-    reading = DocumentReading()
-    keys = {field.name: field.metadata["key"] for field in fields(Scenario) if field.name in PLAIN_FIELDS}
-    for name, key in keys.items():
-        kind = Integer(minimum=1) if name == "log_every" else key.kind
-        attempt(kind, node_from_data(getattr(scenario, name)), (key.name or name,), reading)
-    yield from reading.problems
-    for joint, own in scenario.parameters.items():
-        for name, value in own.items():
-            if not isinstance(value, int | float | np.number):
-                yield Problem("must be a number", key=f"parameters.{joint}.{name}", value=value, code="type")
-    if not reading.problems:
-        yield from contradictions({**vars(scenario), "log_every": None})
 
 
 def nothing_moves(robot: Robot) -> Problem:

@@ -282,6 +282,8 @@ class Scenario:
     """This variant with overrides as plain JSON values; parsing them gives this scenario."""
     unread: tuple[KeyPath, ...] = ()
     """Paths of the invalid keys that `read_scenarios` left out."""
+    named: tuple[tuple[KeyPath, str, str], ...] = field(default=(), compare=False, repr=False)
+    """Names in the file: path, name, and noun, such as `joint` or `link`; `*` stands for all joints."""
     as_read: Scenario | None = field(default=None, compare=False, repr=False)
     """The scenario without the changes that code has made since it was read; None for a scenario that was not read."""
     states_engine: bool = field(default=False, compare=False, repr=False)
@@ -296,6 +298,12 @@ class Scenario:
     def ranges_of(self, joint: str) -> dict[str, tuple[float, float]]:
         """Declared ranges of a joint's references by name. Entries for the joint take precedence."""
         return {**self.reference_ranges.get("*", {}), **self.reference_ranges.get(joint, {})}
+
+    def computes_reference(self, joint: str) -> bool:
+        """Whether a Cartesian task or iterative learning computes the joint's reference."""
+        if any(joint in trajectory or "*" in trajectory for trajectory in self.trajectories.values()):
+            return True
+        return self.task is not None and (not self.task.joints or joint in self.task.joints)
 
     def placed(self, problem: Problem) -> Problem:
         """Problem with the file and line of its key, or of the nearest parent key, unless it already states a file."""

@@ -19,7 +19,7 @@ from asrsim.robot.mounting import reference_names
 from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
-from asrsim.scenario.signal_checks import ROUNDING, extremes, over_run, reference_key, signals_of, wanted_positions
+from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
 
 STRONGEST = 30.0
@@ -191,6 +191,15 @@ def _sudden_turns(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=key, value=f"{jump:g} rad", hint=hint, code="reference-turns")
 
 
+def _hidden_jumps(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    for key, signal in signals_of(scenario):
+        time = hidden_jump(scenario, signal)
+        if time is not None:
+            message = "jumps where its `jumps` names no jump: errors of the run are of first order in the step there"
+            hint = "Return the times of jumps from `jumps(start, end)` of the signal's class"
+            yield Problem(message, key=key, value=f"{time:.9g} s", hint=hint, code="hidden-jump")
+
+
 def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Warnings: references without effect, and missing references."""
     common = scenario.references.get("*", {})
@@ -201,16 +210,9 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             message = f"has no effect: an actuator of type {block.actuator} has no second reference"
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
-            if name not in own and name not in common and not made_elsewhere(scenario, block.joint):
+            if name not in own and name not in common and not scenario.computes_reference(block.joint):
                 message = f"joint '{block.joint}' has no {name}, so this reference stays at its start"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
-
-
-def made_elsewhere(scenario: Scenario, joint: str) -> bool:
-    """Whether a Cartesian task or iterative learning computes the joint's reference."""
-    if any(joint in trajectory or "*" in trajectory for trajectory in scenario.trajectories.values()):
-        return True
-    return scenario.task is not None and (not scenario.task.joints or joint in scenario.task.joints)
 
 
 # -- no effect ---------------------------------------------------------------------------------------------------------
@@ -265,6 +267,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _late,
     _beyond_limits,
     _sudden_turns,
+    _hidden_jumps,
     _missing_references,
     _contact_words,
     _released,

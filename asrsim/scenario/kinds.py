@@ -9,6 +9,7 @@ from asrsim.document.kinds import (
     Kind,
     ListOf,
     MapOf,
+    Name,
     Schema,
     Text,
 )
@@ -24,8 +25,8 @@ Keys = dict[str, Any]
 POSITION = ListOf(of=NUMBER, names=("x", "y", "z"))
 RPY = ListOf(of=NUMBER, names=("roll", "pitch", "yaw"))
 SIGNALS_BY_JOINT = MapOf(of=SIGNAL)
-JOINT = Text(text="name of a joint")
-LINK = Text(text="name of a link")
+JOINT = Name(text="name of a joint", noun="joint")
+LINK = Name(text="name of a link", noun="link")
 ORIGIN = (0.0, 0.0, 0.0)
 """Default of positions (m) and orientations (rad)."""
 

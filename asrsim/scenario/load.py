@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from asrsim.document.file import read_document
+from asrsim.document.kinds import Integer, attempt
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading
 from asrsim.errors import Problem, ScenarioError
@@ -63,7 +66,8 @@ def read_scenarios(
     plugins: Sequence[str | Path] = (),
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:
     """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A scenario object counts as
-    its only variant. The plugin files become attachments, so that the log of a run contains them.
+    its only variant; values that code has set are checked like those of a file. The plugin files become attachments, so that
+    the log of a run contains them.
 
     Raises ScenarioError if the file is not a mapping, or lacks the variant; also if a scenario object comes with overrides,
     another variant or another robot file.
@@ -75,7 +79,8 @@ def read_scenarios(
         message = "overrides, variant and robot file are valid with a scenario file only"
         raise ScenarioError(message, hint="Pass them to asrsim.load_scenario", code="usage")
     else:
-        found, problems = (scenario,), []
+        valid, problems = without_invalid(scenario)
+        found = (valid,)
     files = {f"{PLUGINS}{number}/{Path(file).name}": Path(file) for number, file in enumerate(one_or_more(plugins))}
     return tuple(replace(one, attachments={**one.attachments, **files}) if files else one for one in found), problems
 
@@ -193,6 +198,11 @@ def distinct(problems: Iterable[Problem]) -> list[Problem]:
 
 MAX_STEPS = 10**10
 """Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
+PLAIN_FIELDS = (
+    "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
+    "engine", "stepping", "substeps", "motor_substeps", "max_substeps", "compiled", "velocity_cutoff",
+)  # fmt: skip
+"""Fields of the scenario with the values of the file's keys, unchanged: numbers, vectors and choices."""
 _ROUNDING = 1e-9
 """Largest relative error of a ratio that counts as a whole number, since decimal numbers are rounded."""
 
@@ -230,11 +240,39 @@ def build_scenario(
         text=text,
         attachments=dict(reading.attachments),
         unread=tuple(reading.unread),
+        named=tuple(reading.named),
         lines=lines,
         states_engine=stated,
     )
     reading.problems += map(scenario.placed, wrong)
     return replace(scenario, as_read=scenario)
+
+
+def without_invalid(scenario: Scenario) -> tuple[Scenario, list[Problem]]:
+    """The scenario without the invalid values that code has set by `dataclasses.replace`, and the problems of these values.
+    Values that are still those of a file were checked when the file was read.
+    """
+    reading, before, kept = DocumentReading(), scenario.as_read, dict[str, Any]()
+    for field in fields(Scenario):
+        value = getattr(scenario, field.name)
+        if field.name in PLAIN_FIELDS and (before is None or value is not getattr(before, field.name)):
+            key = field.metadata["key"]
+            kind = Integer(minimum=1) if field.name == "log_every" else key.kind
+            if attempt(kind, node_from_data(value), (key.name or field.name,), reading) is None:
+                default = 1.0 if key.required else key.default
+                kept[field.name] = default if before is None else getattr(before, field.name)
+    parameters = {joint: dict(own) for joint, own in scenario.parameters.items()}
+    for joint, own in scenario.parameters.items():
+        for name, value in own.items():
+            if not isinstance(value, int | float | np.number):
+                reading.problems.append(Problem("must be a number", key=f"parameters.{joint}.{name}", value=value, code="type"))
+                reading.unread.append(("parameters", joint, name))
+                del parameters[joint][name]
+    problems = reading.problems
+    if reading.unread:
+        scenario = replace(scenario, **kept, parameters=parameters, unread=(*scenario.unread, *reading.unread))
+    problems += contradictions({**vars(scenario), "log_every": None}, {key for key, *_ in scenario.unread})
+    return scenario, list(map(scenario.placed, problems))
 
 
 def _plain(data: Any) -> Any:

@@ -5,14 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from asrsim.document.kinds import MapOf, walk
-from asrsim.document.node import node_from_data
-from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
 from asrsim.robot import Robot
 from asrsim.robot.mounting import reference_names
-from asrsim.scenario.data import SCENARIO, Scenario
-from asrsim.scenario.kinds import JOINT, LINK
+from asrsim.scenario.data import Scenario
 
 MOVING = ("initial", "armature", "external_torques", "desired", "motion", "reference_ranges", "expect")
 """Keys that apply to all moving joints; other keys apply to joints with an actuator."""
@@ -41,7 +37,13 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
-    found = [*_names(scenario), *((("manager",), name, "joint") for name in scenario.joint_order)]
+    # Only keys of mappings have lines: entries of lists are reported at their list.
+    found = [
+        (path[:-1] if path[-1].isdecimal() and path[-1] != name else path, name, noun)
+        for path, name, noun in scenario.named
+        if noun in ("joint", "link")
+    ]
+    found += ((("manager",), name, "joint") for name in scenario.joint_order)
     for field, key in TABLES.items():
         found += (((key, name), name, "joint") for name in getattr(scenario, field))
     for path, name, noun in dict.fromkeys(found):
@@ -51,16 +53,6 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             kind = "" if noun == "link" else "moving " if all_moving else "actuated "
             message = f"the robot has no {kind}{noun} '{name}'"
             yield Problem(message, key=".".join(path), choices=known, meant=name, code=f"unknown-{noun}")
-
-
-def _names(scenario: Scenario) -> Iterator[tuple[KeyPath, str, str]]:
-    """Tuple (path, name, `joint` or `link`) for every name of a joint or link in the scenario."""
-    for path, kind, node in walk(SCENARIO, node_from_data(scenario.resolved)):
-        if isinstance(kind, MapOf) and kind.noun == "joint" and kind.fits(node):
-            yield from (((*path, name), name, "joint") for name, _ in node.items())
-        elif kind in (JOINT, LINK) and node.value is not None:
-            # Only keys of mappings have lines; entries of lists are reported at their list.
-            yield path if not path[-1].isdecimal() else path[:-1], str(node.value), "joint" if kind == JOINT else "link"
 
 
 def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
@@ -88,8 +80,8 @@ def shadowed(parts: Sequence[str], scenario: Scenario, robot: Robot) -> bool:
 
 def shadowed_entries(scenario: Scenario, robot: Robot) -> Iterator[str]:
     """Keys of the entries for all joints without effect."""
-    for path, name, _ in _names(scenario):
-        if name == "*" and path[0] not in ("actuators", "expect", "ilc", "task"):
+    for path, name, noun in scenario.named:
+        if name == "*" and noun == "joint" and path[0] not in ("actuators", "expect", "ilc", "task"):
             inner = [(*path, name) for name in _table(scenario, path)] if path[0] in BY_NAME else [path]
             yield from (".".join(one) for one in inner if shadowed(one, scenario, robot))
 

@@ -14,7 +14,8 @@ from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import condense, gear_between
 from asrsim.robot import ActuatorBlock, Robot
-from asrsim.robot.mounting import overridden, reference_names
+from asrsim.robot.mounting import reference_names
+from asrsim.robot.values import overridden
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""

@@ -22,6 +22,8 @@ ROUNDING = 1e-9
 """Relative rounding error of a signal's values."""
 GOLDEN_RATIO = 0.5 * (1.0 + math.sqrt(5.0))
 """Its multiples modulo 1 fill the interval from 0 to 1 evenly."""
+SLACK = 2e-9
+"""Distance in s between the time of a jump that a signal states and the jump of its values, from rounding."""
 MOST_JUMPS = 100
 """Largest number of jumps per step."""
 
@@ -47,7 +49,7 @@ def wanted_positions(scenario: Scenario) -> dict[str, Mapping[str, Signal]]:
 def over_run(scenario: Scenario, signal: Signal) -> tuple[Array, Array]:
     """Ascending times of the run, including the signal's jumps, and the signal's values at these times."""
     end = scenario.duration
-    time = np.sort(np.concatenate([np.linspace(0.0, end, POINTS + 1), signal.jumps(0.0, end)]))
+    time = np.sort(np.append(np.linspace(0.0, end, POINTS + 1), signal.jumps(0.0, end)))
     return time, signal.values(time)
 
 
@@ -83,6 +85,31 @@ def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
             message = f"changes faster than the substeps of {length:g} s sample it: the robot follows a slower motion"
             hint = "Lower the frequency or the step"
             yield scenario.placed(Problem(message, key=key, hint=hint, code="undersampled"))
+
+
+def hidden_jump(scenario: Scenario, signal: Signal) -> float | None:
+    """A time in s at which a signal jumps although its `jumps` does not say so; None if there is none.
+
+    Between the two of `POINTS` times between which the signal changes most, the change is enclosed by bisection: if most of it
+    remains within the rounding of the time, it is a jump.
+    """
+    time = np.linspace(0.0, scenario.duration, POINTS + 1)
+    values, stated = signal.values(time), signal.jumps(0.0, scenario.duration)
+    change = np.abs(np.diff(values))
+    near = np.searchsorted(stated, time[:-1] - SLACK) < np.searchsorted(stated, time[1:] + SLACK, side="right")
+    change[near] = 0.0
+    cell = int(np.argmax(change))
+    least = 0.5 * float(change[cell])
+    if not least > ROUNDING * float(np.abs(values).max()):
+        return None
+    low, high = time[cell], time[cell + 1]
+    while high - low > 4.0 * np.spacing(high):
+        middle = 0.5 * (low + high)
+        early, late = np.abs(np.diff(signal.values(np.array([low, middle, high]))))
+        if max(early, late) <= least:
+            return None
+        low, high = (low, middle) if early > late else (middle, high)
+    return float(high)
 
 
 def not_a_number(signal: Signal) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from asrsim.robot.model import Joint, Robot
@@ -20,9 +22,8 @@ def start_positions(scenario: Scenario, robot: Robot) -> dict[str, float]:
     return dict(zip((joint.name for joint in moving), stated.tolist(), strict=True))
 
 
-def start_velocities(scenario: Scenario, robot: Robot) -> dict[str, float]:
-    """Start velocity of each moving joint, rad/s or m/s."""
-    positions = start_positions(scenario, robot)
+def start_velocities(scenario: Scenario, robot: Robot, positions: Mapping[str, float]) -> dict[str, float]:
+    """Start velocity of each moving joint, rad/s or m/s. positions: result of `start_positions`."""
     names, places = list(positions), np.array([*positions.values()])
     rates = robot.couplings.expand_rates([float(for_joint(scenario.initial_velocities, name, 0.0)) for name in names], places)
     return dict(zip(names, rates.tolist(), strict=True))

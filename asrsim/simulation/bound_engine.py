@@ -9,6 +9,7 @@ from typing import Any
 from weakref import ref
 
 import numpy as np
+from numpy.typing import NDArray
 
 from asrsim.engines.base import VELOCITY, Engine, Native, NativeRecord
 from asrsim.samples import Array
@@ -138,21 +139,27 @@ class NativeEngine(BoundEngine):
         self.engine, self._native, self.states, self._strides = engine, native, states, strides
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
-        self._calls: list[EngineCall] = []
+        # Made here, before there are threads: the first records may be those of the engine itself.
+        self._calls = [self._new_call(1, self._new_records())]
         """Calls that are free for the next thread."""
 
     def borrow(self, pieces: int) -> EngineCall:
         """Arguments of the engine for one call of the kernel; parallel threads get separate arguments."""
-        call = self._calls.pop() if self._calls else None
-        if call is not None and len(call.exchange) >= pieces:
-            return call
-        if call is None:
-            made = [self._native.make_record(stride) for stride in self._strides]
-            self._records += made
-            addresses = np.array([record.address for record in made], dtype=np.int64)
-        else:
-            addresses = call.records
-        return EngineCall(self._native.address, addresses, np.zeros((pieces, len(self.engine.joints), 6)))
+        try:
+            call = self._calls.pop()
+        except IndexError:
+            return self._new_call(pieces, self._new_records())
+        return call if len(call.exchange) >= pieces else self._new_call(pieces, call.records)
+
+    def _new_call(self, pieces: int, records: NDArray[np.int64]) -> EngineCall:
+        """Arguments with these addresses of records."""
+        return EngineCall(self._native.address, records, np.zeros((pieces, len(self.engine.joints), 6)))
+
+    def _new_records(self) -> NDArray[np.int64]:
+        """Addresses of new records, one for each stride."""
+        made = [self._native.make_record(stride) for stride in self._strides]
+        self._records += made
+        return np.array([record.address for record in made], dtype=np.int64)
 
     def give_back(self, call: EngineCall) -> None:
         """End a call of the kernel."""

@@ -105,8 +105,8 @@ class Core:
         self._own: dict[int, BoundEngine] = {}
         """Separate engines, by number of the world that has used one."""
         self._shared = self._bound(engine, prepared)
-        self._inertials = prepared.robot.inertials
-        """Inertials of the shared engine."""
+        self._shared_inertials = prepared.robot.inertials
+        """Inertials of the links in the shared engine."""
         self._engines = [self._shared] * worlds
         """Engine of each world."""
 
@@ -194,18 +194,20 @@ class Core:
         self.P[world] = constants_table(prepared, self.shape)
         self._plain_links.pop(world, None)
         self._engines[world] = self._shared
-        if not self._varied_alone(prepared) and prepared.robot.inertials != self._inertials:
+        if not self._fits_shared(prepared):
             own = self._own.get(world)
             if own is None or not own.engine.vary(prepared.robot):
                 own = self._bound(prepared.make_engine(), prepared)
                 finalize(own, own.engine.close)
             self._own[world] = self._engines[world] = own
 
-    def _varied_alone(self, prepared: Prepared) -> bool:
-        """Whether the shared engine has taken other inertials: only one world uses it, and it can do so."""
+    def _fits_shared(self, prepared: Prepared) -> bool:
+        """Whether the shared engine has these inertials. An engine of a single world takes them, if it can."""
+        if prepared.robot.inertials == self._shared_inertials:
+            return True
         if len(self._engines) > 1 or not self._shared.engine.vary(prepared.robot):
             return False
-        self._inertials = prepared.robot.inertials
+        self._shared_inertials = prepared.robot.inertials
         return True
 
     # -- state ------------------------------------------------------------------------------------------------------
@@ -251,7 +253,7 @@ class Core:
         self._plain_links.pop(world, None)
         self._engines[world] = bound
         if bound is self._shared:
-            self._varied_alone(prepared)
+            self._fits_shared(prepared)
         else:
             self._own[world] = bound
             bound.engine.vary(prepared.robot)

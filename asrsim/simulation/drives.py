@@ -167,7 +167,8 @@ class SteppedJoint:
 def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:
     """All moving joints of `robot` with their drives and the scenario's start, in the order of the robot."""
     blocks = {block.joint: block for block in robot.actuators}
-    positions, velocities = start_positions(scenario, robot), start_velocities(scenario, robot)
+    positions = start_positions(scenario, robot)
+    velocities = start_velocities(scenario, robot, positions)
     drives = []
     for joint in robot.moving_joints:
         block = blocks.get(joint.name)

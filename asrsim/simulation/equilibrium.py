@@ -15,7 +15,7 @@ from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
-from asrsim.statics.balance import BALANCED, balanced, by_differences
+from asrsim.statics.balance import BALANCED, balanced, by_differences, springs_by_differences
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
@@ -52,14 +52,15 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
         torques[0].T[own] = link_torques([drives[j] for j in own], positions[0].T[own], [goals[j] for j in own])
         return couplings.fold(torques, positions)
 
-    found, left = balanced(by_differences(lambda positions: -load(positions), movable), springs, q[None], low, high, movable)
+    loads = by_differences(lambda positions: -load(positions), movable)
+    found, left = balanced(loads, springs_by_differences(springs), q[None], low, high, movable)
     q = couplings.expand(found[0])
     if not np.abs(left).max(initial=0.0) < 1e3 * BALANCED:
         worst = drives[int(np.abs(left[0]).argmax())].name
         message = f"joint '{worst}' has no equilibrium: neither spring, controller nor stop carries its load"
         raise ScenarioError(message, key="initial", hint="Give initial positions instead", code="no-equilibrium")
-    loads = load(q).tolist()
-    return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, loads, strict=True))
+    carried = load(q).tolist()
+    return tuple(_resting(*joint) for joint in zip(drives, q.tolist(), goals, carried, strict=True))
 
 
 def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:

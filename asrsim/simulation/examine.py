@@ -192,14 +192,12 @@ def findings(
     not hold, which takes some time.
     """
     robot, faults, errors = misfits(scenario, source)
-    if source is None or robot is None:
-        return None, (*faults, *errors, *_wrong_claims(scenario)), () if source is None else warnings_of(source)
-    stepping, known = stepping_called(scenario.stepping), not faults and not any(key in DRIVING for key, *_ in scenario.unread)
-    drives = make_drives(robot, stepping, scenario) if known else ()
+    known = robot is not None and not faults and not any(key in DRIVING for key, *_ in scenario.unread)
+    drives = make_drives(robot, stepping_called(scenario.stepping), scenario) if robot is not None and known else ()
     joints = described(scenario, drives)
-    errors = [*faults, *errors, *_wrong_claims(scenario, joints)]
-    if errors or scenario.unread:
-        return None, tuple(errors), warnings_of(source)
+    errors = [*map(scenario.placed, (*faults, *errors)), *_wrong_claims(scenario, joints)]
+    if errors or source is None or robot is None or scenario.unread:
+        return None, tuple(errors), () if source is None else warnings_of(source)
     model = model_of(scenario, robot)
     warnings = (
         *map(scenario.placed, warnings_of(robot)),
@@ -211,7 +209,7 @@ def findings(
         scenario=scenario,
         source=source,
         robot=robot,
-        stepping=stepping,
+        stepping=stepping_called(scenario.stepping),
         drives=drives,
         joints=joints,
         model=model,

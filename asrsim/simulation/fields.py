@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
-from asrsim.actuators.stages import Stage
+from asrsim.actuators.stages import Kick, Stage
 from asrsim.records import columns, constant, filled, numbers, record, several, value
 
 
@@ -65,6 +65,8 @@ class MotorState:
     parallel: float = value("part of `pull` that stages parallel to the spring cause", "N m")
     kick_parallel: float = value("torque of the stages parallel to the spring at the kick", "N m")
     last_kick_parallel: float = value("torque of the stages parallel to the spring at the previous kick", "N m")
+    ground: float = value("torque of the stages between motor and ground", "N m")
+    kick: Kick = record(Kick, "what the stages see of the kick")
     limit: float = value("largest torque of the motor, for joints with stages", "N m")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
     read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")

@@ -1,4 +1,4 @@
-"""Check that every motion of the joints moves some inertia."""
+"""Mass matrix at the start, in which every motion of the joints must move some inertia."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ import numpy as np
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.massless import SINGULAR
+from asrsim.samples import Array
 from asrsim.simulation.drives import SteppedJoint
 
 
-def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
-    """Raise RobotError if a motion moves no inertia at the start: a joint with a point mass on its axis, or two joints on one
-    axis without mass between them.
+def masses_at_start(drives: Sequence[SteppedJoint], model: RobotModel) -> Array:
+    """Mass matrix (n, n) in kg m^2 (kg) at the start positions.
+
+    Raises RobotError if a motion moves no inertia there: a joint with a point mass on its axis, or two joints on one axis
+    without mass between them.
     """
     mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
@@ -40,3 +43,4 @@ def check_inertia(drives: Sequence[SteppedJoint], model: RobotModel) -> None:
             hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
             code="massless-motion",
         )
+    return mass

@@ -220,7 +220,8 @@ def _advance_springs(
             if i < dynamic:
                 drive = drive_of(link, i)
                 most = motor.limit if kind.stages else drive.limit
-                _kick(motor, drive, scheme, u[GOALS + i], most, step, before, now)
+                held = motor.pull + motor.ground if kind.stages else motor.pull
+                _kick(motor, drive, scheme, u[GOALS + i], held, most, step, before, now)
             if now:
                 motor.load, motor.kick_position = motor.pull, motor.theta
         if kind.stages:
@@ -233,18 +234,19 @@ def _between(value: float, low: float, high: float) -> float:
 
 
 def _kick(
-    motor: MotorState, drive: MotorConstants, scheme: Scheme, goal: float, most: float, step: float, before: float, noted: bool
-) -> None:
-    """Compute the kick of a motor and the drift that follows, and add the work of each torque on the motor. most: largest
-    torque of the motor, N m.
+    motor: MotorState, drive: MotorConstants, scheme: Scheme, goal: float, held: float, most: float, step: float, before: float,
+    noted: bool,
+) -> None:  # fmt: skip
+    """Compute the kick of a motor and the drift that follows, and add the work of each torque on the motor. held: torque of
+    spring and stages against the motor, N m; most: largest torque of the motor, N m.
 
     The torques act for half a step with the velocity before the kick, and for half a step with the velocity after the kick.
     """
-    x, speed, load, pushed = motor.theta, motor.velocity, motor.pull, motor.read_push
+    x, speed, pushed = motor.theta, motor.velocity, motor.read_push
     slowest, fastest = velocity_bounds(x, drive.low, drive.high, drive.most, step)
     velocity, mean, anchor, integral, torque, friction = motor_kick(
         x, speed, motor.anchor, motor.integral + pushed, goal - motor.read_error,
-        load, slowest, fastest, most, step, scheme.implicitness, drive,
+        held, motor.pull, slowest, fastest, most, step, scheme.implicitness, drive,
     )  # fmt: skip
     motor.position = _between(x + (step - before) * velocity, drive.low, drive.high)
     motor.velocity, motor.last_velocity, motor.anchor, motor.integral = velocity, speed, anchor, integral - pushed
@@ -252,7 +254,7 @@ def _kick(
         motor.at_limit = 2.0
     resistance = friction + drive.damping * (speed + scheme.implicitness * (velocity - speed))
     work, way = motor.work, 0.5 * step * speed
-    driven, lost, sprung = work.drive + torque * way, work.loss + resistance * way, work.spring + load * way
+    driven, lost, sprung = work.drive + torque * way, work.loss + resistance * way, work.spring + held * way
     if noted:
         row = motor.row_work
         row.drive, row.loss, row.spring = driven, lost, sprung
@@ -263,7 +265,7 @@ def _kick(
             motor.current = torque / constant
             motor.voltage = drive.resistance * motor.current + constant * mean
     way = 0.5 * step * velocity
-    work.drive, work.loss, work.spring = driven + torque * way, lost + resistance * way, sprung + load * way
+    work.drive, work.loss, work.spring = driven + torque * way, lost + resistance * way, sprung + held * way
 
 
 def limit(joint: JointState, link: JointConstants, v: float) -> float:

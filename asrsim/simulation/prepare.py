@@ -19,7 +19,7 @@ from asrsim.simulation.drives import ranges_of, with_sensors
 from asrsim.simulation.engine import WARP, make_engine
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan, examine
-from asrsim.simulation.inertia import check_inertia
+from asrsim.simulation.inertia import masses_at_start
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import resolution_of
@@ -91,11 +91,11 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
         from asrsim.kinematics import plan_references
 
         planned = plan_references(planned, plan.robot)
-    model = plan.model
+    model, masses = plan.model, None
     if model is not None:
         if planned.initial_equilibrium:
             drives = at_equilibrium(planned, drives, model)
-        check_inertia(drives, model)
+        masses = masses_at_start(drives, model)
     resolution = resolution_of(planned, drives, model)
     drives = with_sensors(drives, planned, planned.step / resolution.substeps)
     engine, engine_warnings = make_engine(planned, plan.robot)
@@ -117,7 +117,7 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
             *plan.warnings,
             *engine_warnings,
             *undersampled(planned, resolution.substeps),
-            *resonance_doubts(planned, drives, model, resolution),
+            *resonance_doubts(planned, drives, masses, resolution),
         ),
         _spare=[engine],
     )

@@ -20,7 +20,7 @@ from asrsim.simulation.drives import DELAYS, EXTERNAL_TORQUE, SteppedJoint, make
 from asrsim.simulation.engine import make_engine
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan
-from asrsim.simulation.inertia import check_inertia
+from asrsim.simulation.inertia import masses_at_start
 from asrsim.simulation.inputs import sampled_signals
 from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.start import Numbers, Signals, Start, started_joints
@@ -180,7 +180,7 @@ class Prepared:
             if inertials == robot.inertials:
                 return known
         varied = model.varied(robot)
-        check_inertia(drives, varied)
+        masses_at_start(drives, varied)
         self._latest[:] = [(robot.inertials, varied)]
         return varied
 

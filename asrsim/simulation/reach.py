@@ -123,8 +123,8 @@ class _Springs:
 
     def torque(self, deflection: Array) -> Array:
         """Largest torque in N m of a spring that is deflected in one direction or the other."""
-        fixed = np.zeros_like(deflection)
-        one, other = (self.largest(self._torques, fixed, [theta] * self._motors) for theta in (deflection, -deflection))
+        both = np.hstack([deflection, -deflection])
+        one, other = np.hsplit(self.largest(self._torques, np.zeros_like(both), [both] * self._motors), 2)
         return np.maximum(one, other)
 
 

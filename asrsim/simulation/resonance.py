@@ -13,7 +13,6 @@ import numpy as np
 
 from asrsim.errors import Problem, counted
 from asrsim.registry.steppings import stepping_called
-from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.simulation.drives import SteppedJoint
@@ -26,13 +25,16 @@ AIM = 0.02
 
 
 def resonance_doubts(
-    scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, resolution: Resolution
+    scenario: Scenario, drives: Sequence[SteppedJoint], masses: Array | None, resolution: Resolution
 ) -> Iterator[Problem]:
-    """Warning about the resonance with the largest error, if this error is above `TOLERATED`. Friction is neglected."""
-    if model is None or stepping_called(scenario.stepping).order < 2 or not any(resolution.stiffness):
+    """Warning about the resonance with the largest error, if this error is above `TOLERATED`. Friction is neglected.
+
+    masses: mass matrix (n, n) at the start; None if the engine prescribes the motion of the links.
+    """
+    if masses is None or stepping_called(scenario.stepping).order < 2 or not any(resolution.stiffness):
         return
     h = scenario.step / resolution.substeps
-    matrix, names = _system(drives, model, resolution.stiffness)
+    matrix, names = _system(drives, masses, resolution.stiffness)
     values = np.linalg.eigvals(matrix)
     rates, frequencies = np.maximum(-values.real, 0.0), np.abs(values.imag)
     with np.errstate(divide="ignore"):
@@ -55,7 +57,7 @@ def resonance_doubts(
     yield Problem(message, key=names[int(np.argmax(share))], hint=hint, code="resonance")
 
 
-def _system(drives: Sequence[SteppedJoint], model: RobotModel, stiffness: Sequence[float]) -> tuple[Array, list[str]]:
+def _system(drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[float]) -> tuple[Array, list[str]]:
     """Matrix of the linear system of positions and velocities of links and motors at the start, and the joints' names.
 
     Each motor of a joint has an equal part of the joint's stiffness.
@@ -63,7 +65,7 @@ def _system(drives: Sequence[SteppedJoint], model: RobotModel, stiffness: Sequen
     motors = [(j, i) for j, drive in enumerate(drives) if drive.mode and drive.mode.spring for i in range(drive.dynamic_motors)]
     n, size = len(drives), len(drives) + len(motors)
     mass, spring, damping = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
-    mass[:n, :n] = model.mass_matrix([drive.initial_position for drive in drives])
+    mass[:n, :n] = masses
     for j, (drive, k) in enumerate(zip(drives, stiffness, strict=True)):
         spring[j, j], damping[j, j] = k + max(drive.joint.spring_stiffness, 0.0), link_damping(drive, k)
     for row, (j, i) in enumerate(motors, start=n):

@@ -80,8 +80,8 @@ def simulate(
     """
     prepared = prepare(scenario, robot)
     # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
-    # the memory is needed again. After a block of this size has been freed once, the library keeps such blocks.
-    np.empty(1 << 21)
+    # the memory is needed again. After a block just below 32 MB, its largest limit, has been freed once, it keeps such blocks.
+    np.empty((1 << 22) - (1 << 10))
     # Live runs of unknown length choose the loop for a long run; a repetition must use the same loop.
     steps = prepared.scenario.steps * alike if duration is None else 10**6
     expected = steps * prepared.resolution.substeps

@@ -82,7 +82,7 @@ class Composed(NamedTuple):
     place: Callable[..., None] | None
     """place(joint, link, kind, q): set the `end` of each motor, for a link at q rad; None without a stage in series."""
     add: Callable[..., None]
-    """add(joint, link, kind, q): add the torques of the stages to the `pull` of each motor, and set its `limit`."""
+    """add(joint, link, kind, q): add the torques of the stages to the `pull` of each motor; set its `ground` and `limit`."""
     remember: Callable[..., None]
     """remember(joint, link, kind): update the memories to the recorded kick."""
     store: Callable[..., None]
@@ -97,13 +97,15 @@ def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], 
     """
     order = list(STAGES.loaded())
     pairs = sorted(enumerate(stages), key=lambda pair: order.index(pair[1]))
-    place, pull, bound, keep, store, lose = _same, _nothing, _same, _no_memory, _no_energy, _no_energy
+    place, pull, hold, bound, keep, store, lose = _same, _nothing, _no_ground, _same, _no_memory, _no_energy, _no_energy
     for number, stage in pairs:
         at = access(number, stage)
         if stage.has("place"):
             place = _changed(stage.place, at.acts, at.own, at.memory, place)
         if stage.has("torque"):
             pull = _pulled(stage.torque, at.acts, at.own, at.memory, pull)
+        if stage.has("ground"):
+            hold = _held(stage.ground, at.acts, at.own, at.memory, hold)
         if stage.has("limit"):
             bound = _changed(stage.limit, at.acts, at.own, at.memory, bound)
         if stage.has("remember"):
@@ -113,7 +115,11 @@ def compose(stages: Sequence[type[Stage]], access: Callable[[int, type[Stage]], 
         if stage.has("loss"):
             lose = _lost(stage.loss, at, lose)
     return Composed(
-        _ends(place) if place is not _same else None, _adding(pull, bound), _remembering(keep), _storing(store), _losing(lose)
+        _ends(place) if place is not _same else None,
+        _adding(pull, hold, bound),
+        _remembering(keep),
+        _storing(store),
+        _losing(lose),
     )
 
 
@@ -125,9 +131,11 @@ def _nothing(joint: Any, link: Any, kind: Any, i: int, deflection: float, veloci
     return 0.0
 
 
-def _no_memory(
-    joint: Any, link: Any, kind: Any, i: int, deflection: float, velocity: float, torque: float, step: float
-) -> None:
+def _no_ground(joint: Any, link: Any, kind: Any, i: int, position: float, velocity: float, load: float) -> float:
+    return 0.0
+
+
+def _no_memory(joint: Any, link: Any, kind: Any, i: int, kick: Any) -> None:
     pass
 
 
@@ -157,11 +165,21 @@ def _pulled(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
     return pulled
 
 
-def _kept(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
-    def kept(joint: Any, link: Any, kind: Any, i: int, deflection: float, velocity: float, torque: float, step: float) -> None:
-        inner(joint, link, kind, i, deflection, velocity, torque, step)
+def _held(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
+    def held(joint: Any, link: Any, kind: Any, i: int, position: float, velocity: float, load: float) -> float:
+        found = inner(joint, link, kind, i, position, velocity, load)
         if acts(link, kind, i):
-            law(memory(joint, kind, i), own(link, kind, i), deflection, velocity, torque, step)
+            found += law(memory(joint, kind, i), own(link, kind, i), position, velocity, load)
+        return found  # type: ignore[no-any-return]
+
+    return held
+
+
+def _kept(law: Any, acts: Any, own: Any, memory: Any, inner: Any) -> Any:
+    def kept(joint: Any, link: Any, kind: Any, i: int, kick: Any) -> None:
+        inner(joint, link, kind, i, kick)
+        if acts(link, kind, i):
+            law(memory(joint, kind, i), own(link, kind, i), kick)
 
     return kept
 
@@ -204,7 +222,7 @@ def _ends(place: Any) -> Any:
     return ends
 
 
-def _adding(pull: Any, bound: Any) -> Any:
+def _adding(pull: Any, hold: Any, bound: Any) -> Any:
     def add(joint: JointState, link: JointConstants, kind: JointKind, q: float) -> None:
         for i in range(kind.springs):
             motor = motor_of(joint, i)
@@ -214,6 +232,9 @@ def _adding(pull: Any, bound: Any) -> Any:
                 motor.limit = bound(joint, link, kind, i, drive_of(link, i).limit)
             motor.parallel = pull(joint, link, kind, i, motor.theta - q, rate)
             motor.pull += motor.parallel
+            if i < kind.dynamic:
+                speed = motor.velocity + joint.kick_lead * motor.acceleration
+                motor.ground = hold(joint, link, kind, i, motor.theta, speed, motor.pull)
 
     return add
 
@@ -222,8 +243,12 @@ def _remembering(keep: Any) -> Any:
     def remember(joint: JointState, link: JointConstants, kind: JointKind) -> None:
         for i in range(kind.springs):
             motor = motor_of(joint, i)
-            rate = motor.mean_velocity - joint.velocity
-            keep(joint, link, kind, i, motor.kick_position - joint.position, rate, motor.torque, joint.kick_lead)
+            kick = motor.kick
+            kick.motor_position, kick.motor_velocity = motor.kick_position, motor.mean_velocity
+            kick.deflection = motor.kick_position - joint.position
+            kick.velocity = motor.mean_velocity - joint.velocity
+            kick.motor_torque, kick.elastic_torque, kick.step = motor.torque, motor.load, joint.kick_lead
+            keep(joint, link, kind, i, kick)
 
     return remember
 

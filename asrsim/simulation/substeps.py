@@ -114,7 +114,7 @@ def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
 
 
 def _bound(drive: SteppedJoint, law: str) -> float:
-    """Sum of the bounds of the joint's stages for all springs. law: `stiffness_bound` or `damping_bound`."""
+    """Sum of the bounds of the joint's stages for all springs. law: name of the bound, such as `stiffness_bound`."""
     total = 0.0
     for stage in drive.stages:
         for i in range(1, drive.motors + 1):
@@ -252,7 +252,9 @@ def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
     the largest rate in 1/s of a torque on the motors that acts explicitly (friction that decreases with speed, stages): its
     slope over the speed, divided by the inertia.
     """
-    own, frequency, growth, damping = drive.drive, 0.0, 0.0, _bound(drive, "damping_bound")
+    own, frequency, growth = drive.drive, 0.0, 0.0
+    damping = _bound(drive, "damping_bound") + _bound(drive, "ground_damping_bound")
+    stiffness += _bound(drive, "ground_stiffness_bound")
     for i, inertia in enumerate(own.motor_inertia if own else ()):
         motor = {
             name: drive.values[f"motor_{i + 1}_{name}"] for name in (*FRICTIONS, "friction_stiffness", "stribeck_velocity")

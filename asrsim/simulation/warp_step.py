@@ -104,6 +104,8 @@ def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgra
             laws.drive_of: _part(JointConstants, MotorConstants),
             laws.memory_of: _memory,
             laws.spring_law: _call_law,
+            # Steppings with a step of their own do not run on Warp.
+            laws.joint_step: _nothing,
             laws.inputs_of: _inputs,
             laws.put_load: _put_load,
             later: _later,
@@ -157,9 +159,6 @@ def _put_load(caller: Translation, given: list[Value]) -> Value:
 
 
 def _call_law(caller: Translation, given: list[Value]) -> Value:
-    # `call` is also the function by which other steppings advance a joint: they do not run on Warp.
-    if len(given) != 6:
-        return Value(None)
     which, joint, link, kind, q, task = given
     values = [which.text, *(text for row in (joint, link, kind) for text in row.arguments), q.text, number_as(task, INT).text]
     caller.line(f"spring_law({', '.join(values)})")

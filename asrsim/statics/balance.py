@@ -7,15 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.actuators.rest import FLAT, LONGEST, NUDGE
+
 Array = NDArray[np.float64]
 BALANCED = 1e-10
 """Largest residual torque of a joint at equilibrium, N m (N)."""
-NUDGE = 1e-6
-"""Step of the finite differences that give the stiffness, rad (m)."""
-LONGEST = 0.2
-"""Largest step of Newton's method in rad (m), limited since springs and gravity are strongly nonlinear."""
-FLAT = 1e-3
-"""Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 SHOVE = 1e-2
 """Displacement by which the search leaves an unstable equilibrium, rad (m)."""
 ROUNDS = 200
@@ -41,9 +37,24 @@ def by_differences(loads: Callable[[Array], Array], movable: NDArray[np.bool_]) 
     return sloped
 
 
+Springs = Callable[[Array], tuple[Array, Array]]
+"""Function from positions (m, n) to the torques of springs on the joints (m, n) in N m, and to their changes (m, n) per
+displacement of their joints. Each torque depends on the position of its own joint only."""
+
+
+def springs_by_differences(springs: Callable[[Array], Array]) -> Springs:
+    """Springs whose changes are finite differences. springs: function from positions (m, k, n) to torques (m, k, n)."""
+
+    def sloped(positions: Array) -> tuple[Array, Array]:
+        torques = springs(np.stack([positions, positions + NUDGE], axis=1))
+        return torques[:, 0], (torques[:, 1] - torques[:, 0]) / NUDGE
+
+    return sloped
+
+
 def balanced(
     loads: Loads,
-    springs: Callable[[Array], Array],
+    springs: Springs,
     start: Array,
     low: Array,
     high: Array,
@@ -57,18 +68,17 @@ def balanced(
     The remaining torques are nearly 0. They are NaN for a robot with infinite torques.
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
-    there. springs: function from positions (m, k, n) to the torques (m, k, n), N m, each of which depends on the position of
-    its own joint only. low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the
-    balance at which the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search
-    leaves an unstable equilibrium, rad (m).
+    there. low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at
+    which the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search leaves an
+    unstable equilibrium, rad (m).
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
     slopes = np.zeros((len(q), count, count))
     for _ in range(ROUNDS):
-        (values, changes), pulls = loads(q), springs(np.stack([q, q + NUDGE], axis=1))
-        left, own = values + pulls[:, 0], (pulls[:, 1:] - pulls[:, :1]) / NUDGE
-        slopes[:, movable] = (changes + own * np.eye(count))[:, movable]
+        (values, changes), (pulls, own) = loads(q), springs(q)
+        left = values + pulls
+        slopes[:, movable] = (changes + own[:, None] * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
         # A robot with infinite torques does not move.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]

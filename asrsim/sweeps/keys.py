@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from asrsim.actuators import ACTUATORS, MODES
+from asrsim.actuators import MODES
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.robot.model import Robot
-from asrsim.robot.tags import parameter_name
 from asrsim.robot.vary import names_of
 from asrsim.scenario.data import SCENARIO, Scenario, for_joint
 from asrsim.scenario.names import shadowed
@@ -152,7 +151,7 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
     owners = [name for name in dict.fromkeys((*joints, *links)) if fnmatchcase(name, parts[0])]
     if len(parts) == 2 and owners:
         driven = [name for name in owners if name in blocks]
-        having = [name for name in driven if parameter_name(ACTUATORS.get(blocks[name].actuator), parts[1]) is not None]
+        having = [name for name in driven if parts[1] in blocks[name].names]
         if having:
             return (), tuple(
                 f'parameters."{name}".{parts[1]}' if "." in name else f"parameters.{name}.{parts[1]}" for name in having
@@ -183,7 +182,7 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
     if parts[0] == "references" and len(parts) > 2:
         found = [name for name in found if parts[2] in MODES[blocks[name].mode].references]
     elif parts[0] == "parameters" and len(parts) > 2:
-        found = [name for name in found if parameter_name(ACTUATORS.get(blocks[name].actuator), parts[2]) is not None]
+        found = [name for name in found if parts[2] in blocks[name].names]
     if not found:
         message = "matches no joint with such a number" if driven else "matches no joint"
         raise InputError(message, key=key, choices=names, code="sweep-nothing")
@@ -200,12 +199,12 @@ def _no_effect(key: str, joint: str) -> Problem:
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
     """Parameters that a key sets; None for an unknown name, which the check of the scenario reports."""
-    names = {block.joint: parameter_name(ACTUATORS.get(block.actuator), key) for block in robot.actuators}
+    names = {block.joint: block.names.get(key) for block in robot.actuators}
     if not any(names.values()):
         return None
     places = []
     for block in robot.actuators:
-        own = {parameter_name(ACTUATORS.get(block.actuator), given) for given in scenario.parameters.get(block.joint, {})}
+        own = {block.names.get(given) for given in scenario.parameters.get(block.joint, {})}
         name = names[block.joint]
         if name is not None and (joint == block.joint or (joint == "*" and name not in own)):
             places.append((block.joint, name))

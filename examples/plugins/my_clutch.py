@@ -62,10 +62,10 @@ class Clutch(Stage):
         return own.level * tanh(velocity / own.speed)
 
     @staticmethod
-    def remember(memory, own, deflection, velocity, torque, step):
-        power = own.level * tanh(velocity / own.speed) * velocity
-        memory.lost = 0.5 * step * (memory.power + power)
-        memory.power, memory.slip = power, velocity
+    def remember(memory, own, kick):
+        power = own.level * tanh(kick.velocity / own.speed) * kick.velocity
+        memory.lost = 0.5 * kick.step * (memory.power + power)
+        memory.power, memory.slip = power, kick.velocity
 
     @staticmethod
     def loss(memory, own):

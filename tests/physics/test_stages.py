@@ -10,11 +10,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import asrsim
+from asrsim.actuators import MODES
+from asrsim.actuators.stage_checker import check_stage
 from asrsim.actuators.stages import STAGES
 from asrsim.errors import UnresolvedSpringError
+from asrsim.plugins import load_plugin_file
 from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.worlds import Start, Worlds
+from support.paths import ROOT
 from validation.models import Body, chain, column, run
 
 MASS, REACH, INERTIA = 0.5, 0.1, 1e-3
@@ -35,6 +39,8 @@ class Pendulum:
     damping: float = 0.0
     play: float = 0.0
     heat: float = 0.0
+    ripple: float = 0.0
+    ripples: float = 0.0
     amplitude: float = 0.3
     frequency: float = 2.0
     largest: float = 6.0
@@ -46,13 +52,14 @@ class Pendulum:
         inside = min(max(theta - q, -0.5 * self.play), 0.5 * self.play)
         torque = STIFFNESS * (theta - q - inside) + self.damping * (omega - v)
         push = PROPORTIONAL * (self.amplitude * sin(tau * self.frequency * t) - theta) - DERIVATIVE * omega
+        hold = self.ripple * sin(self.ripples * theta / tau)
         largest = self.largest * min(max((120.0 - 25.0 - warm) / (120.0 - 80.0), 0.0), 1.0)
         push = min(max(push, -largest), largest)
         return [
             v,
             (torque - MASS * 9.81 * REACH * sin(q)) / INERTIA_AT_AXIS,
             omega,
-            (push - torque - MOTOR_DAMPING * omega) / MOTOR_INERTIA,
+            (push - torque - hold - MOTOR_DAMPING * omega) / MOTOR_INERTIA,
             (self.heat * push**2 - warm / R) / C,
         ]
 
@@ -280,7 +287,7 @@ def test_every_stage_has_the_parameters_of_this_test():
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove"])
 @pytest.mark.parametrize("mode", [3, 6])
-def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode):
+def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode, ripple):
     signals = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0), "stiffness_preset": 0.01}
     runs = [
         run(
@@ -289,7 +296,7 @@ def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode):
             initial=[0.1],
             duration=0.1,
             references=dict(list(signals.items())[: 1 if actuator == "sea" else 2]),
-            parameters=ALL,
+            parameters=ALL | {"ripple_torque": 0.3},
             compiled=compiled,
             substeps=2,
             motor_substeps=3,
@@ -322,3 +329,41 @@ def test_worlds_with_and_without_a_stage_run_side_by_side(compiled):
             alone.append(worlds.observe().link_position[0, 0])
     assert both.tolist() == alone
     assert alone[0] != alone[1]
+
+
+@pytest.fixture
+def ripple(tmp_path):
+    """The stage of the page about stages: a torque between motor and ground that depends on the motor's position."""
+    text = (ROOT / "docs" / "stages.md").read_text(encoding="utf-8").partition("### Between motor and ground")[2]
+    (tmp_path / "ripple.py").write_text(text.partition("```python\n")[2].partition("```")[0])
+    load_plugin_file(tmp_path / "ripple.py")
+    return STAGES.get("ripple")
+
+
+def test_a_part_between_motor_and_ground_is_of_second_order_and_loses_nothing(ripple):
+    level, count = 0.4, 40.0
+    model = Pendulum(ripple=level, ripples=count)
+    errors, residuals = [], []
+    for substeps in (1, 2, 4):
+        result = model.simulated({"ripple_torque": level, "ripples": count}, substeps=substeps)
+        truth = model.solution(np.asarray(result.samples.time))
+        errors.append(np.abs(column(result, "motor_1_position") - truth[2]).max())
+        residuals.append(np.abs(column(result, "energy_residual")).max())
+    assert np.abs(Pendulum().solution(np.asarray(result.samples.time))[2] - truth[2]).max() > 30 * errors[0]
+    for values in (errors, residuals):
+        for coarse, fine in pairwise(values):
+            assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.2)
+
+
+def test_the_part_between_motor_and_ground_passes_its_checks_and_wrong_bounds_do_not(ripple):
+    assert check_stage(ripple).passed
+    weak = type("Weak", (ripple,), {"ground_stiffness_bound": staticmethod(lambda own: 0.5 * own.level * own.rate)})
+    assert [check.name for check in check_stage(weak).checks if not check.passed] == ["stiffness"]
+    free = type("Free", (ripple,), {"energy": staticmethod(lambda memory, own: 0.0)})
+    assert [check.name for check in check_stage(free).checks if not check.passed] == ["energy"]
+
+
+def test_motors_without_dynamics_have_no_part_between_motor_and_ground(ripple):
+    values = {"ripple_torque": 0.4, "ripples": 40.0}
+    assert ripple.constants(values, 1, MODES[3]) is None
+    assert ripple.constants(values, 1, MODES[6]) is not None

@@ -2,6 +2,7 @@
 
 import json
 import re
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,12 @@ from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
+from asrsim.metrics.expect import check_expectation
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import Stepping
 from asrsim.runs.rerun import rerun
+from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import EXAMPLES, ROOT
@@ -100,6 +103,46 @@ def test_a_damaged_file_of_a_users_format_names_the_line_of_the_reader(own, tmp_
         read_recording(tmp_path / "lab.pairs")
 
 
+def test_the_signal_jumps_at_the_times_that_it_names(own, tiny, asrsim_command):
+    """Without these times the error falls with the first power of the step, and a warning names a time."""
+    plugin, orders = own("signals.md", "Your own"), []
+    saw = "references.elbow.equilibrium_position={sawtooth: {amplitude: 0.3, period: 0.2503}}"
+    for number, hidden in enumerate((False, True)):
+        if hidden:
+            text = plugin.read_text().replace("def jumps", "def _jumps").replace("sawtooth", "hidden")
+            plugin = plugin.with_name("hidden.py")
+            plugin.write_text(text)
+            saw = saw.replace("sawtooth", "hidden")
+        options = ("--set", saw, "--set", "expect=[]", "--certify", "--no-plot", "--json", "--out", f"run{number}")
+        done = asrsim_command("run", tiny.scenario, *options, "--plugin", plugin)
+        assert done.code == 0, done.err
+        (ran,) = json.loads(done.out)["runs"]
+        orders.append(ran["certificate"]["joints"]["elbow"]["order"])
+        said = [one for one in ran["warnings"] if one["code"] == "hidden-jump"]
+        assert len(said) == hidden
+        for one in said:
+            teeth = float(one["value"].removesuffix(" s")) / 0.2503
+            assert teeth == pytest.approx(round(teeth), abs=1e-7)
+    assert orders[0] > 1.7
+    assert orders[1] < 1.3
+
+
+def test_the_command_prints_text_and_json(own, tiny, asrsim_command, monkeypatch):
+    from asrsim.cli.app import COMMANDS
+
+    monkeypatch.syspath_prepend(str(own("architecture.md", "A command of your own").parent))
+    monkeypatch.setitem(COMMANDS, "energies", "mine")
+    monkeypatch.delitem(sys.modules, "mine", raising=False)
+    assert asrsim_command("run", tiny.scenario, "--no-plot", "--out", "run").code in (0, 1)
+    ends = {name: values[-1] for name, values in read_log(tiny.folder / "run" / "log.mcap").samples.joint("elbow").items()}
+    assert f"spring_energy {ends['spring_energy']:.4g} J" in asrsim_command("energies", "run").out
+    found = json.loads(asrsim_command("energies", "run", "--json").out)["elbow"]
+    assert {"motor_work", "spring_energy"} <= found.keys()
+    assert all(found[name] == ends[name] for name in found)
+    assert "--least" in asrsim_command("energies", "--help").out
+    assert "cannot read the log" in asrsim_command("energies", "nothing").err
+
+
 def test_the_measures_are_claimed(own, tiny, asrsim_command):
     plugin = own("metrics.md", "A measure of your own")
     above = "{joint: elbow, quantity: link_position, measure: time_above, comparison: '>', value: 0.05, options: {level: 0.1}}"
@@ -107,6 +150,15 @@ def test_the_measures_are_claimed(own, tiny, asrsim_command):
     done = asrsim_command("run", tiny.scenario, "--set", f"expect=[{above}, {lead}]", "--plugin", plugin, "--no-plot")
     assert done.code == 0, done.err
     assert done.out.count("holds") == 2
+
+
+def test_a_measure_that_divides_by_the_motion_of_the_reference_is_tried_without_a_warning(recwarn):
+    def ratio(time, values, reference):
+        return float(np.ptp(values) / np.ptp(reference))
+
+    MEASURES.add("ratio", Measure(name="ratio", function=ratio, unit="1", needs="pair"))
+    check_expectation(Expectation(joint="elbow", quantity="link_position", measure="ratio", value=1.0))
+    assert not recwarn.list
 
 
 def test_the_measure_of_the_page_counts_the_whole_time(own):
@@ -494,8 +546,8 @@ LAW = "    @staticmethod\n    def "
     ("right", "wrong", "said"),
     [
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
-        ("velocity, torque, step)", "velocity, step)", r"remember: raised TypeError: .*; it must take memory, own, deflection"),
-        ("abs(deflection))", "abs(deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
+        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
+        ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
         ("def remember(", "def remembers(", "remembers: is no law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
         (

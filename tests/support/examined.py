@@ -10,7 +10,7 @@ from asrsim.summary.claims import claim_problems
 def check_against_robot(scenario, robot):
     """Pair (errors, warnings) about a scenario and the robot of its file."""
     changed, faults, errors = misfits(scenario, robot)
-    errors = [*faults, *errors]
+    errors = [scenario.placed(problem) for problem in (*faults, *errors)]
     return errors, [] if errors or scenario.unread or changed is None else [*doubts(scenario, changed)]
 
 

@@ -13,7 +13,9 @@ from numba import njit
 
 from support.soft_arm import SEA, command
 
-EFFECTS = ("backlash", "cubic spring", "second mode", "hysteresis", "stribeck", "torque limit", "speed limit", "load")
+EFFECTS = (
+    "backlash", "cubic spring", "second mode", "hysteresis", "stribeck", "torque limit", "speed limit", "load", "late sensor",
+)  # fmt: skip
 GRAVITY = 9.81
 STEP = 2.5e-5
 """Time step, s."""
@@ -21,7 +23,7 @@ STUCK = 8000.0
 """Frequency of the link on the bristles of its joint, rad/s: so high that the arm reverses as with dry friction."""
 _OFF = {
     "backlash": 0.0, "cubic": 0.0, "soft": 0.0, "split": 0.5, "hysteresis": 0.0, "yield": 0.03, "static": 0.0, "slow": 0.1,
-    "torque": 1e3, "speed": 1e3, "load": 0.0,
+    "torque": 1e3, "speed": 1e3, "load": 0.0, "late": 0.0,
 }  # fmt: skip
 """Sizes of the effects in a right model."""
 KEYS = {
@@ -32,6 +34,7 @@ KEYS = {
     "torque": "joint_1.motor_1_max_torque",
     "speed": "joint_1.motor_1_max_velocity",
     "load": "link_1.mass",
+    "late": "joint_1.link_position.delay",
 }
 """Parameters that state the sizes of effects. The law of hysteresis here is another one than that of asrsim."""
 
@@ -42,7 +45,7 @@ def _rate(out, y, goal, p, e):  # type: ignore[no-untyped-def]
     spring.
     """
     k, rotor, drag, motor_rub, damping, rub, inertia, mass, reach, gain, brake = p
-    width, cubic, soft, split, level, bend, static, slow, most, fastest, load = e
+    width, cubic, soft, split, level, bend, static, slow, most, fastest, load, _ = e
     out[8] = 0.0
     q, v, theta, omega, tip, tip_v = y[0], y[1], y[2], y[3], y[4], y[5]
     deflection = theta - q
@@ -109,6 +112,9 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
     """Sizes of an effect that changes the motion visibly, drawn at random; "" for a right model."""
     u, k = random.uniform, p["spring_stiffness"]
     inertia = p["iyy"] + 0.5 * 0.06**2
+    if effect == "late sensor":
+        # Drawn apart, so that the noise of the other robots stays as it was.
+        return {"late": u(0.02, 0.06)}
     return {
         "": {},
         "backlash": {"backlash": u(0.02, 0.06)},
@@ -151,6 +157,7 @@ def record(effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate:
     goals = command(half, duration)[:, 0]
     moved = _move(goals, round(1.0 / (rate * STEP)), STEP, np.array([p[name] for name in names]), np.array([*e.values()]))
     time = np.arange(len(moved)) / rate
+    moved[:, 0] = np.interp(time - e["late"], time, moved[:, 0])
     shown = moved + noise * random.normal(size=moved.shape)
     folder.mkdir(parents=True, exist_ok=True)
     header = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],joint_1.motor_1_position [rad]"

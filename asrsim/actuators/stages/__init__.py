@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from asrsim.actuators.stages.backlash import Backlash
-from asrsim.actuators.stages.base import Stage
+from asrsim.actuators.stages.base import Kick, Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
@@ -47,4 +47,4 @@ STAGES = Stages("stage", GROUP, base=Stage, label="name")
 for _stage in (Hysteresis, Damper, Backlash, Heating):
     STAGES.own(_stage.name, _stage)
 
-__all__ = ["OF_JOINTS", "STAGES", "Stage"]
+__all__ = ["OF_JOINTS", "STAGES", "Kick", "Stage"]

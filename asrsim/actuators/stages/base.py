@@ -29,6 +29,20 @@ from typing import Any, ClassVar
 from asrsim.actuators.modes import Mode
 from asrsim.actuators.parameters import Parameter
 from asrsim.quantities import Quantity
+from asrsim.records import value
+
+
+@dataclass(slots=True)
+class Kick:
+    """What a stage sees of a kick of its motor, the change of all velocities in a substep."""
+
+    motor_position: float = value("position of the motor", "rad")
+    motor_velocity: float = value("velocity of the motor", "rad/s")
+    deflection: float = value("motor position minus link position", "rad")
+    velocity: float = value("rate of the deflection", "rad/s")
+    motor_torque: float = value("torque of the motor after its limit; 0 without motor dynamics", "N m")
+    elastic_torque: float = value("torque between motor and link: that of the spring and of the stages parallel to it", "N m")
+    step: float = value("time since the last kick", "s")
 
 
 @dataclass(slots=True)
@@ -76,16 +90,22 @@ class Stage:
         return 0.0
 
     @staticmethod
+    def ground(memory: Any, own: Any, motor_position: float, motor_velocity: float, elastic_torque: float) -> float:
+        """Torque in N m of a part between motor and ground, on the motor only: positive where it brakes a positive velocity.
+
+        motor_position: rad; motor_velocity: rad/s; elastic_torque: torque between motor and link, N m. A motor without dynamics
+        (modes 2 and 3) does not feel it.
+        """
+        return 0.0
+
+    @staticmethod
     def limit(memory: Any, own: Any, torque: float) -> float:
         """Largest torque of the motor in N m, which is `torque` without the stage."""
         return torque
 
     @staticmethod
-    def remember(memory: Any, own: Any, deflection: float, velocity: float, torque: float, step: float) -> None:
-        """Advance the memory to a kick of the motor, once per substep.
-
-        deflection in rad and velocity in rad/s at the kick; torque: of the motor in the kick, N m; step: time between kicks, s.
-        """
+    def remember(memory: Any, own: Any, kick: Kick) -> None:
+        """Advance the memory to a kick of the motor, once per substep."""
 
     @staticmethod
     def energy(memory: Any, own: Any) -> float:
@@ -105,6 +125,16 @@ class Stage:
     @staticmethod
     def damping_bound(own: Any) -> float:
         """Largest damping in N m s/rad that the stage adds: the slope of `torque` over the velocity."""
+        return 0.0
+
+    @staticmethod
+    def ground_stiffness_bound(own: Any) -> float:
+        """Largest slope of `ground` over the position of the motor, N m/rad."""
+        return 0.0
+
+    @staticmethod
+    def ground_damping_bound(own: Any) -> float:
+        """Largest slope of `ground` over the velocity of the motor, N m s/rad."""
         return 0.0
 
     @classmethod

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from asrsim.actuators.modes import Mode
 from asrsim.actuators.parameters import Parameter
-from asrsim.actuators.stages.base import Stage
+from asrsim.actuators.stages.base import Kick, Stage
 from asrsim.quantities import Quantity
 from asrsim.records import constant, value
 
@@ -65,11 +65,9 @@ class Damper(Stage):
         return own.damping * velocity
 
     @staticmethod
-    def remember(
-        memory: DamperMemory, own: DamperConstants, deflection: float, velocity: float, torque: float, step: float
-    ) -> None:
-        power = own.damping * velocity * velocity
-        memory.lost = 0.5 * step * (memory.power + power)
+    def remember(memory: DamperMemory, own: DamperConstants, kick: Kick) -> None:
+        power = own.damping * kick.velocity * kick.velocity
+        memory.lost = 0.5 * kick.step * (memory.power + power)
         memory.power = power
 
     @staticmethod

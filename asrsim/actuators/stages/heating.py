@@ -16,7 +16,7 @@ from typing import Any
 
 from asrsim.actuators.modes import Mode
 from asrsim.actuators.parameters import Parameter
-from asrsim.actuators.stages.base import Stage
+from asrsim.actuators.stages.base import Kick, Stage
 from asrsim.quantities import of_motors
 from asrsim.records import constant, value
 
@@ -108,14 +108,12 @@ class Heating(Stage):
         return torque * (own.hottest - temperature) / (own.hottest - own.derating)
 
     @staticmethod
-    def remember(
-        memory: HeatingMemory, own: HeatingConstants, deflection: float, velocity: float, torque: float, step: float
-    ) -> None:
-        power = own.heat * torque * torque
+    def remember(memory: HeatingMemory, own: HeatingConstants, kick: Kick) -> None:
+        power = own.heat * kick.motor_torque * kick.motor_torque
         last = memory.power if memory.power >= 0.0 else power
         memory.temperature = own.ambient + memory.rise
         # The mean power until the next kick, extrapolated from this and the last kick.
         mean = power + 0.5 * (power - last)
-        decay = exp(-step / (own.resistance * own.capacity))
+        decay = exp(-kick.step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)
         memory.power = power

@@ -14,7 +14,7 @@ from math import exp, nan
 
 from asrsim.actuators.modes import Mode
 from asrsim.actuators.parameters import DAHL, Parameter
-from asrsim.actuators.stages.base import Stage
+from asrsim.actuators.stages.base import Kick, Stage
 from asrsim.quantities import Quantity
 from asrsim.records import constant, value
 
@@ -69,13 +69,11 @@ class Hysteresis(Stage):
         return torque_at(memory, own, deflection)
 
     @staticmethod
-    def remember(
-        memory: HysteresisMemory, own: HysteresisConstants, deflection: float, velocity: float, torque: float, step: float
-    ) -> None:
+    def remember(memory: HysteresisMemory, own: HysteresisConstants, kick: Kick) -> None:
         # Once per substep: motor substeps, during which the link stands still, would erase part of the memory.
-        now = torque_at(memory, own, deflection)
+        now = torque_at(memory, own, kick.deflection)
         memory.last_torque, memory.last_deflection = memory.torque, memory.deflection
-        memory.torque, memory.deflection = now, deflection
+        memory.torque, memory.deflection = now, kick.deflection
 
     @staticmethod
     def energy(memory: HysteresisMemory, own: HysteresisConstants) -> float:

@@ -38,6 +38,17 @@ def test_a_failed_prediction_says_whether_a_fit_to_the_motion_would_help(tmp_pat
         assert said in text
 
 
+def test_no_more_than_the_whole_error_remains(tmp_path, monkeypatch):
+    """A fit to all recordings may predict one of them worse than before."""
+    errors = iter([{1: 0.10}, {1: 0.15}])
+    monkeypatch.setattr("asrsim.identification.transfer._errors", lambda *_: next(errors))
+    small, large = spring(tmp_path, "a.csv", 0.1, 3), spring(tmp_path, "bb.csv", 0.4, 3)
+    with ExitStack() as stack:
+        task = task_of(bench(tmp_path, 4.0), [small], validate=[large], free=["joint_1.spring_stiffness"])
+        (text,) = failed_predictions(set_up(task, stack).problem, np.zeros(1))
+    assert text.startswith("bb.csv: if this recording is also fitted, 100 % of its error remain")
+
+
 def test_nothing_is_said_without_a_recording_that_is_only_predicted(tmp_path):
     with ExitStack() as stack:
         task = task_of(bench(tmp_path, 4.0), [spring(tmp_path, "a.csv", 0.2, 3)], free=["joint_1.spring_stiffness"])

@@ -62,15 +62,20 @@ def test_springs_of_many_joints_are_those_of_each_joint_alone():
     assert spring_torques(drives, place, goals) == pytest.approx(np.array(alone), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["sea", "awas_ii", "bavs", "qbmove"])
-def test_searches_that_begin_where_the_last_one_ended_find_the_same_rest(name):
+@pytest.mark.parametrize("name", sorted(CASES))
+def test_motors_that_follow_their_link_come_to_rest_where_a_search_finds_them(name):
+    """Also where motors give their largest torques, and where they no longer do, back at their references."""
     actuator, spring, preset, _ = CASES[name]
-    drive = drive_with(actuator, mode=3, spring=spring)
-    goals = drive.goals(np.array([[0.1], [preset]]))[:, None]
-    motors = MotorsAtRest([drive], goals, tolerance=1e-10)
-    for position in (0.3, 0.31, -0.4, 0.8):
-        link = np.array([[position]])
-        assert motors.under(link)[0] == pytest.approx(resting_motors([drive], link, goals)[0], abs=1e-9)
+    for limits in ({}, {"max_torque": 0.05}, {"integral": 1.0, "max_torque": 0.05}):
+        drive = drive_with(actuator, mode=6, spring=spring, **{name: (limits[name],) * actuator.motors for name in limits})
+        goals = np.array(actuator.motor_references(0.1, preset))[:, None, None]
+        motors = MotorsAtRest([drive], goals)
+        for position in (0.3, 0.31, -0.4, 0.8, 0.1):
+            link = np.array([[position]])
+            torque, change = motors.follow(link)
+            rest = [resting_motors([drive], link + step, goals)[1].sum() for step in (-1e-5, 0.0, 1e-5)]
+            assert torque.item() == pytest.approx(rest[1], rel=1e-3, abs=1e-4)
+            assert change.item() == pytest.approx((rest[2] - rest[0]) / 2e-5, rel=0.02, abs=4e-3)
 
 
 def test_roots_do_not_depend_on_the_estimated_slope():

@@ -4,22 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from asrsim.actuators import ACTUATORS
 from asrsim.errors import ScenarioError
-from asrsim.robot import ActuatorBlock, Joint, Link, ParameterValue, Robot, load_robot
+from asrsim.robot import Joint, Link, Robot, load_robot
+from asrsim.robot.values import block_for
 from asrsim.scenario import apply_to_robot, load_scenario, make_scenario
 from asrsim.scenario.data import Scenario
 from asrsim.signals import Constant
 from support.examined import check_against_robot, checked_robot
 from support.paths import ROOT
-
-
-def block(joint, actuator, mode):
-    parameters = {
-        p.name: ParameterValue(name=p.name, value=p.default, unit=p.unit, origin="default")
-        for p in ACTUATORS.get(actuator).all_parameters()
-    }
-    return ActuatorBlock(joint=joint, actuator=actuator, mode=mode, parameters=parameters, namespace="old")
 
 
 def arm(**modes):
@@ -38,7 +30,7 @@ def arm(**modes):
             *(Link(name=joint.child, mass=1.0, inertia=(1, 0, 0, 1, 0, 1)) for joint in joints),
         ),
         joints=tuple(joints),
-        actuators=tuple(block(joint, name, modes.get(joint, mode)) for joint, (name, mode) in actuators.items()),
+        actuators=tuple(block_for(joint, name, modes.get(joint, mode), "old") for joint, (name, mode) in actuators.items()),
     )
 
 

@@ -68,6 +68,14 @@ def test_each_part_of_a_drive_moves_as_in_asrsim(part):
 
 
 @pytest.mark.slow
+def test_a_part_between_motor_and_ground_moves_as_in_asrsim(tmp_path):
+    text = (ROOT / "docs" / "stages.md").read_text(encoding="utf-8").partition("### Between motor and ground")[2]
+    (tmp_path / "ripple.py").write_text(text.partition("```python\n")[2].partition("```")[0])
+    load_plugin_file(tmp_path / "ripple.py")
+    check(errors(scenario("sea", parameters={"joint_1": {"ripple_torque": 0.5}})))
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("motion", "most"), [({"sinusoid": {"amplitude": 0.4, "frequency": 1.0}}, 0.07), (STEP, 0.7)])
 def test_five_joints_move_as_in_asrsim(motion, most):
     """Only the CPU's worlds have Coriolis torques of second order: fast motions differ more than slow ones."""

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from asrsim.statics.balance import balanced, by_differences
+from asrsim.statics.balance import balanced, by_differences, springs_by_differences
+
+SLACK = springs_by_differences(np.zeros_like)
+"""Springs without torque."""
 
 
 def test_steps_that_would_go_to_and_fro_come_to_rest():
@@ -14,7 +17,8 @@ def test_steps_that_would_go_to_and_fro_come_to_rest():
 
     start, stops = np.array([[0.1], [-0.07]]), np.array([9.0])
     movable = np.array([True])
-    positions, left = balanced(by_differences(np.zeros_like, movable), torques, start, -stops, stops, movable)
+    nothing = by_differences(np.zeros_like, movable)
+    positions, left = balanced(nothing, springs_by_differences(torques), start, -stops, stops, movable)
     assert positions == pytest.approx(np.zeros((2, 1)), abs=1e-12)
     assert left == pytest.approx(np.zeros((2, 1)), abs=1e-10)
 
@@ -23,7 +27,7 @@ def test_a_coarse_search_leaves_an_unstable_equilibrium_too():
     """An upright link without a spring: the first step away from there is shorter than the distance that is close enough."""
     upright, stops, movable = np.array([[np.pi]]), np.array([9.0]), np.array([True])
     weights = by_differences(lambda q: -np.sin(q), movable)
-    found, _ = balanced(weights, np.zeros_like, upright, -stops, stops, movable, close=0.1)
+    found, _ = balanced(weights, SLACK, upright, -stops, stops, movable, close=0.1)
     assert np.cos(found[0, 0]) == pytest.approx(1.0, abs=0.01)
 
 
@@ -34,5 +38,5 @@ def test_robots_rest_where_springs_and_weights_balance_or_on_stops():
         high = np.array([9.0, highest])
         start, low, both = np.zeros((1, 2)), np.full(2, -9.0), np.full(2, True)
         weights = by_differences(lambda q: load - q @ springs, both)
-        positions, _ = balanced(weights, np.zeros_like, start, low, high, both)
+        positions, _ = balanced(weights, SLACK, start, low, high, both)
         assert positions[0] == pytest.approx(rest, abs=1e-9)

@@ -34,12 +34,19 @@ def warned(scenario):
 
 
 @pytest.mark.parametrize(
-    ("actuator", "preset", "mode"),
-    [("sea", 0.3, 3), ("bavs", 0.45, 6), *(pytest.param(*case, marks=pytest.mark.slow) for case in FURTHER_RESTS)],
+    ("actuator", "preset", "mode", "most"),
+    [
+        ("sea", 0.3, 3, 6.8),
+        ("bavs", 0.45, 6, 6.8),
+        ("qbmove", 0.3, 6, 0.15),
+        *(pytest.param(*case, 6.8, marks=pytest.mark.slow) for case in FURTHER_RESTS),
+    ],
 )
-def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset, mode):
-    """Ideal motors, or weak controllers with a steady-state error; a strongly damped run ends with the predicted sag."""
-    weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0}
+def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset, mode, most):
+    """Ideal motors, or weak controllers with a steady-state error, some of which give their largest torque; a strongly damped
+    run ends with the predicted sag.
+    """
+    weak = {"controller_{}_proportional": 6.0, "motor_{}_friction_torque": 0.0, "motor_{}_max_torque": most}
     motors = (1,) if actuator == "sea" else (1, 2)
     scenario = scenario_of(
         write_plain_arm(tmp_path, lengths=(0.2, 0.15), masses=(0.3, 0.2)),
@@ -50,7 +57,9 @@ def test_the_expected_rest_is_that_of_the_simulation(tmp_path, actuator, preset,
         duration=12.0,
     )
     result = asrsim.run(scenario)
-    for one in judged(scenario).joints:
+    joints = judged(scenario).joints
+    assert any(one.limited for one in joints) == (most < 1.0)
+    for one in joints:
         moved = result[one.joint].link_position
         assert abs(moved[-1] - moved[-200]) < 1e-4
         assert one.sag == pytest.approx(abs(moved[-1] - 0.5), abs=3e-3)
