@@ -45,8 +45,6 @@ def plot_data(chart: Chart) -> dict[str, Any]:
 def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
     """Points (n,) of all curves, ascending; scattered points are all kept, also several at the same place."""
     known = [part.x for part in parts if len(part.x)]
-    if not known:
-        return np.zeros(1)
     distinct = known if scattered else {id(part): part for part in known}.values()
     together = np.concatenate([*distinct])
     return np.sort(together, kind="stable") if scattered else np.unique(together)

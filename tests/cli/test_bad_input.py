@@ -251,3 +251,16 @@ def test_an_interrupted_command_still_prints_one_json_document(capsys):
     with pytest.raises(KeyboardInterrupt), json_errors(True):
         raise KeyboardInterrupt
     assert json.loads(capsys.readouterr().out)["ok"] is False
+
+
+@pytest.mark.parametrize("command", ["render", "plot", "rerun"])
+def test_a_log_that_is_left_out_is_warned_of_beside_the_json(tiny, asrsim_command, command):
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {a: {}, b: {}}\n")
+    asrsim_command("run", tiny.scenario, "--no-plot", "--set", "duration=0.01", "--set", "compiled=false", "-o", "out")
+    broken = Path("out") / "b" / "log.mcap"
+    broken.write_bytes(broken.read_bytes()[:40])
+    done = asrsim_command(command, "out", "--json")
+    assert done.code == 0, done.err
+    assert json.loads(done.out)
+    assert str(broken) in done.err
+    assert "warning" in done.err

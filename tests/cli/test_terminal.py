@@ -1,5 +1,6 @@
 """Names from files that a terminal or a browser would take as commands."""
 
+import io
 import json
 import os
 import re
@@ -86,3 +87,27 @@ def test_a_pipe_gets_a_line_of_progress_every_ten_seconds(monkeypatch, capsys):
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [f"reading:  {share} %" for share in (25, 50, 75)]
+
+
+class Screen(io.StringIO):
+    """Text that is shown, on what says that it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize(("task", "title"), [("reading", "reading"), (None, "log")])
+def test_a_terminal_gets_a_bar_named_after_the_task_or_the_work(monkeypatch, task, title):
+    """Short work, up to `PATIENCE`, gets no bar."""
+    screen, now = Screen(), [0.0]
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr("asrsim.cli.progress.clock.perf_counter", lambda: now[0])
+    with FractionBar("log", show=True) as bar:
+        bar.draw(0.25, "a quarter", task)
+        assert screen.getvalue() == ""
+        now[0] = 1.0
+        bar.draw(0.5, "half", task)
+    lines = re.findall(r"(\w+) \S.* half", re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()))
+    assert set(lines) == {title}

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from asrsim.errors import OutputError
+from asrsim.log import LogWriter
 from asrsim.outfile import MARKS, check_output, is_ours, make_folder, write_text, written
+from support.log_example import INFO, example_samples
 
 PAGE = '<meta name="generator" content="asrsim 1">'
 
@@ -59,10 +61,19 @@ def test_an_input_is_never_an_output_even_when_allowed(tmp_path):
             check_output(one, "page", inputs=[path], replace=True)
 
 
-def test_a_device_is_written_to_as_it_is():
-    with written(Path(os.devnull), "page") as stream:
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_device_is_written_to_as_it_is(tmp_path, linked):
+    """Also through a link: /dev/stdout is one."""
+    path = Path(os.devnull)
+    if linked:
+        path = tmp_path / "run.mcap"
+        path.symlink_to(os.devnull)
+    with written(path, "page") as stream:
         stream.write(b"gone")
+    with LogWriter(path, INFO) as log:
+        log.write(example_samples(20))
     assert not Path(os.devnull).is_file()
+    assert path.is_symlink() == linked
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])

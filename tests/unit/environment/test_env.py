@@ -1,6 +1,7 @@
 """The Gymnasium environment: the interface's own checker, seeds and bits, resets, randomised parameters, pictures."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import asrsim  # noqa: E402
-from asrsim.environment import make_env  # noqa: E402
+from asrsim.environment import make_env, make_vec_env  # noqa: E402
 from asrsim.environment.draws import Draws  # noqa: E402
 
 RANDOM = {
@@ -114,6 +115,26 @@ def test_rewards_see_goal_and_tip_and_may_end_the_episode(scenario):
     results = [env.step(np.zeros(2)) for _ in range(3)]
     assert [result[1:3] for result in results] == [(0.5, False), (0.5, False), (0.5, True)]
     assert seen[1].time == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize(
+    ("functions", "wanted", "over"),
+    [
+        ({}, 0.0, False),
+        ({"terminated": lambda state: state.time > 0.05}, 0.0, True),
+        ({"reward": lambda state: 2.0}, 2.0, False),
+    ],
+)
+def test_without_a_reward_it_is_zero_and_without_an_end_the_episode_is_cut(scenario, functions, wanted, over):
+    env, many = (make(scenario, control_rate=10.0, **functions) for make in (make_env, partial(make_vec_env, num_envs=2)))
+    env.reset(seed=0)
+    many.reset(seed=0)
+    _, reward, terminated, truncated, _ = env.step(env.action_space.sample())
+    assert (reward, terminated, truncated) == (wanted, over, False)
+    _, rewards, ended, cut, _ = many.step(many.action_space.sample())
+    assert (rewards.tolist(), ended.tolist(), cut.tolist()) == ([wanted] * 2, [over] * 2, [False] * 2)
+    if not over:
+        assert env.step(env.action_space.sample())[1:4] == (wanted, False, True)
 
 
 def test_an_episode_terminated_in_its_last_step_is_not_truncated(scenario):

@@ -9,6 +9,7 @@ import pytest
 import asrsim
 from asrsim.engines import ENGINES
 from asrsim.errors import AsrsimError, InputError, ScenarioError, SimulationError
+from asrsim.scenario import read_scenarios
 from asrsim.signals import Constant, Step, Sum
 
 INSTALLED = [name for name in ("bullet", "mujoco") if ENGINES.get(name).available]
@@ -75,6 +76,20 @@ def test_a_refused_call_changes_nothing(simulation, call, error, said):
 def test_a_replaced_scenario_is_checked_like_one_that_is_read(tiny, fields, said):
     with pytest.raises(ScenarioError, match=said):
         asrsim.prepare(dataclasses.replace(asrsim.make_scenario(tiny.robot, duration=0.1), **fields))
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong"),
+    [("duration", -1.0), ("step", 0.0), ("gravity", (1, 2)), ("engine", "steam")],
+)
+def test_in_place_of_an_invalid_value_that_of_the_file_is_checked(tiny, field, wrong):
+    """Checks of other values depend on it: a reference's time is checked with the duration."""
+    stated = {"duration": 3.0, "step": 0.002, "gravity": [0, 0, -1.6], "engine": "mujoco"}
+    made = asrsim.make_scenario(tiny.robot, **stated)
+    (valid,), problems = read_scenarios(dataclasses.replace(made, **{field: wrong}, seed=7))
+    assert [problem.key for problem in problems] == [field]
+    assert getattr(valid, field) == getattr(made, field)
+    assert valid.seed == 7
 
 
 def test_quantities_that_no_joint_can_record_are_refused(tiny):

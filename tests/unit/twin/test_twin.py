@@ -401,3 +401,13 @@ def test_command_prints_a_table_or_json(tmp_path, asrsim_command):
     done = asrsim_command("twin", str(scenario), "-e", str(path), "--out", str(tmp_path / "out"), "--json")
     assert done.code == 0
     assert json.loads(done.out)["joints"][0]["joint"] == "joint_1"
+
+
+@pytest.mark.parametrize("stated", [{}, {"compiled": False}])
+def test_a_twin_runs_without_compiled_code_where_there_is_none_or_its_scenario_says_so(stated, monkeypatch):
+    if not stated:
+        monkeypatch.setattr("asrsim.simulation.core.numba_available", lambda: False)
+    scenario = asrsim.make_scenario(EXAMPLES / "urdf" / "dof1_sea.urdf", duration=1.0, modes={"*": 6}, **stated)
+    with asrsim.Twin(scenario) as twin:
+        assert not twin.worlds.compiled
+        assert np.isfinite(twin.step([0.0], goal(0.1)).external_torque).all()

@@ -25,7 +25,7 @@ from asrsim.viewer.history import History
 from asrsim.viewer.page import Page
 from asrsim.viewer.recorded import recorded
 from asrsim.viewer.server import PageServer
-from asrsim.viewer.stage import ViewerStage
+from asrsim.viewer.stage import Pull, ViewerStage
 from asrsim.viewer.subject import logged
 from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
@@ -301,3 +301,37 @@ def test_commands_show_pages_and_end(asrsim_command, tmp_path):
 def test_a_notebook_displays_the_page(result):
     with result.view() as page:
         assert f'src="{page.address}"' in page._repr_html_()
+
+
+def test_the_arrow_of_a_single_torque_follows_the_link_and_goes_with_the_torque(result, server):
+    """Its length is proportional to the torque, and the largest torque so far has the longest arrow."""
+    stage = ViewerStage(server.viser, logged(result.log))
+    joint = next(joint for joint in stage.subject.scene.model.robot.joints if joint.name == "joint_2")
+    sample = stage.subject.history.at(0.2)
+    lengths = []
+    for angle, torque in ((0.0, 2.0), (0.7, -1.0), (0.7, 0.0)):
+        torques, angles = np.array([[0.0, torque]]), np.array([[angle, 0.3]])
+        moved = replace(sample, values=sample.values | {"external_torque": torques, "link_position": angles})
+        stage.draw(moved)
+        arrow = stage._arrows["torque"]
+        assert arrow.visible == (torque != 0.0)
+        if arrow.visible:
+            ((begin, end),) = arrow.points
+            frame = frames_of(stage.subject.scene, moved)[joint.child]
+            np.testing.assert_allclose(begin, frame[:3, 3], atol=1e-6)
+            lengths.append((end - begin) @ frame[:3, :3] @ np.array(joint.axis))
+    assert lengths[1] == pytest.approx(-0.5 * lengths[0])
+    assert lengths[0] > 0.0
+
+
+def test_the_spring_of_a_pull_is_drawn_where_it_is_and_goes_with_the_pull(result, server):
+    stage = ViewerStage(server.viser, logged(result.log))
+    sample = stage.subject.history.at(0.2)
+    for point in ([0.1, 0.2, 0.3], [0.3, 0.1, 0.0]):
+        pull = Pull(point=np.array(point), target=np.add(point, [0.0, 0.1, 0.0]), force=np.array([0.0, 3.0, 4.0]))
+        stage.draw(sample, pull=pull)
+        np.testing.assert_allclose(stage._arrows["pull"].points, [[pull.point, pull.target]], atol=1e-6)
+        assert (stage._label.text, stage._label.visible) == ("5 N", True)
+        np.testing.assert_allclose(stage._label.position, pull.target)
+    stage.draw(sample)
+    assert (stage._arrows["pull"].visible, stage._label.visible) == (False, False)

@@ -11,6 +11,7 @@ from asrsim.actuators.motor import velocity_bounds
 from asrsim.actuators.vectorised import energy_law
 from asrsim.plugins import load_plugin_file
 from asrsim.warping import FLOAT, TranslationError, WarpProgram
+from asrsim.warping.kinds import constant
 from support.paths import EXAMPLES
 
 SHIPPED = ("sea", "qbmove", "bavs", "awas_ii")
@@ -120,3 +121,13 @@ def reading(x):
 def test_code_without_translation_is_refused_with_its_line():
     with pytest.raises(TranslationError, match=r"test_laws_on_warp\.py, line \d+: `with open"):
         WarpProgram().function(reading, [FLOAT])
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(3.4e38, "3.4e+38"), (3.5e38, "wp.inf"), (-3.5e38, "(-wp.inf)"), (-math.inf, "(-wp.inf)"), (math.nan, "wp.nan"),
+     (-2.5, "(-2.5)"), (-3, "(-3)"), (True, "True")],
+)  # fmt: skip
+def test_a_constant_beyond_single_precision_is_infinite(value, text):
+    """A C++ compiler refuses a literal that its type does not hold."""
+    assert constant(value).text == text
