@@ -89,6 +89,9 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
             # The folder may belong to a study or to several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
+        elif (place.parent / LOG).is_file():
+            # With --out and one variant, the log lies in the folder itself.
+            hint = f"The folder above contains a log: {place.parent}"
         raise InputError(message, file=place, hint=hint, code="no-log")
     problems = [problem for log in logs for problem in _faults(log)] if len(logs) > 1 else []
     if len(problems) == len(logs):
