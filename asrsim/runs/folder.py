@@ -79,6 +79,10 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
     if place.is_file():
         return [place], []
     logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
+    if not logs and not place.exists() and (place.parent / LOG).is_file():
+        # With --out and one variant, the log lies in the folder itself.
+        hint = f"The folder above contains a log: {place.parent}"
+        raise InputError("no such file or folder", file=place, hint=hint, code="no-log")
     if not logs:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():
@@ -89,9 +93,6 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
             # The folder may belong to a study or to several scenarios.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
-        elif (place.parent / LOG).is_file():
-            # With --out and one variant, the log lies in the folder itself.
-            hint = f"The folder above contains a log: {place.parent}"
         raise InputError(message, file=place, hint=hint, code="no-log")
     problems = [problem for log in logs for problem in _faults(log)] if len(logs) > 1 else []
     if len(problems) == len(logs):
