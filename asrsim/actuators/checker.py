@@ -164,7 +164,7 @@ def _pure(points: Points) -> Array:
     calls: list[Any] = list(zip(*points.positions.tolist(), np.transpose(points.parameters).tolist(), strict=True))
     first = np.array([(*torques(*call), stiffness(*call)) for call in calls])
     again = np.empty_like(first)
-    # A hidden state, such as a counter, shows where the calls come in another order.
+    # Calls in another order reveal a hidden state, such as a counter.
     for i in np.random.default_rng(3).permutation(len(calls)).tolist():
         again[i, -1], again[i, :-1] = stiffness(*calls[i]), torques(*calls[i])
     return np.asarray(np.abs(again - first).max(axis=1))

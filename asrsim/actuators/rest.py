@@ -27,7 +27,7 @@ LONGEST = 0.2
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 NEAR = 1e-3
-"""Step of the motors that need not be followed by another one, rad: the error that is left is of second order."""
+"""Largest step of the motors after which no further step is needed, rad: the remaining error is of second order."""
 ROUNDING = 1e-12
 """Distance from the border of a controller's range at which a step ends, rad."""
 INTEGRATING = 1e9
@@ -159,7 +159,7 @@ class MotorsAtRest:
             sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
             aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
-            # A step between strained and unstrained ends at the border, since the stiffness is another one beyond.
+            # A step ends at the border between strained and unstrained, since the stiffness changes there.
             aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta

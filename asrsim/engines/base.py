@@ -134,7 +134,7 @@ class Engine(Protocol):
 
     def hold(self, wrenches: Sequence[HeldWrench]) -> None:
         """Let wrenches act on bodies in all further steps, in addition to those of `step` and in place of those of an earlier
-        call. They are not part of the state. wrenches: on bodies of `holdable`, at most one on each."""
+        call. A state does not contain these wrenches. wrenches: on bodies of `holdable`, at most one on each."""
         return
 
     def scene(self) -> Scene:

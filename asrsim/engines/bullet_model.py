@@ -216,7 +216,7 @@ class BulletDynamics:
                     file=self._robot.path,
                     line=worst.line,
                     key=worst.name,
-                    hint="engine: mujoco has no such test",
+                    hint="Correct the inertia, or use engine: mujoco, which does not test it",
                     code="engine-load",
                 ) from error
 

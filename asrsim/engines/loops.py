@@ -192,8 +192,8 @@ def _turn_by(work: Any, turn: Any, k: int) -> None:
 def find_drift(loops: Any, loop: int, v: Any) -> None:
     """Compute dJ/dt v of a loop (`work[24:27]`) at the velocities v, after `find_columns`.
 
-    dJ_k/dt v_k is the sum over the joints before k on the same side of omega x, where omega turns the axis, and over all of the
-    motion of the lever.
+    dJ/dt v is the sum of v_i v_k (axis x column) over all joints i and k on the same side: the axis of the earlier of the two
+    joints, if it is a hinge, and the column of the later one.
     """
     work, arms = loops.work, loops.arms
     for i in range(3):

@@ -36,10 +36,10 @@ ROUTINES = {
 
 
 class Hand(NamedTuple):
-    """Wrenches that are held on bodies."""
+    """Wrenches that act on bodies in all further steps; see `asrsim.engines.base.Engine.hold`."""
 
     number: AnyArray
-    """Number (1,) of wrenches; the first rows of the other arrays are theirs."""
+    """Number (1,) of wrenches; the other arrays contain these wrenches in their first rows."""
     body: AnyArray
     """MuJoCo body of each wrench, (b,)."""
     point: AnyArray
@@ -49,7 +49,7 @@ class Hand(NamedTuple):
 
 
 def empty_hand(bodies: int) -> Hand:
-    """A hand for at most this number of wrenches, without wrenches."""
+    """A `Hand` without wrenches, with room for one wrench on each of this number of bodies."""
     return Hand(np.zeros(1, dtype=np.int64), np.zeros(bodies, dtype=np.int64), np.zeros((bodies, 3)), np.zeros((bodies, 6)))
 
 

@@ -346,8 +346,8 @@ def _has_strike(room: Any) -> bool:
 def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool) -> None:
     """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
 
-    length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, only joints that
-    rest at their stops feel these.
+    length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, stops act
+    only on joints that rest at them.
     """
     step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
     velocity, impulse, diagonal, bound = room.velocity, room.impulse, room.diagonal, room.bound
@@ -425,7 +425,8 @@ def _reaches_zero(room: Any, i: int) -> bool:
 def _leave_stops(room: Any, state: Any) -> None:
     """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
 
-    A joint that forces turn round within a step has no velocity from which the time of its impact follows.
+    If forces reverse the motion of a joint within a step, the time of its impact cannot be computed from its velocity:
+    `rebound` becomes 1.
     """
     old, leaving = room.coordinates + room.freedoms, 0
     for i in range(room.freedoms):
@@ -434,7 +435,7 @@ def _leave_stops(room: Any, state: Any) -> None:
         if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
-            # The states of a joint at a stop are those of sliding times two; such a joint gets a given velocity.
+            # Twice a state of sliding is the state at a stop, in which `solve_states` gives the joint a prescribed velocity.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
             leaving += 1

@@ -9,7 +9,7 @@ whose estimates let a free simulation explain as many channels by half, by 90 % 
 levels, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ equally,
 within chance, the level with the best predictions is kept. If this is the first level, the bandwidth rises as long as its level
 is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so short that they show little
-but noise. If there is no such level, the free simulation is kept.
+but noise. If no level is kept by these rules, the free simulation is kept.
 """
 
 from __future__ import annotations

@@ -185,7 +185,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
         commanded = _lagging(drive, across, time, d)
 
         def apart(row: int, s: Array, d: Array) -> Array:
-            """Distances d with the given row such that the motors' controllers hold it."""
+            """Distances d, with a new value of this row that the motors' controllers hold."""
 
             def missing(value: Array) -> Array:
                 trial = d.copy()

@@ -82,7 +82,7 @@ def frequency_response(
         raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
     if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
-            f"the excitation is constant at {u[0]:g}; a frequency response needs one that moves",
+            f"the excitation is constant at {u[0]:g}; a frequency response needs an excitation that varies",
             code="constant-excitation",
             hint="Expected a chirp, multisine or noise",
         )

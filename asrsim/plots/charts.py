@@ -53,7 +53,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_axis_off()  # the legend of its row may be on it
+                ax.set_axis_off()  # the axes may carry the legend of the row
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)
@@ -76,7 +76,7 @@ def _longest(names: Iterable[str]) -> int:
 
 
 def _height(row: Sequence[Chart | None], height: float) -> float:
-    """Height of a row, inch: places need a height that grows with their number."""
+    """Height of a row, inch; it grows with the number of lines in the names of the chart's places."""
     lines = sum(name.count("\n") + 1.6 for one in row[:1] if one for name in one.places)
     return max(height, 0.15 * lines) if lines else height
 

@@ -64,8 +64,8 @@ def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
 def largest_deflection(joint: JointInfo, limit: float, one: Array | None = None, two: Array | None = None) -> Array | None:
     """Largest deflection of a joint, rad (m): a number, or one for each sample (n,); None if it is not known.
 
-    limit: that of its springs; one, two: positions (n,) of its motors, rad (m). With two antagonistic springs the preset uses
-    up part of the range.
+    limit: deflection limit of its springs; one, two: positions (n,) of its motors, rad (m). With two antagonistic springs, the
+    preset uses up part of the range.
     """
     if joint.motors > 2:
         return None

@@ -136,7 +136,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         if spoken & BODIES:
             return None, None  # for example tool.position[1], imu.angular_velocity[0]
         if of_file & BODIES:
-            raise DoubtError("by the name of its file, its number may count the directions of a body")
+            raise DoubtError("its file is named after a body, so its number may be an axis of the body, not a joint")
     if joint is None:
         place = int(array[1]) if array else next(iter(numbers), None)
         joint = joint_of(place, joints, indexed=array is not None)

@@ -49,7 +49,7 @@ def read_recording(
     Args:
         path: A file of any format in `asrsim.recordings.READERS`, or a reading document whose key `file` names the recording.
         mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or a
-            reading document in place of `lab.csv.yaml`. Items take precedence over documents.
+            reading document in place of `lab.csv.yaml`. Items override the entries of documents.
         joints: Joints of the simulation, which numbers in the names of columns refer to.
         rate: Sampling rate, Hz; evenly spaced times from 0 replace the file's time.
 

@@ -68,5 +68,7 @@ STEPPINGS: Mapping[str, Stepping] = {
 def stepping_called(name: str) -> Stepping:
     """The stepping with this name. Raises InputError with the choices."""
     if name not in STEPPINGS:
-        raise InputError("is not a stepping", key="stepping", value=name, choices=tuple(STEPPINGS), code="unknown-stepping")
+        raise InputError(
+            "is not a time-stepping scheme", key="stepping", value=name, choices=tuple(STEPPINGS), code="unknown-stepping"
+        )
     return STEPPINGS[name]

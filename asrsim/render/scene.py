@@ -100,7 +100,7 @@ class RenderScene:
 
 
 def _parts(scene: Any) -> Iterator[ScenePart]:
-    """Shapes of each body of a trimesh scene. scene: as yourdfpy makes it: the frame above a shape is that of its body."""
+    """Shapes of each body of a trimesh scene. scene: made by yourdfpy: the parent of a shape's frame is its body."""
     from trimesh import Trimesh
 
     graph, found = scene.graph, defaultdict[str, list[Any]](list)
@@ -108,7 +108,7 @@ def _parts(scene: Any) -> Iterator[ScenePart]:
         body = graph.transforms.parents[node]
         place, name = graph.get(node, body)
         mesh = scene.geometry[name]
-        # Meshes without textures, which would be copied with each mesh.
+        # Leave textures out: they would be copied with each mesh.
         found[body].append((Trimesh(mesh.vertices, mesh.faces).apply_transform(place), main_colour(mesh)))
     for body, shapes in found.items():
         meshes, colours = zip(*shapes, strict=True)

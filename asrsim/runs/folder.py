@@ -79,6 +79,10 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
     if place.is_file():
         return [place], []
     logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
+    if not logs and not place.exists() and (place.parent / LOG).is_file():
+        # With --out and one variant, the log lies in the folder itself.
+        hint = f"The folder above contains a log: {place.parent}"
+        raise InputError("no such file or folder", file=place, hint=hint, code="no-log")
     if not logs:
         message, hint = "no such file or folder", "Run a scenario first: asrsim run scenario.yaml"
         if place.is_dir():

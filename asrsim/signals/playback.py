@@ -43,7 +43,8 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the first sample; default: the times of the recording; stamps count from the file's earliest",
+        doc="simulated time of the first sample; default: its time in the recording; "
+        "clock times count from the file's earliest time",
         unit="s",
         default=None,
     )

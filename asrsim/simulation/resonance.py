@@ -1,4 +1,4 @@
-"""Error of the time step at the resonances of links and motors: lasting oscillations are ahead by a growing phase.
+"""Error of the time step at the resonances of links and motors: the phase of a lasting oscillation runs ahead more and more.
 
 The leapfrog step raises the frequency w of a mode by the fraction (w h)^2 / 24, with the substep h. An oscillation with the
 decay rate s is therefore ahead by the phase w t (w h)^2 / 24 after the time t, when its amplitude is exp(-s t).

@@ -224,7 +224,7 @@ class Simulation:
         self.recording.note_outside_work()
 
     def _hold(self, held: Mapping[str, HeldWrench]) -> None:
-        """Apply exactly these wrenches."""
+        """Apply these wrenches instead of all that acted before."""
         self._holding.hold(())
         self._held, self._holding = dict(held), self.engine
         self._holding.hold(tuple(held.values()))

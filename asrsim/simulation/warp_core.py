@@ -146,7 +146,9 @@ class WarpCore(Core):
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
         if shape_of(prepared.drives, self.shape) != self.shape:
-            raise SimulationError("stages that do not act at the start cannot be added on Warp: give all worlds one of them")
+            raise SimulationError(
+                "on Warp, worlds can have only the stages that act in the scenario: set the parameters of this stage there"
+            )
         self.P[world] = constants_table(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
             raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")

@@ -106,7 +106,11 @@ class Worlds:
             check_number(value, key)
         if device != "cpu" and engine != WARP:
             raise InputError(
-                "only worlds on Warp choose a device", key="device", value=device, hint=f"engine: {WARP}", code="warp"
+                "a device can be chosen for worlds on Warp only",
+                key="device",
+                value=device,
+                hint=f"engine: {WARP}",
+                code="warp",
             )
         prepared = prepare_worlds(scenario, engine=engine, variant=variant, overrides=overrides, plugins=plugins)
         strides = strides_of(prepared) if adaptive else ALWAYS_ALL

@@ -119,8 +119,16 @@ def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem
     try:
         require_columns(claim, joints, _joints_of(claim, joints))
     except InputError as error:
-        return [replace(problem, line=problem.line or claim.line) for problem in error.problems]
+        return [_placed(problem, claim) for problem in error.problems]
     return []
+
+
+def _placed(problem: Problem, claim: Expectation) -> Problem:
+    """Problem of a claim's recording at the line of the claim, unless it states a line of the recording."""
+    if problem.line is not None:
+        return problem
+    message = problem.message if problem.file is None else f"{problem.file.name}: {problem.message}"
+    return replace(problem, message=message, file=None, line=claim.line)
 
 
 def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInfo]:

@@ -107,7 +107,7 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
         for a in range(columns):
             for b in range(columns):
                 normal[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
-            # The second solution is the first column of the inverse.
+            # Two right-hand sides: the first gives the estimates, the second the first column of the inverse matrix.
             normal[a, columns], normal[a, columns + 1] = products[a, columns] / size[a] / size[columns], 1.0 if a == 0 else 0.0
         solve_normal(normal, columns, columns, 2)
         found, inverse = normal[:, columns + 2], normal[:, columns + 3]

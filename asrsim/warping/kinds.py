@@ -130,7 +130,7 @@ def group(items: Sequence[Value]) -> Value:
 
 
 def joined(first: Any, second: Any) -> Any:
-    """Kind of a name that takes values of two kinds. Raises TranslationError."""
+    """Common kind (type) for a variable that is assigned values of two kinds. Raises TranslationError."""
     if first is None or first == second:
         return second
     if isinstance(first, Group) and isinstance(second, Group) and len(first.kinds) == len(second.kinds):
@@ -139,7 +139,7 @@ def joined(first: Any, second: Any) -> Any:
         return max(first, second, key=ORDER.__getitem__)
     if isinstance(first, Row) and isinstance(second, Row) and first.number == second.number:
         return Row(first.number)
-    raise TranslationError("a name has values of different kinds")
+    raise TranslationError("a variable is assigned values of different types")
 
 
 def number_as(value: Value, kind: Any) -> Value:

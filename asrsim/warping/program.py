@@ -54,7 +54,7 @@ class WarpProgram:
         own = self._calls.get(function) if function.__hash__ else None
         if own is not None:
             if caller is None:
-                raise TranslationError("this function has a translation only within another one")
+                raise TranslationError("this function can be translated only where another function calls it")
             found: Value = own(caller, given)
             return found
         if not isinstance(function, types.FunctionType):

@@ -38,7 +38,7 @@ OPERATORS: dict[type, str] = {
     ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "and", ast.Or: "or",
 }  # fmt: skip
 MOST_PASSES = 8
-"""Largest number of passes over a function until the kinds of its names are settled."""
+"""Largest number of passes over a function until the kinds of its variables no longer change."""
 Call = Callable[["Translation", list[Value]], Value]
 """Translation of the call of a function: a function of the translation of the caller and of the arguments."""
 
@@ -80,7 +80,7 @@ class Translation:
             if before == (self._names, self.returned):
                 break
         else:
-            raise TranslationError("the kinds of its names cannot be determined")
+            raise TranslationError("the types of its variables cannot be determined")
         self.text = "\n".join(
             [f"def {name}({', '.join(self._signature)}):", *(f"    {line}" for line in self._lines or ["pass"])]
         )
@@ -377,7 +377,7 @@ class Translation:
             raise TranslationError(f"the operator {type(operator).__name__} has no translation")
         kind = max(joined(left.kind, right.kind), INT, key=lambda one: ORDER.get(one, 9))
         if kind not in ORDER:
-            raise TranslationError("only numbers can be combined")
+            raise TranslationError("operators take only numbers")
         kind = FLOAT if isinstance(operator, ast.Div) else kind
         if kind == FLOAT and isinstance(operator, ast.FloorDiv | ast.Mod):
             whole = f"wp.floor({number_as(left, FLOAT).text} / {number_as(right, FLOAT).text})"
@@ -397,7 +397,7 @@ class Translation:
             return Value(BOOL, f"(not {self._condition(node.operand)})")
         found = self.value(node.operand)
         if found.kind not in (INT, FLOAT) or isinstance(node.op, ast.Invert):
-            raise TranslationError("only numbers have a sign")
+            raise TranslationError("signs apply only to numbers")
         if isinstance(node.op, ast.UAdd):
             return found
         if isinstance(found.known, int | float):
@@ -429,7 +429,7 @@ class Translation:
         if isinstance(kind, Row) and first.kind == second.kind and first.text == second.text:
             return Value(first.kind, first.text, f"wp.where({condition}, {first.at}, {second.at})")
         if kind not in ORDER:
-            raise TranslationError("only numbers can be chosen")
+            raise TranslationError("a conditional expression takes only numbers")
         return Value(kind, f"wp.where({condition}, {number_as(first, kind).text}, {number_as(second, kind).text})")
 
     def _of_call(self, node: ast.Call) -> Value:
@@ -486,7 +486,7 @@ def _as(kind: Any) -> Call:
 
 
 def _range(caller: Translation, given: list[Value]) -> Value:
-    raise TranslationError("`range` belongs into `for`")
+    raise TranslationError("`range` can only be used in `for`")
 
 
 BUILT_IN: dict[Any, Call] = {

@@ -34,7 +34,7 @@ from asrsim.records import value
 
 @dataclass(slots=True)
 class Kick:
-    """What a stage sees of a kick of its motor, the change of all velocities in a substep."""
+    """Values that a stage receives in a kick of its motor, the change of all velocities in a substep."""
 
     motor_position: float = value("position of the motor", "rad")
     motor_velocity: float = value("velocity of the motor", "rad/s")

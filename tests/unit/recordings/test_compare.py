@@ -260,6 +260,16 @@ def test_claims_whose_recording_cannot_serve_are_errors_before_the_run(tmp_path,
     assert error.value.problems[0].line == 4
 
 
+def test_a_damaged_recording_of_a_claim_is_stated_at_the_line_of_the_claim(tmp_path):
+    path = tmp_path / "lab.json"
+    path.write_text("7")
+    with pytest.raises(ScenarioError) as error:
+        check_claims([claim(path)], (ELBOW,), file=tmp_path / "lab.yaml")
+    (problem,) = error.value.problems
+    assert (problem.file, problem.line) == (tmp_path / "lab.yaml", 4)
+    assert problem.message.startswith("lab.json: ")
+
+
 @pytest.mark.parametrize(
     ("unit", "prismatic", "wrong"), [("m", False, True), ("rad", True, True), ("m", True, False), ("rad", False, False)]
 )

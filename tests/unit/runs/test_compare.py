@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from copy import deepcopy
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
-from asrsim.errors import LogError, OutputError
+from asrsim.errors import InputError, LogError, OutputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run
 from asrsim.runs.compare import Comparer, Difference
@@ -124,6 +125,12 @@ def test_logs_of_variants_have_the_order_of_their_scenario(tmp_path):
     assert [log.parent.name for log in find_logs(tmp_path)[0]] == ["soft", "rigid", "hard", "alone"]
     own = log_in(tmp_path)
     assert find_logs(tmp_path) == ([own], []) == find_logs(own)
+
+
+def test_a_missing_folder_beside_a_log_names_the_folder_of_the_log(tmp_path):
+    log_in(tmp_path)
+    with pytest.raises(InputError, match=f"The folder above contains a log: {re.escape(str(tmp_path))}"):
+        find_logs(tmp_path / "soft")
 
 
 def test_a_next_run_replaces_every_picture_of_a_run(tiny):
