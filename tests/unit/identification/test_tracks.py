@@ -100,6 +100,17 @@ def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
         assert track.initial["joint_1.initial_position"] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
 
 
+def test_a_motor_does_not_start_at_a_noisy_first_sample(tmp_path):
+    """`asrsim init` copies the first sample, which noise moves by 0.23 mrad; the motor starts at 0 and moves at once."""
+    moved = 0.2 * (1.0 - np.cos(5.0 * TIME)) + noise(len(TIME))
+    moved[0] = 2.34e-4
+    columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.0 * TIME, "joint_1.motor_1_position [rad]": moved}
+    keys = "initial: {joint_1: {position: 0, motor_positions: [0.000234]}}\n"
+    with ExitStack() as stack:
+        track = prepared(stack, tmp_path, columns, ["joint_1.motor_1_inertia"], mode=5, keys=keys).tracks[0]
+        assert track.motors["joint_1"] == pytest.approx([0.0], abs=1.2e-4)
+
+
 def test_derivatives_on_many_threads_equal_those_on_one(tmp_path, monkeypatch):
     goal = 0.3 * np.sin(9.0 * TIME)
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": goal + noise(len(TIME)), "joint_1.link_position [rad]": goal**2}
