@@ -110,7 +110,7 @@ class Suspicion:
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
-    # The search without effects goes as far as that with them, so that no effect is named for what the search gains.
+    # Search without effects as long as with them: otherwise the gain of a longer search would be ascribed to an effect.
     start = np.zeros(len(x))
     x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
     base, least = mean_square(problem, x), huber(residuals(problem, x))

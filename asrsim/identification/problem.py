@@ -96,7 +96,7 @@ class Slopes:
     """Derivatives (m, n) of the residuals."""
 
     def seen_by(self, problem: FitProblem) -> Slopes | None:
-        """The same with the weights of another problem of the same recordings; None for other recordings, parameters or
+        """This Jacobian with the weights of another problem of the same recordings; None for other recordings, parameters or
         simulations.
         """
         own = self.problem
@@ -115,8 +115,8 @@ class Slopes:
         return replace(self, problem=problem, left=left, matrix=matrix)
 
     def moved(self, x: Array, left: Array, trust: float) -> Slopes | None:
-        """The same at another place, with Broyden's update; None if the derivatives predict the change of the residuals with a
-        larger relative error than `trust`. left: residuals (m,) at x.
+        """This Jacobian at another place, by Broyden's update; None if the derivatives predict the change of the residuals with
+        a larger relative error than `trust`. left: residuals (m,) at x.
         """
         move = x - self.x
         foretold = self.matrix @ move

@@ -37,8 +37,8 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     """Profiles of the entries with a standard deviation and away from their bounds.
 
     Along a profile the other parameters follow the valley of least misfit, to first order: column i of the inverse of J'J over
-    its diagonal element. The residuals are a parabola of the way along the valley, with the slope of the derivatives, through
-    one simulation; the misfit has its minimum at the estimate.
+    its diagonal element. Along the valley, a parabola approximates the residuals: it has the slope of the derivatives, and
+    passes through one simulation. The misfit has its minimum at the estimate.
     """
     low, high = problem.layout.bounds
     known, points, squares = [], [], []

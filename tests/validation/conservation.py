@@ -93,7 +93,7 @@ def long_swings() -> Iterator[Check]:
             name=f"energy of a free pendulum after 10 s, {name}",
             figure=changes[0],
             bound=bound,
-            source="kept; share of what lifting it takes",
+            source="constant; relative to the energy to lift it",
         )
         yield Check(
             name=f"order of the energy error of a free pendulum, {name}",

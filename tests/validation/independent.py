@@ -125,4 +125,4 @@ def gazebo() -> Iterator[Check]:
         for who, end in (("asrsim", float(q[-1])), ("Gazebo", float(theirs[-1]))):
             share = abs(excess(ours, case)(end)) / FRICTION
             name = f"resting place under friction, {case}, {who}"
-            yield Check(name=name, figure=share, bound=1.0 + 1e-6, source="torque to hold, share of tau_f")
+            yield Check(name=name, figure=share, bound=1.0 + 1e-6, source="holding torque / tau_f")
