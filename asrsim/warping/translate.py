@@ -1,8 +1,8 @@
 """Translation of one Python function of numbers and rows to the source of a Warp function.
 
 Warp is stricter than Python: an expression cannot mix numbers of different kinds (types), a variable keeps its kind, and
-constants that change in loops are declared. Kinds are therefore inferred from the arguments of the call, as in any compiler. The
-translation is repeated until the kinds of all variables no longer change.
+constants that change in loops are declared. Kinds are therefore inferred from the arguments of the call, as in any compiler.
+The translation is repeated until the kinds of all variables no longer change.
 """
 
 from __future__ import annotations
