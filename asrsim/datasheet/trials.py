@@ -131,7 +131,7 @@ def _torque(statics: Statics) -> tuple[float, str]:
 
 
 def _claim(variant: str, time: float) -> dict[str, Any]:
-    """The claim that repeats the time of a change."""
+    """Claim with which a run of the sheet's file repeats the measured time of a stiffness change."""
     value = float(f"{time:.5g}")
     return {
         "variant": variant,

@@ -69,7 +69,7 @@ class Mismatch(NamedTuple):
     normal: Any
     """Work space (kinds + 1, kinds + 5); see `asrsim.engines.loops.solve_normal`."""
     size: Any
-    """Work space (kinds + 2,)."""
+    """Scratch array (kinds + 2,) for the scales of the normal equations."""
     interval: float
     """Time between rows of the regression, s."""
 
