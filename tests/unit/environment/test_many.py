@@ -229,7 +229,7 @@ def test_many_worlds_are_in_mujoco_unless_told_otherwise():
         ({"randomise": {"imperfections.sensors.joint_9.delay": [0.01]}}, "joint_9.delay.*has no effect.*joint_1, joint_2"),
         ({"count": 1.5}, "num_envs.*whole number"),
         ({"threads": 0}, "threads.*whole number"),
-        ({"device": "cuda"}, "device.*only worlds on Warp"),
+        ({"device": "cuda"}, "device.*worlds on Warp only"),
     ],
 )
 def test_a_wrong_option_is_refused_when_the_environment_is_made(options, words):
