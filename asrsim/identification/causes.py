@@ -28,7 +28,7 @@ from asrsim.identification.extensions import (
     tied_to,
 )
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
-from asrsim.identification.judge import ENOUGH, FOLLOWED, missing_mode
+from asrsim.identification.judge import ENOUGH, FOLLOWED, explains, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
@@ -242,7 +242,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         mode = next(drive.mode for drive in track.door.drives if drive.name == joint)
-        lost = not np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded)
+        lost = not explains(part, left, FOLLOWED)
         if part.channel.quantity == "link_position" and lost and mode and mode.controller and joint in track.data.torques:
             names = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
             maps = [f"'{track.data.torques[joint]}={joint}.reference_1'", *(f"'{name}=ignore'" for name in names)]
@@ -259,7 +259,7 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
         others = [one for one in track.channels if one.joint == joint and not one.quantity.startswith("motor")]
-        lost = not np.mean(left**2) < (1.0 - ENOUGH) * np.var(part.recorded)
+        lost = not explains(part, left, ENOUGH)
         if part.channel.quantity == "motor_1_position" and lost and commands and others:
             maps = " ".join(f"--map '{name}=ignore'" for name in commands)
             yield (

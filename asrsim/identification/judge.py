@@ -11,7 +11,7 @@ import numpy as np
 
 from asrsim.identification.data import Channel
 from asrsim.identification.noise import MOVES, SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
-from asrsim.identification.problem import Differences, FitProblem, differences
+from asrsim.identification.problem import Differences, FitProblem, Part, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
 from asrsim.recordings.reading import item_of
@@ -142,6 +142,11 @@ def fits(problem: FitProblem, x: Array) -> bool:
 def is_explained(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are zero, as for a simulated log."""
     return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
+
+
+def explains(part: Part, left: Array, least: float) -> bool:
+    """Whether predictions explain more than a fraction of a channel's variance. left: predicted minus recorded values."""
+    return bool(np.mean(left**2) < (1.0 - least) * np.var(part.recorded))
 
 
 def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[ChannelFit]:

@@ -21,7 +21,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import extended, jumps, presliding, stairs
-from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, fits, is_explained
+from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, explains, fits, is_explained
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import (
     FitProblem,
@@ -194,14 +194,13 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
 
 def follows(problem: FitProblem, x: Array) -> bool:
     """Whether predictions explain half of the variance of each channel."""
-    return all(np.mean(left**2) < (1.0 - FOLLOWED) * np.var(part.recorded) for part, left in differences(problem, x))
+    return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 
 def _followed(problem: FitProblem, x: Array) -> list[int]:
     """Numbers of channels that a free simulation with these estimates follows, explains acceptably, and explains enough."""
     found = differences(problem.observed(0.0), x)
-    unexplained = [float(np.mean(left**2) / np.var(part.recorded)) for part, left in found]
-    return [sum(one < 1.0 - least for one in unexplained) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
+    return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
 
 
 def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:

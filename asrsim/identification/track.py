@@ -175,7 +175,7 @@ class Track:
             measured = (copied or position != round(position, DIGITS)) and not self.scenario.initial_equilibrium
             moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
             if not moving:
-                place, place_error = _start_of(channel, self.motion)
+                place, place_error = _start_of(channel, found)
             if abs(place - position) > STILL * place_error or moving or measured:
                 zero = any(f"{key}.offset" in freed for key in sources)
                 # A position that was copied from a sensor with an unknown zero is also unknown.
@@ -200,7 +200,7 @@ class Track:
             if not names or len(channels) < len(names):
                 continue
             rest = (drive.motor_positions or (self.initial[link],) * len(names))[: len(names)]
-            places, errors = zip(*(_start_of(channel, self.motion) for channel in channels), strict=True)
+            places, errors = zip(*(_start_of(one, first_samples(one, self.motion)) for one in channels), strict=True)
             copied = any(one != round(one, DIGITS) for one in drive.motor_positions)
             if copied or np.any(np.abs(np.subtract(places, rest)) > STILL * np.array(errors)):
                 self.motors[drive.name] = list(places)
@@ -398,12 +398,12 @@ def onset(channel: Channel, deviations: float) -> int:
     return int(np.argmax(away)) if away.any() else len(away)
 
 
-def _start_of(channel: Channel, motion: float) -> tuple[float, float]:
-    """Value of a channel at time 0 and its error, from the mean at rest or from the first part of a motion, whichever is more
-    accurate. motion: band of the motion, as in `first_samples`.
+def _start_of(channel: Channel, first: tuple[float, float, float, float] | None) -> tuple[float, float]:
+    """Value of a channel at time 0 and its error: of the mean at rest and the first part of a motion, the more accurate one.
+    first: result of `first_samples`.
     """
-    found = first_samples(channel, motion)
-    return min(at_rest(channel), *([(found[0], found[2])] if found else []), key=lambda known: known[1])
+    resting = at_rest(channel)
+    return (first[0], first[2]) if first and first[2] <= resting[1] else resting
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:

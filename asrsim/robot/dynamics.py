@@ -110,16 +110,16 @@ class RobotModel:
         self._places = {
             name: (bodies[place.body], frame(place.pose.position, place.pose.rotation)) for name, place in merged.places.items()
         }
-        self._load(robot)
+        self._set_inertias(robot)
 
     def varied(self, robot: Robot) -> RobotModel:
-        """The same for a robot that differs in its inertias and other numbers only."""
+        """Model of a robot that differs from this one in inertias only, as far as the model is concerned."""
         other = copy(self)
-        other._load(robot)
+        other._set_inertias(robot)
         return other
 
-    def _load(self, robot: Robot) -> None:
-        """Set the inertias of the bodies."""
+    def _set_inertias(self, robot: Robot) -> None:
+        """Take the robot and its inertias."""
         self.robot = robot
         self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
         """Pseudo-inertias of the bodies, and of the masses on which gravity does not act, of which only mass and first moments

@@ -24,7 +24,7 @@ from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
 from asrsim.simulation.released import released_step
-from asrsim.simulation.rows import constants_table, kind_of, scheme_of, start_of, table_of_kinds
+from asrsim.simulation.rows import constants_table, kinds_of, scheme_of, start_of, table_of_kinds
 from asrsim.simulation.shape import RowShape, shape_of
 from asrsim.simulation.strides import ALWAYS_ALL, Strides
 
@@ -114,7 +114,7 @@ class Core:
         """Make the kinds of the joints, with the addresses of their laws. Returns the table P (joints, ...)."""
         drives, stepping = self.prepared.drives, self.prepared.stepping
         constants = constants_table(self.prepared, self.shape)
-        kinds = [kind_of(drive, self.shape, stages) for drive, stages in zip(drives, self.shape.stages, strict=True)]
+        kinds = kinds_of(drives, self.shape)
         # Joints with the same actuator and stages share a law: each call computes a digest and checks files in the cache.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)

@@ -111,6 +111,11 @@ def scheme_of(prepared: Prepared) -> Scheme:
     )
 
 
+def kinds_of(drives: Sequence[SteppedJoint], shape: RowShape) -> list[JointKind]:
+    """Kinds of the joints, without the addresses of their functions."""
+    return [kind_of(drive, shape, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
+
+
 def constants_table(prepared: Prepared, shape: RowShape) -> Array:
     """Table P (joints, ...)."""
     substeps, cutoff = prepared.resolution.motor_substeps, prepared.velocity_cutoff

@@ -23,7 +23,7 @@ from asrsim.simulation.kernel import FASTEST
 from asrsim.simulation.layout import HEALTH
 from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.quantities import RowColumns
-from asrsim.simulation.rows import constants_table, kind_of, scheme_of, start_of, table_of_kinds
+from asrsim.simulation.rows import constants_table, kinds_of, scheme_of, start_of, table_of_kinds
 from asrsim.simulation.shape import shape_of
 from asrsim.simulation.warp_step import LOADS, law_of, program
 from asrsim.warping.program import loaded_warp
@@ -57,7 +57,7 @@ class WarpCore(Core):
         made, laws = program(prepared.drives, self.shape)
         self._program: Any = made.load()
         constants = constants_table(prepared, self.shape)
-        joints = [kind_of(drive, self.shape, stages) for drive, stages in zip(prepared.drives, self.shape.stages, strict=True)]
+        joints = kinds_of(prepared.drives, self.shape)
         for k, drive, stages in zip(joints, prepared.drives, self.shape.stages, strict=True):
             law = law_of(drive, stages)
             k.spring_law = 0 if law is None else laws.index(law) + 1
