@@ -229,7 +229,7 @@ class TwinLoops(NamedTuple):
 
 def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: JointWatch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
-    one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros(1, dtype=np.int64)
+    one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros((1, 1), dtype=np.int64)
     examples = (
         (t, watch, one, two, flags, two, two),
         (t, gains, two, one, two, one, two),
