@@ -305,7 +305,7 @@ def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
     if setup.adopted:
         yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
     if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
-        yield f"{', '.join(late)}: each command jumped by this time before the sample that shows the jump"
+        yield f"{', '.join(late)} is estimated, too: the command jumps this time before the first sample with its new value"
     for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:

@@ -207,7 +207,7 @@ def _meanings(
                 owner = column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0]
                 yield ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target)
                 continue
-            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
+            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name states no quantity of a joint"
             yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
@@ -327,6 +327,6 @@ def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []
-    message = f"no column's name means a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
+    message = f"no column's name states a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
     hint = f"State the meaning of a column with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
     return [Problem(message, code="nothing-mapped", hint=hint)]

@@ -67,7 +67,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
             closure = closures[index]
             message = f"the loop between the links '{closure.links[0]}' and '{closure.links[1]}' stays open: {fault.message}"
             findings.warn(
-                message, closure.element, closure.name, code="loop", hint="`loops` in the scenario states other loops"
+                message, closure.element, closure.name, code="loop", hint="State the loop under `loops` in the scenario"
             )
         closures = [closure for index, closure in enumerate(closures) if index not in bad]
     return robot

@@ -562,7 +562,7 @@ def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
         )
         changed[master.name] = replace(changed[master.name], lower=low, upper=high)
         if trace.gap >= OPEN:
-            message = "the chain does not close exactly: a gap stays open, which counts as rounding of the file's numbers"
+            message = "the chain does not close exactly: the gap is taken to be rounding of the file's numbers"
             if trace.gap > GROWN:
                 message += "; the joint stops where the gap would be larger"
             warnings.append(Problem(message, key=master.name, value=f"up to {1e3 * trace.gap:.2g} mm", code="loop-gap"))

@@ -291,9 +291,9 @@ class Twin:
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])
             self._note(
-                f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._tables.carried[j]:.3g} that its "
-                f"springs have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller "
-                "bandwidth, or measure more often",
+                f"{self.joints[j]}: noise of {noise:.2g} mrad (mm) at {1.0 / self._step:.4g} Hz raises the alarm threshold "
+                f"to {threshold[j]:.3g}, above the largest torque of its springs so far, {self._tables.carried[j]:.3g}; choose "
+                "a smaller bandwidth, or measure more often",
                 notes,
             )
 

@@ -290,7 +290,7 @@ class Translation:
         """Translation of an expression. Calls of functions with several results are moved to lines before it."""
         method = getattr(self, f"_of_{type(node).__name__.lower()}", None)
         if method is None:
-            raise TranslationError(f"an expression of the kind {type(node).__name__} has no translation")
+            raise TranslationError(f"an expression of the type {type(node).__name__} has no translation")
         return method(node)  # type: ignore[no-any-return]
 
     def _of_constant(self, node: ast.Constant) -> Value:
