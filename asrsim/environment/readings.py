@@ -39,7 +39,7 @@ BEYOND = 1e-3
 
 
 class Links(NamedTuple):
-    """Positions and velocities of links: the part of an observation without motors, which is faster to read."""
+    """Positions and velocities of links. They are read faster than an observation that also contains the motors."""
 
     link_position: Array
     link_velocity: Array

@@ -21,7 +21,7 @@ from asrsim.robot.structure import WORLD
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 SIZE = 0.1
-"""Distance of the points at which a hinge or a fixed joint closes a loop, m."""
+"""Distance between the points at which a hinge or a fixed joint closes a loop, m."""
 POINTS = {"spherical": 1, "ball": 1, "revolute": 2, "continuous": 2, "fixed": 3}
 """Number of points that coincide, by type of the joint."""
 

@@ -46,9 +46,7 @@ fraction of 1 rad.
 POSTURES = 4000
 """Largest number of postures of a traced linkage in one direction."""
 TRIALS, ENOUGH = 200, 8
-"""Number of random postures from which closed postures are searched for; number of closed postures from which the nearest is
-chosen.
-"""
+"""Number of random postures from which the search for closed postures starts; number of closed postures that end it."""
 SLACK = 1e-7
 """Largest distance beyond a limit at the start that counts as rounding, rad (m)."""
 

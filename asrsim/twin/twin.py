@@ -264,13 +264,13 @@ class Twin:
         own, mismatch, ready = self._tables, self._mismatch, self._steps >= self._settled
         found, alarm = np.empty((2, len(error))), self._alarm.copy()
         rows = self.worlds.latest()
-        deaf = self._loops.judge(
+        too_noisy = self._loops.judge(
             own, self._limits, rows, self._springs, self._stiffness, mismatch.learned, self._friction, self._external, ready,
             error, alarm, found,
         )  # fmt: skip
         self._alarm = alarm
-        if deaf:
-            self._say_deaf(notes)
+        if too_noisy:
+            self._note_noise(notes)
         if ready and self._steps % self._every == 0:
             self._loops.learn(mismatch, own.rows[0], error, alarm)
         return TwinStep(
@@ -283,7 +283,7 @@ class Twin:
             notes=tuple(notes),
         )
 
-    def _say_deaf(self, notes: list[str]) -> None:
+    def _note_noise(self, notes: list[str]) -> None:
         """Note joints whose threshold, due to noise alone, exceeds the largest torque that their springs have carried in
         motion.
         """
