@@ -123,7 +123,7 @@ def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: 
 
 
 def _names_of_joints(one: Any) -> list[Problem]:
-    """Problems of parameters with the name of a number that a joint has without an actuator: `elbow.damping` is its own."""
+    """Problems of parameters whose names are taken by numbers of the joint itself, such as `elbow.damping`."""
     from asrsim.robot.vary import JOINT_NAMES
 
     return [

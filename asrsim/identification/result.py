@@ -37,9 +37,9 @@ NOTHING = 1e-9
 in which it plays no part are equal bit for bit.
 """
 FAR = 4.0
-"""Largest factor between start and estimate of an identified mass or inertia: CAD models and scales are less wrong."""
+"""Largest factor between start and estimate of an identified mass or inertia: errors of CAD models and scales are smaller."""
 VANISHED = 0.01
-"""A positive parameter without effect counts as vanished below this fraction of its start value: guesses are less wrong."""
+"""A positive parameter without effect counts as vanished below this fraction of its start value: usual errors are smaller."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
 """Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
 

@@ -64,10 +64,10 @@ class FitProgress(Progress):
 
 
 OFTEN = 0.2
-"""Time between progress reports, s: a person sees five a second as steady."""
+"""Time between progress reports, s: five reports a second appear as steady progress."""
 EXPECTED = 70
-"""Estimated number of evaluations per parameter that are left as a stage begins: those of a fit that tries causes. Without
-causes it takes a fifth.
+"""Estimated number of remaining evaluations per parameter when a stage begins, for a fit that tries causes. A fit without
+causes needs a fifth of this number.
 """
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.

@@ -151,7 +151,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     problems: list[Problem] = []
     for one in reading.maps:
         if (index := find_raw(one.column, raw)) is not None:
-            # Items come after the document, which may call a column by another name: with its unit, or by its number.
+            # Items take precedence over the document, which may name the column differently: with its unit, or by its number.
             found[index] = one
             continue
         message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)

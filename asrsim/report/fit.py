@@ -26,10 +26,10 @@ from asrsim.samples import Array
 MOST = 40
 """Largest number of parameters in the table of correlations."""
 STRONG = 0.9
-"""Correlation from which two parameters are said to imitate each other."""
+"""Magnitude of a correlation from which the page names both parameters."""
 JUDGED = {True: ("the model fits", "good"), False: ("the model does not fit", "poor"), None: ("not judged", "plain")}
 GRADES = {IDENTIFIED: "good", WEAK: "plain", AT_BOUND: "plain"}
-"""Look of a parameter's verdict; others are poor."""
+"""Style of the verdict on a parameter; other verdicts have the style `poor`."""
 
 
 def fit_page(folder: Path) -> str:

@@ -238,7 +238,7 @@ class Linkage:
         return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
 
     def fault(self, q: Array) -> str:
-        """Reason why the master does not move the linkage at the positions q (n,); empty if it moves it."""
+        """Reason why the master does not move the linkage at the positions q (n,); empty if the master moves it."""
         if not self.closes(q):
             return (
                 f"no positions of its joints close the loop; a gap of {self.gap(q):.3g} m is left: give other `initial` "
@@ -271,7 +271,7 @@ class Trace:
     Attributes:
         low, high: Range of the master in which no joint is beyond its limits, rad or m.
         dead: Whether each end of the range is a dead centre, which the master cannot pass.
-        gap: Largest gap that stays in the range, m: rounding of a file's numbers.
+        gap: Largest gap that remains in the range, m, due to rounding of the file's numbers.
         ignored: Joints that are beyond their limits at the start: these limits do not count.
     """
 
@@ -546,7 +546,7 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
 
 
 def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
-    """Robot whose joints start where the loops are closed, and whose masters stop where the limits of their followers are; and
+    """Robot whose joints start where the loops are closed, and whose masters stop where a follower reaches its limit; and
     warnings about the loops.
     """
     moving, warnings = robot.moving_joints, [*assembly.warnings]

@@ -50,7 +50,7 @@ def resonance_doubts(
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
     message = (
         f"its resonance at {frequencies[worst] / math.tau:.3g} Hz has omega h = {frequencies[worst] * h:.2g} with "
-        f"{counted(resolution.substeps, 'substep')}: without friction, its phase is {errors[worst]:.2g} rad early after "
+        f"{counted(resolution.substeps, 'substep')}: without friction, its phase is {errors[worst]:.2g} rad ahead after "
         f"{times[worst]:.2g} s, an error of {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of the amplitude"
     )
     hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"

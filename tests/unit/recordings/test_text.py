@@ -251,7 +251,7 @@ def test_seconds_and_nanoseconds_of_one_stamp_are_its_time(tmp_path, names):
 @pytest.mark.parametrize("clock", [lambda t: f"{t // 0.1:.0f}", lambda t: f"2024-05-06 10:00:0{t // 0.1:.0f}"])
 def test_a_clock_that_is_coarser_than_its_samples_is_refused_with_their_rate(tmp_path, clock):
     lines = [f"{clock(t + 1e-6)},{q:.9f}" for t, q in zip(TIME, Q1, strict=True)]
-    with pytest.raises(RecordingError, match=r"in steps of 1 s, and 45 of 50 samples.*--rate 10;"):
+    with pytest.raises(RecordingError, match=r"has steps of 1 s, so 45 of 50 samples.*--rate 10;"):
         read_recording(write(tmp_path / "lab.csv", ["time,q1", *lines]))
 
 
