@@ -39,7 +39,7 @@ from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
 """Bandwidths of the observer, in units of the band of the motion. A prototype found the right minima of five recorded machines
-at 0.25 to 8, from starts ten times off; at bandwidths at bandwidths below 0.1 it did not.
+at 0.25 to 8, from starts ten times off; at bandwidths below 0.1 it did not.
 """
 EVALUATIONS, TWICE = 10, 2
 """Largest number of evaluations of a search with an observer, and number of searches with new weights at each level, as in the
