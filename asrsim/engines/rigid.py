@@ -299,7 +299,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     impact = piece == 0 and room.impacts[0] > 0
     # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
     part, whole = 0.0 if impact else length, not impact
-    # `find_change` is called at one place: it is compiled into each place where it is called.
+    # `find_change` is called at only one place, since the compiler copies it to every place where it is called.
     while True:
         find_change(room, exchange, piece, part, last and not free)
         if whole and splits < count and not free:

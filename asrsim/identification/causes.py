@@ -186,7 +186,7 @@ def _suspected(found: Extended, rest: str) -> str:
         texts.append(_with_size(cause, values))
         options += _options(found, cause)
         links += [cause.elastic[0]] if cause.elastic is not None else []
-    verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
+    verb = "is suspected: it would reduce" if len(texts) == 1 else "are suspected: together they would reduce"
     ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
     ways += [
         f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "

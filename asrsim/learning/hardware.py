@@ -77,13 +77,14 @@ class HardwareStep:
                 return None
             return (
                 f"the next trial may be worse: the largest error of the best trial so far, {best:.2g}, is hardly above the "
-                "noise of "
-                f"the recording, {self.noise:.2g}"
+                f"noise of the recording, {self.noise:.2g}"
             )
         much = (
-            f"{self.foretold:.3g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
+            f"predicted to reach {self.foretold:.3g} times the best so far"
+            if np.isfinite(self.foretold)
+            else "unbounded, since the twin diverges"
         )
-        return f"the next trial may be worse: its largest error is predicted to be up to {much}"
+        return f"the next trial may be worse: its largest error is {much}"
 
 
 def next_input(

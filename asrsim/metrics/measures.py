@@ -42,7 +42,7 @@ class Measure:
     def __post_init__(self) -> None:
         given = {"series": 2, "pair": 3, "either": 3, "poses": 2}
         if self.needs not in given:
-            message = f"the measure '{self.name}' needs something unknown"
+            message = f"the measure '{self.name}' states an unknown input"
             raise InputError(message, key="needs", value=self.needs, choices=tuple(given), code="measure")
         parameters = inspect.signature(self.function).parameters.values()
         plain = [one.name for one in parameters if one.kind is one.POSITIONAL_OR_KEYWORD]

@@ -138,7 +138,7 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
             hint="Without one, a recording's response can be drawn: --experiment FILE --bode",
         )
     if job.figures is not None and (job.experiments or job.bode or job.quantities is not None):
-        message = "figures by name show runs alone: without experiments, frequency responses and single quantities"
+        message = "named figures show runs only: leave out recordings, frequency responses and quantities"
         raise InputError(message, key="figures", value=", ".join(job.figures), code="figures")
     for name in job.figures or ():
         FIGURES.get(name)

@@ -68,7 +68,10 @@ def align_recording(
     if best is None:
         choices = tuple(map(".".join, columns))
         raise RecordingError(
-            "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
+            "cannot align: recording and simulation share no quantity",
+            file=recording.path,
+            choices=choices,
+            code="no-such-quantity",
         )
     name, time, values, column = best
     with naming(recording.path):
@@ -210,7 +213,7 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
     turned = estimate_lag(time_simulation, simulation, time_recording, -recording)
     how = f"cross-correlation of {name}"
     if found is None:
-        why = f"{name} must move in both records"
+        why = f"{name} must move in the recording and in the simulation"
     elif turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
         return Alignment(lag=turned.seconds, how=f"{how}, which has the opposite sign", found=turned)
     elif found.correlation < TRUSTED:
@@ -218,7 +221,7 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
     elif found.at_limit:
         why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
     else:
-        message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
+        message = f"{name} is periodic, so several lags fit equally well; the smallest, {found.seconds:.4g} s, is used"
         periodic = Problem(message, code="lag", hint="Set the lag with --align if another lag is right")
         exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
         return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)

@@ -151,7 +151,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     problems: list[Problem] = []
     for one in reading.maps:
         if (index := find_raw(one.column, raw)) is not None:
-            # Items come after the document, which may call a column by another name: with its unit, or by its number.
+            # Items take precedence over the document, which may name the column differently: with its unit, or by its number.
             found[index] = one
             continue
         message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
@@ -207,7 +207,7 @@ def _meanings(
                 owner = column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0]
                 yield ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target)
                 continue
-            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
+            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name states no quantity of a joint"
             yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
@@ -327,6 +327,6 @@ def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []
-    message = f"no column's name means a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
+    message = f"no column's name states a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
     hint = f"State the meaning of a column with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
     return [Problem(message, code="nothing-mapped", hint=hint)]

@@ -78,7 +78,7 @@ class ColumnMap:
 
 
 def item_of(column: Column, *, gain: float, joint: str | None = None) -> str:
-    """Item of `--map` by which the values of a column are multiplied; what its mapping states stays. joint: the robot's."""
+    """Item of `--map` that multiplies the values of a column and keeps the rest of its mapping. joint: joint of the robot."""
     read = column.read_as or ColumnMap(quantity=column.quantity)
     return f"{column.source}={replace(read, joint=joint or column.joint).corrected(gain=gain).text}"
 

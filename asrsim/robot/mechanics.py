@@ -120,7 +120,7 @@ def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> J
     if at.moves and ratio:
         return replace(joint, mimic=at.name, multiplier=ratio, offset=offset)
     why = f"joint '{at.name}' does not move" if ratio else "the multiplier is 0"
-    message = f"mimics without moving, since {why}: it is fixed at its offset"
+    message = f"mimics a joint but cannot move, since {why}: it is fixed at its offset"
     findings.warn(message, joint.line, joint.name, code="mimic-fixed", value=f"{offset:g}")
     return fixed_at(joint, offset)
 

@@ -72,7 +72,7 @@ def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) ->
         if name is None:
             problems += [] if scope == "*" else [_unknown_parameter(place, key, block.names)]
         elif name in seen:
-            message, hint = f"is the same parameter as {seen[name]}", f"Give {seen[name]}"
+            message, hint = f"states the same parameter as {seen[name]}", f"Give {seen[name]}"
             problems.append(Problem(message, key=place, hint=hint, code="duplicate-parameter"))
         else:
             seen[name] = key

@@ -478,7 +478,7 @@ class Worlds:
             numbers = given.astype(np.int64).reshape(-1)
             if len({number for number in numbers.tolist() if 0 <= number < self.count}) == len(numbers):
                 return numbers
-        message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
+        message = f"must be different numbers from 0 to {self.count - 1}, or a mask of {self.count} flags"
         raise InputError(message, key="worlds", value=worlds, code="worlds")
 
     def _check_adaptive(self) -> None:

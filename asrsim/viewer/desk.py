@@ -77,7 +77,7 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """Kind of the next run, after a reset or a change: `variant` or `tuned`."""
+        """Arguments of the next run (`variant` or `tuned`) after a reset or a change; None while the present run continues."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
         """References that the user has set, and those that follow the scenario's signals again (None)."""

@@ -263,7 +263,7 @@ def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
     units = [sheet.entry(key).unit for key in ("peak_torque", "top_speed", "stiffness_min", "deflection_soft")]
     assert units == ["N", "m/s", "N/m", "m"]
     assert 'type="prismatic"' in sheet.files["r_j.urdf"]
-    with pytest.raises(InputError, match="different units"):
+    with pytest.raises(InputError, match="their units differ"):
         write_sheets([sheet, qbmove], tmp_path, compare=True)
 
 
@@ -370,7 +370,7 @@ def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_en
 
 
 def test_joints_without_a_robot_are_refused():
-    with pytest.raises(InputError, match="needs a robot"):
+    with pytest.raises(InputError, match="requires a robot"):
         sources_of(["sea"], joints=["elbow"])
 
 

@@ -107,7 +107,7 @@ def test_a_threshold_above_what_the_springs_carry_is_said(tmp_path):
                 break
     (text,) = found.notes
     assert re.search(
-        r"its threshold of .* exceeds the .* that its springs have carried: .* mrad \(mm\) of noise at 250 Hz", text
+        r"noise of .* mrad \(mm\) at 250 Hz raises the alarm threshold to .*, above the largest torque of its springs", text
     )
 
 
