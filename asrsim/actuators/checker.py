@@ -229,6 +229,12 @@ CHECKS = (
         _energy,
         INSIDE,
     ),
-    ("reference map", "equilibrium_position inverts motor_references, where the link rests (rad)", 1e-9, _reference, INSIDE),
+    (
+        "reference map",
+        "equilibrium_position inverts motor_references, and the link rests there (rad)",
+        1e-9,
+        _reference,
+        INSIDE,
+    ),
 )
 """Name, condition, largest allowed value and function of each check, and the reach of its points."""

@@ -240,7 +240,7 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """What the Numba type of a value depends on: of another value than numbers, arrays and tuples of them, the value itself."""
+    """Key that determines the Numba type of a value: types of numbers and arrays, also in tuples; other values themselves."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     if isinstance(value, np.ndarray):

@@ -59,6 +59,8 @@ MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the band of the motion: from resonance with the motion on."""
 SMALL = float(np.log(0.2))
 """Logarithm of the size of the second body at the start of a trial, relative to its default fraction of the link."""
+VANISHED = 0.02
+"""Damping of a motor, as a fraction of the derivative gain of its controller, below which the damping counts as 0."""
 MASSES = (float(np.log(1.3)), float(np.log(0.75)))
 """Logarithms of the factors of a link's mass that are tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
@@ -186,7 +188,7 @@ def _suspected(found: Extended, rest: str) -> str:
         texts.append(_with_size(cause, values))
         options += _options(found, cause)
         links += [cause.elastic[0]] if cause.elastic is not None else []
-    verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
+    verb = "is suspected: it would reduce" if len(texts) == 1 else "are suspected: together they would reduce"
     ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
     ways += [
         f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "
@@ -254,7 +256,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on motors whose recorded motion their drives do not explain, and that hide what springs and links show."""
+    """Sentences on motors whose drives do not explain their recorded motion, so that errors of springs and links are hidden."""
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
@@ -335,11 +337,10 @@ def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
 
 def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions with a second mode: the link behind a joint with a recorded position is elastic."""
-    track = problem.tracks[0]
-    for joint in track.door.joints:
-        sensed = any(channel.key == f"{joint}.link_position" for channel in track.channels)
-        lowest = MODES[0] * track.motion
-        if not sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints or not lowest:
+    track, lowest = problem.tracks[0], MODES[0] * problem.motion
+    sensed = {channel.key for i in problem.fitted for channel in problem.tracks[i].channels}
+    for joint in track.door.joints if lowest else ():
+        if f"{joint}.link_position" not in sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints:
             continue
         # All recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
@@ -381,16 +382,31 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 # If the friction is so large that the joint does not move, the search starts without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
+        gain, damping = known.get(f"{joint}.controller_1_derivative"), f"{joint}.motor_1_damping"
+        if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
+            # The damping acts like the derivative gain. It has vanished, so the gain is too large.
+            ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
+            text, begins = (
+                f"a smaller derivative gain of the controller of {joint}",
+                (gain.place(0.0), gain.place(0.5 * gain.start)),
+            )
+            yield Extension(text=text, parameters=(gain,), ties=ties, begins=begins)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
         for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
-            key, series = f"{joint}.{name}", track.series(values, problem.playing, [(j, quantity)])
-            reached = 0.0 if series is None else float(np.abs(series).max())
+            key, reached = f"{joint}.{name}", _largest(problem, x, (j, quantity))
             if key in known and key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
                 ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1 and "motor_1" in key))
                 limit = replace(known[key], start=reached, low=1e-3 * reached, high=4.0 * reached, logarithmic=True)
                 text, factors = f"a limit {name} of {joint}", tuple(np.log(LIMIT_FACTORS))
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
+
+
+def _largest(problem: FitProblem, x: Array, quantity: tuple[int, str]) -> float:
+    """Largest size of a simulated quantity (index of joint, name) in all fitted recordings; 0 if all simulations diverge."""
+    played = ((problem.tracks[i], problem.layout.table(x, i)) for i in problem.fitted)
+    found = [track.series(values, problem.playing, [quantity]) for track, values in played]
+    return max((float(np.abs(series).max()) for series in found if series is not None), default=0.0)
 
 
 def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:
@@ -459,7 +475,7 @@ for name, cause in {
     "commands": Cause(title="zeros of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
         title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
-        "motors and of deflections, masses of links",
+        "motors and of deflections, derivative gains of controllers, masses of links",
         extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),

@@ -62,7 +62,7 @@ def variant_columns(labels: Sequence[str], width: float) -> int:
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """Draw a legend of variants and their colours below the panels if there are several variants. It reads by rows."""
+    """Draw a legend of variants and their colours below the panels if there are several variants. Its entries are in rows."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:

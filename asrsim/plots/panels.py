@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Kind of panel: quantities that one pair of axes shows for a joint."""
+    """Quantities that one pair of axes shows for a joint."""
 
     key: str
     words: str

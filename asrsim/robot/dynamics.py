@@ -113,7 +113,7 @@ class RobotModel:
         self._set_inertias(robot)
 
     def varied(self, robot: Robot) -> RobotModel:
-        """Model of a robot that differs from this one in inertias only, as far as the model is concerned."""
+        """Model of a robot whose links have other inertias, but the same joints and frames."""
         other = copy(self)
         other._set_inertias(robot)
         return other
@@ -122,9 +122,7 @@ class RobotModel:
         """Take the robot and its inertias."""
         self.robot = robot
         self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
-        """Pseudo-inertias of the bodies, and of the masses on which gravity does not act, of which only mass and first moments
-        are used.
-        """
+        """Pseudo-inertias of the bodies, and of the masses without gravity; of the latter only mass and first moments count."""
         for link in merge_fixed(robot).robot.links:
             (mass, centre), body = link.weightless, self._numbers[link.name]
             self._inertias[body] = _pseudo_inertia(link)

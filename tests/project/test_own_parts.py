@@ -533,7 +533,7 @@ def test_marks_by_which_no_file_would_be_found_are_refused(wrong, said):
 def test_a_parameter_cannot_have_the_name_of_a_number_of_the_joint(tmp_path):
     code = (EXAMPLES / "plugins" / "my_vsa.py").read_text()
     (tmp_path / "mine.py").write_text(code.replace('"linear"', '"damping"').replace('"my_vsa"', '"own_vsa"'))
-    with pytest.raises(ActuatorError, match=r"parameters\.damping: a joint has a number of this name"):
+    with pytest.raises(ActuatorError, match=r"parameters\.damping: a number of every joint has this name"):
         load_plugin_file(tmp_path / "mine.py")
 
 
@@ -548,7 +548,7 @@ LAW = "    @staticmethod\n    def "
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
         ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
-        ("def remember(", "def remembers(", "remembers: is no law; laws are place, torque"),
+        ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
         (
             'value("largest deflection so far", "rad", log="gauge_{}_reach")',
@@ -556,7 +556,7 @@ LAW = "    @staticmethod\n    def "
             r"Memory\.reach: must be declared by asrsim",
         ),
         ('log="gauge_{}_reach"', 'log="gauge_reach"', "must log 'gauge_reach' with {} for the number of the motor"),
-        (', log="gauge_{}_reach"', "", "quantities: has 'gauge_1_reach', which no number of the memory logs"),
+        (', log="gauge_{}_reach"', "", "quantities: has 'gauge_1_reach', but no value of `Memory` is logged"),
         ("gauge_{}_reach", "motor_{}_position", "must not have 'motor_1_position': another quantity has this name"),
         (
             f"{LAW}remember",
