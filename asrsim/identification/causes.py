@@ -386,11 +386,9 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
         if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
             # The damping acts like the derivative gain. It has vanished, so the gain is too large.
             ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
-            text, begins = (
-                f"a smaller derivative gain of the controller of {joint}",
-                (gain.place(0.0), gain.place(0.5 * gain.start)),
-            )
-            yield Extension(text=text, parameters=(gain,), ties=ties, begins=begins)
+            text = f"a smaller derivative gain of the controller of {joint}"
+            starts = gain.place(0.0), gain.place(0.5 * gain.start)
+            yield Extension(text=text, parameters=(gain,), ties=ties, begins=starts)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
         for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
             key, reached = f"{joint}.{name}", _largest(problem, x, (j, quantity))
