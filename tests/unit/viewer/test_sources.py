@@ -19,6 +19,7 @@ from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow_recording
+from asrsim.viewer.colours import words_of
 from asrsim.viewer.events import events_of, limit_events
 from asrsim.viewer.figure import frames_of
 from asrsim.viewer.history import History
@@ -26,7 +27,7 @@ from asrsim.viewer.page import Page
 from asrsim.viewer.recorded import recorded
 from asrsim.viewer.server import PageServer
 from asrsim.viewer.stage import Pull, ViewerStage
-from asrsim.viewer.subject import logged
+from asrsim.viewer.subject import as_companion, logged
 from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
 from support.plot_example import made_up_log
@@ -250,6 +251,40 @@ def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
         found.external_torque[np.abs(found.time - start).argmin()], nan_ok=True
     )
     assert player._page.stage._arrows["torque"].visible
+
+
+def test_each_control_changes_what_its_label_says(result, server, monkeypatch):
+    """Boxes begin with what is shown."""
+    controls = {}
+    monkeypatch.setattr("asrsim.viewer.page.by_hand", lambda one, act: controls.setdefault(one.label, (one, []))[1].append(act))
+    page, subject = Page(server), logged(result.log)
+    page.show(subject, companions=[as_companion(subject, "other run")])
+    page.finish()
+    look, stage = page.stage.look, page.stage
+    labels = {
+        "Equilibrium (faint)": "equilibrium", "Forces and torques": "forces", "Trace of the tip": "trace",
+        "Collision shapes": "collisions",
+    }  # fmt: skip
+    names = {f"{words_of(name)}": name for name in ("deflection", "stiffness")}
+    for control, acts in controls.values():
+        before = dict(vars(look))
+        if control.label in labels:
+            changed = labels[control.label]
+            assert control.value == before[changed]
+            for act in acts:
+                act(not control.value)
+            assert vars(look) == before | {changed: not before[changed]}
+        elif control.label == "Colour of the links":
+            assert {*names} <= {*control.options}
+            for option in control.options:
+                acts[0](option)
+                assert look.colour == names.get(option, look.colour)
+                assert bool(look.colour) == (option != control.value)
+        elif control.label == "other run":
+            assert stage.ghosts["other run"][1].visible is control.value is True
+            acts[0](False)
+            assert not stage.ghosts["other run"][1].visible
+    assert {*labels, "Colour of the links", "other run"} <= {*controls}
 
 
 def test_a_twin_s_torques_are_shown_as_they_are_found_and_then_played(server):
