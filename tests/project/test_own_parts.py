@@ -58,7 +58,11 @@ def test_the_engine_moves_as_the_other_engines_do(own, asrsim_command, tmp_path)
     ("line", "wrong", "said"),
     [
         ("return [[self.inertia]]", "return [self.inertia]", "must have the shape (1, 1)"),
-        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite (got"),
+        (
+            "return [[self.inertia]]",
+            "return [[-self.inertia]]",
+            "not symmetric and positive definite, at the positions [0.0] (got",
+        ),
         ("return [[self.inertia]]", "return [[self.inertia], []]", "must be arrays of numbers"),
         (
             "return [[self.inertia]]",
