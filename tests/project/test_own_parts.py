@@ -16,7 +16,7 @@ from asrsim.metrics import MEASURES, Measure, measure
 from asrsim.metrics.expect import check_expectation
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
-from asrsim.registry.steppings import Stepping
+from asrsim.registry.steppings import STEPPINGS, Stepping
 from asrsim.runs.rerun import rerun
 from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
@@ -432,7 +432,7 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
             {"super().__init__(scenario, robot)\n        if len(self.joints) != 1:": "if False:"},
             "its `__init__` must call super().__init__",
         ),
-        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite (got"),
+        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite, at the positions [0.0] (got"),
         ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite, at the positions"),
     ],
 )
@@ -617,3 +617,27 @@ def test_the_data_of_a_command_may_be_undefined_numbers_and_arrays(capsys):
 def test_a_stepping_with_an_impossible_fraction_is_refused(wrong):
     with pytest.raises(InputError, match=f"stepping mine.{next(iter(wrong))}: must be from 0 to 1"):
         Stepping(name="mine", order=1, doc="mine", **wrong)
+
+
+@pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])
+def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path):
+    text = 'from asrsim.registry.steppings import *\nMINE = Stepping(name="mine", order=1, doc="mine")\n'
+    (tmp_path / "mine.py").write_text(text + attempt)
+    with pytest.raises(InputError, match=r"plugins cannot add a stepping .*docs/architecture\.md, 'A stepping of your own'"):
+        load_plugin_file(tmp_path / "mine.py")
+    assert "mine" not in STEPPINGS
+    assert "### A stepping of your own\n" in (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("engine: mine", "choose from auto, bullet, mujoco, bench.* Your own engines need --plugin FILE"),
+        ("references: {elbow: {equilibrium_position: {tremor: 1}}}", "choose from .* Your own signals need --plugin FILE"),
+        ("stepping: rk4", r"docs/architecture\.md, 'A stepping of your own'"),
+        ("substeps: 1.5", r"must be a whole number >= 1 \(got 1\.5\)\. Or write `auto`"),
+    ],
+)
+def test_a_name_of_a_users_own_part_is_refused_with_the_way_to_give_it(line, said, tiny, asrsim_command):
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{line}\n")
+    assert re.search(said, asrsim_command("check", tiny.scenario).out)
