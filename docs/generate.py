@@ -169,7 +169,7 @@ def packages() -> str:
         name = f"{found.name}/" if found.ispkg else f"{found.name}.py"
         doc = (import_module(f"asrsim.{found.name}").__doc__ or "").splitlines()[0]
         rows.append((f"`{name}`", re.sub(r":\w+:`(\w+)`", r"`\1`", doc)))
-    return markdown_table(("where", "what lives there"), rows)
+    return markdown_table(("where", "what it contains"), rows)
 
 
 def actuators() -> str:

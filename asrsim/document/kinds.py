@@ -89,7 +89,7 @@ class Key:
     """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
 
     name: str
-    """Name of the key; "": the declaration of an entry."""
+    """Name of the key; "" in the declaration of an entry of a list or of a mapping with free names."""
     kind: Kind[Any]
     default: Any = REQUIRED
     doc: str = ""

@@ -147,7 +147,8 @@ def _in_both(
     if not paired or not common:
         # Call the comparison only for its error, which is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
-        raise RecordingError("log and recording share none of the selected joints and quantities", file=recordings[0].path)
+        message = "log and recording share none of the selected joints and quantities"
+        raise RecordingError(message, file=recordings[0].path, code="nothing-shared")
     return paired, common
 
 

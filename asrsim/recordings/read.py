@@ -157,7 +157,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
         message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
         problems.append(Problem(message, key=one.column, choices=names[:20], hint=hint, code="no-such-column"))
     for index, one in found.items():
-        problem = Problem("", key=one.column)
+        problem = Problem("", key=one.column, code="wrong-unit")
         if one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problems.append(
@@ -200,7 +200,7 @@ def _meanings(
                 if unnamed and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that also does
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
-                    raise DoubtError("the file has several joints without their names")
+                    raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:
                     raise DoubtError("several columns have its name")
             except DoubtError as doubt:

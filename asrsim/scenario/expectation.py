@@ -64,4 +64,6 @@ class Expectation:
             if self.joint is not None and name is not None and name not in known:
                 raise ScenarioError("no such quantity", key=key, choices=known, meant=name, code="unknown-quantity")
         if self.reference is not None and (self.body is not None or self.against is not None):
-            raise ScenarioError("needs the key joint, and excludes the key `against`", key="reference", code="expect")
+            raise ScenarioError(
+                "requires the key `joint`, and is not allowed with the key `against`", key="reference", code="expect"
+            )

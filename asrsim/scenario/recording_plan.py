@@ -122,7 +122,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         torques = [column.source for (_, quantity), column in columns.items() if quantity == "link_torque"]
         remarks.append(
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
-            + (f". If '{torques[0]}' drives it, play it: --actuator sea --mode 0" if torques else "")
+            + (f". If the torque '{torques[0]}' drives the robot, play this torque: --actuator sea --mode 0" if torques else "")
         )
     sources = {one.column.source for one in played}
     by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)
@@ -309,7 +309,7 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
     """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
     if undriven:
         return RecordingError(
-            f"it has a command for {', '.join(undriven)}, which has no actuator in the robot",
+            f"the recording has a command for {', '.join(undriven)}, but the robot has no actuator there",
             file=recording.path,
             hint=f"Add an actuator: --actuator {undriven[0]}=NAME",
             choices=ACTUATORS.names(),

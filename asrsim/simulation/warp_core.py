@@ -31,7 +31,7 @@ from asrsim.warping.program import loaded_warp
 INERTIALS = ("body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0")
 """Fields of a model that follow from the inertials of the links."""
 NO_STOP = 1e6
-"""Position of a stop that does not exist, rad or m."""
+"""Position that stands for a missing stop, rad or m."""
 
 
 class WarpCore(Core):

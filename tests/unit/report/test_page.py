@@ -269,6 +269,16 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path):
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
 
 
+@pytest.mark.parametrize("most", [1, 2])
+def test_a_page_of_many_runs_says_that_it_shows_the_first_ones(most, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("asrsim.report.content.STRIPS", most)
+    page = write_report(folder, tmp_path / "report.html")
+    text = page.read_text(encoding="utf-8")
+    assert ("Of the first 1 runs." in text) == (most == 1)
+    assert [f'alt="film strip of {name}"' in text for name in ("soft", "stiff")] == [True, most > 1]
+    assert len(page_data(page)["runs"]) == 2
+
+
 @pytest.mark.parametrize("command", ["plot", "report"])
 def test_an_unreadable_log_is_left_out(tmp_path, asrsim_command, command):
     good = made_up_log(tmp_path / "a" / "log.mcap", count=20)

@@ -257,11 +257,11 @@ def test_a_law_that_divides_by_zero_or_overflows_is_an_error(actuator, tag, valu
     block = f"<{tag}>{value}</{tag}>"
     text = tiny.robot.read_text().replace("libsea", f"lib{actuator}").replace("<spring_k>10</spring_k>", block)
     tiny.robot.write_text(text)
-    with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be worked out"):
+    with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be computed"):
         with_overrides(load_robot(tiny.robot))
     robot = changed(tiny, (block, ""))
     assert all(law_fault(block) is None for block in robot.actuators)
-    with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be worked out"):
+    with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be computed"):
         with_overrides(robot, parameters={"*": {tag: value}})
 
 

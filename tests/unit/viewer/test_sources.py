@@ -99,6 +99,20 @@ def test_links_stand_where_the_model_puts_them_and_are_coloured_by_deflection(re
     assert (tuple(mesh.color), stage.legend()) == (own, "")
 
 
+def test_objects_of_the_world_fall_on_the_page_and_ghosts_have_none(tiny, server):
+    """A ball in free fall; only the robot has ghosts."""
+    ball = {"shape": "sphere", "size": 0.05, "mass": 0.5, "position": [1.0, 0.0, 2.0], "rpy": [0.3, 0.0, 0.0]}
+    keys = {"gravity": [0, 0, -9.81], "compiled": False, "world": {"objects": {"ball": ball}}}
+    scenario = asrsim.make_scenario(tiny.robot, duration=0.3, **keys)
+    stage = ViewerStage(server.viser, logged(asrsim.run(scenario, out=tiny.folder / "run").log))
+    stage.draw(stage.subject.history.at(0.2))
+    node = stage.figure.nodes["ball"]
+    np.testing.assert_allclose(node.position, [1.0, 0.0, 2.0 - 0.5 * 9.81 * 0.2**2], atol=2e-3)
+    np.testing.assert_allclose(node.wxyz, Rotation.from_rotvec([0.3, 0.0, 0.0]).as_quat(scalar_first=True), atol=1e-6)
+    assert len(stage.figure.meshes["ball"]) == 1
+    assert "ball" not in stage._equilibrium.nodes
+
+
 def test_a_motion_too_slow_for_one_picture_is_shown_after_many(result, server):
     figure = ViewerStage(server.viser, logged(result.log)).figure
     sample = result.samples
