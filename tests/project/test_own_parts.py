@@ -14,6 +14,8 @@ from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
 from asrsim.metrics.expect import check_expectation
+from asrsim.plots.curves import read_curves
+from asrsim.plots.figures import run_pages
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import STEPPINGS, Stepping
@@ -641,3 +643,25 @@ def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path
 def test_a_name_of_a_users_own_part_is_refused_with_the_way_to_give_it(line, said, tiny, asrsim_command):
     tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{line}\n")
     assert re.search(said, asrsim_command("check", tiny.scenario).out)
+
+
+def test_quantities_of_a_stage_share_axes_only_with_those_of_their_unit(tiny, asrsim_command, tmp_path):
+    place = 'log="gauge_{}_reach")\n'
+    span = '    span: float = value("reach in other words", "rad", log="gauge_{}_span")\n'
+    logged = '    quantities = (\n        *of_motors("gauge_{}_span", "rad", "$s_{}$", "reach", apart=True),\n'
+    code = METER.replace(place, place + span).replace("    quantities = (\n", logged)
+    (tmp_path / "mine.py").write_text(code)
+    before = STAGES.state()
+    named = ("--set", "name=mine", "--set", "parameters.elbow.gauge=1", "--set", "expect=[]", "--plugin", "mine.py")
+    done = asrsim_command("run", tiny.scenario, *named, "--no-plot", "--out", "run")
+    assert done.code == 0, done.err
+    (page,) = run_pages([read_curves(tmp_path / "run" / "log.mcap")], figures=("joints",))
+    assert page.figure.texts[0].get_text().split(" · ")[1] == "mine"
+    panels = {axes.get_ylabel(): axes for axes in page.figure.axes if "gauge" in axes.get_ylabel()}
+    assert list(panels) == ["gauge (rad)", "gauge (W)"]
+    drawn = panels["gauge (rad)"]
+    assert len({(line.get_color(), line.get_linestyle()) for line in drawn.lines}) == len(drawn.lines) == 2
+    assert {text.get_text() for text in drawn.get_legend().get_texts()} == {"gauge 1 span $s_1$", "gauge 1 reach $r_1$"}
+    STAGES.put(before)
+    done = asrsim_command("plot", "run", "--quantity", "gauge_1_span", "--out", "plots")
+    assert "the units of quantities are not known here: gauge_1_span. The run used mine.py" in done.out
