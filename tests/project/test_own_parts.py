@@ -665,3 +665,38 @@ def test_quantities_of_a_stage_share_axes_only_with_those_of_their_unit(tiny, as
     STAGES.put(before)
     done = asrsim_command("plot", "run", "--quantity", "gauge_1_span", "--out", "plots")
     assert "the units of quantities are not known here: gauge_1_span. The run used mine.py" in done.out
+
+
+def test_the_page_of_three_motors_passes_the_checks_and_runs(own, tiny, asrsim_command, tmp_path):
+    plugin = own("actuators.md", "Three motors")
+    done = asrsim_command("check", "--actuator", "three_springs", "--plugin", plugin)
+    assert done.code == 0, done.out
+    text = tiny.robot.read_text().replace("libsea", "libthree_springs")
+    tiny.robot.write_text(text.replace("<operation_mode>3", "<operation_mode>6"))
+    options = ("--set", "references.elbow.stiffness_preset=0.2", "--set", "expect=[]", "--no-plot", "--out", "run")
+    done = asrsim_command("run", tiny.scenario, *options, "--plugin", plugin)
+    assert done.code == 0, done.err
+    motors = read_log(tmp_path / "run" / "log.mcap").samples.joint("elbow")
+    apart = motors["motor_1_position"][-1] - motors["motor_3_position"][-1]
+    assert apart == pytest.approx(0.4, abs=0.02)
+
+
+def test_an_energy_that_does_not_grow_linearly_beyond_the_limit_fails_its_check(own, asrsim_command):
+    plugin = own("actuators.md", "Three motors")
+    plugin.write_text(plugin.read_text().replace(" * (x - d)\n", " * 0.0\n"))
+    done = asrsim_command("check", "--actuator", "three_springs", "--plugin", plugin)
+    assert done.code == 1
+    assert re.findall(r"^ *(\w+) +FAIL", done.out, re.MULTILINE) == ["energy"]
+
+
+def test_a_signal_refuses_a_combination_of_options_at_its_line(own, tiny, asrsim_command):
+    plugin = own("signals.md", "Your own")
+    refusal = "    def __post_init__(self):\n        if self.period > 9.0:\n            raise ScenarioError('is too slow')\n\n"
+    code = plugin.read_text().replace("    def values(", refusal + "    def values(")
+    plugin.write_text("from asrsim.errors import ScenarioError\n" + code)
+    tiny.scenario.write_text(
+        f"robot: {tiny.robot}\nduration: 0.1\n"
+        "references:\n  elbow: {equilibrium_position: {sawtooth: {amplitude: 1, period: 10}}}\n"
+    )
+    said = asrsim_command("check", tiny.scenario, "--plugin", plugin).out
+    assert "step.yaml:4: references.elbow.equilibrium_position.sawtooth: is too slow" in said
