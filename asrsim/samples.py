@@ -11,6 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+STAIRS = 0.5
+"""Fraction of changes that directly follow another change. Commands below this fraction are piecewise constant, others
+smooth.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,3 +206,10 @@ def picking(rows: list[int]) -> Any:
 def grid(first: int, count: int, step: float) -> Array:
     """Times of steps, s; rounded so that 3 * 0.1 gives 0.3."""
     return np.round(np.arange(first, first + count) * step, 12)
+
+
+def is_staircase(values: Array) -> bool:
+    """Whether a command with these samples (n,) is piecewise constant: most changes are followed by an equal value."""
+    changes = np.diff(values) != 0.0
+    following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
+    return following < STAIRS

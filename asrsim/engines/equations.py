@@ -79,7 +79,7 @@ class EquationEngine(RigidEngine):
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
     def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
-        """Mass matrix and bias, and what is wrong with them."""
+        """Mass matrix, bias, and the fault that was found in them (None if they are valid)."""
         count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False

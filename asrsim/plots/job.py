@@ -17,6 +17,7 @@ from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
+from asrsim.plots.measured import measured_rows
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
@@ -46,7 +47,7 @@ class PlotJob:
     lag: LagChoice = "auto"
     """Lag of the recordings' clock in s, or how it is found."""
     measures: tuple[str, ...] = ()
-    """Names of further measures of run and recording."""
+    """Further measures of run and recording, NAME or NAME:OPTION=VALUE,..."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
@@ -154,6 +155,8 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     compared = _compared(job, runs, members)
     findings += [finding for one in compared for finding in one.findings]
     rows = [row for one in compared for row in one.rows]
+    for run in runs if job.measures and not job.experiments else ():
+        rows += measured_rows(run.path, run.label, job.measures, joints=job.joints, quantities=job.quantities)
     found: list[Response] = []
     if job.bode:
         found, problems = _responses(job, runs, recordings, compared)

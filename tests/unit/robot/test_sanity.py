@@ -134,6 +134,7 @@ DOUBTED = {
     "heavy-link": ('mass value="0.5"', 'mass value="51"', 'mass value="49"'),
     "far-centre": ('xyz="0 0 -0.1"', 'xyz="0 0 -2.1"', 'xyz="0 0 -1.9"'),
     "limit-in-degrees": ('lower="-3" upper="3"', 'lower="-90" upper="0"', 'lower="-19" upper="19"'),
+    "limit-in-degrees of two turns": ('lower="-3" upper="3"', 'lower="0" upper="719"', 'lower="0" upper="721"'),
     "rpy-in-degrees": ('xyz="0 0 -0.1"', 'xyz="0 0 -0.1" rpy="90 0 0"', 'xyz="0 0 -0.1" rpy="6.28 0 0"'),
     "repeated-element": ("<limit ", '<limit effort="1" velocity="1"/><limit ', "<limit "),
     "no-spring": (SPRING_K, "<spring_k>0<", SPRING_K),
