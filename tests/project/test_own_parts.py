@@ -95,6 +95,36 @@ def test_the_recording_format_is_read_although_it_is_text(own, tmp_path):
     np.testing.assert_allclose(recording.column("elbow", "link_position").values, np.radians(np.arange(50)))
 
 
+def test_a_file_without_names_is_described_line_by_line(tmp_path, asrsim_command):
+    """The reader is a user's: the advice names its file, and `init` does not advise itself."""
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\nfrom asrsim.recordings import READERS, Reader\n"
+        "from asrsim.recordings.data import Content, RawColumn, RawTable\n\n\ndef read(path, reading):\n"
+        "    values = np.frombuffer(path.read_bytes()[4:], '<i2').reshape(-1, 2)\n"
+        "    columns = [RawColumn(name='time [s]', values=0.01 * np.arange(len(values)))]\n"
+        "    columns += [RawColumn(name=f'ch{i}', values=values[:, i] * 1e-3) for i in range(2)]\n"
+        "    return Content(format='counts', tables=(RawTable(columns=tuple(columns)),))\n\n\n"
+        "READERS.add('counts', Reader(suffixes=('.counts',), magic=(b'CNTS',), read=read, confined=False))\n"
+    )
+    recording, plugin = tmp_path / "a.counts", tmp_path / "mine.py"
+    recording.write_bytes(b"CNTS" + np.arange(200, dtype="<i2").tobytes())
+    assert "A reader of your own needs --plugin FILE" in asrsim_command("init", "-e", recording).err
+    done = asrsim_command("init", "-e", recording, "--plugin", plugin)
+    assert done.code == 0, done.err
+    assert "asrsim init" not in done.out + done.err
+    assert "answer the questions, marked `# ?`" in done.out
+    document = tmp_path / "a.counts.yaml"
+    text, asked = document.read_text(), "# {}: JOINT.QUANTITY [unit]"
+    for name in ("ch0", "ch1"):
+        assert asked.format(name) in text
+    document.write_text(text.replace(asked.format("ch1"), "ch1: elbow.link_position [mrad]"))
+    values = read_recording(recording, joints=["elbow"]).column("elbow", "link_position").values
+    np.testing.assert_allclose(values, 1e-6 * np.arange(1, 200, 2))
+    document.unlink()
+    (said,) = read_recording(recording).findings
+    assert f"asrsim init --experiment a.counts --plugin {plugin}" in str(said)
+
+
 def test_a_damaged_file_of_a_users_format_names_the_line_of_the_reader(own, tmp_path):
     plugin = own("recordings.md", "A format of your own")
     load_plugin_file(plugin)
