@@ -218,9 +218,13 @@ def _last_values(found: Extended, count: int) -> list[float]:
 
 
 def _with_size(cause: Extension, values: Iterator[float]) -> str:
-    """Text of a cause with the value of its last parameter. values: of its parameters and those of later causes."""
-    text = cause.text
-    for one, value in zip(cause.parameters, values, strict=False):
+    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: of its parameters and
+    those of later causes.
+    """
+    text, own = cause.text, [next(values) for _ in cause.parameters]
+    if cause.size is not None:
+        return f"{text} ({cause.size(*own)})"
+    for one, value in zip(cause.parameters, own, strict=True):
         # Small delays and offsets are shown in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
