@@ -194,7 +194,7 @@ def _command(
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played instead")
         return column
     if idle is None and any(joint == block.joint for joint, _ in columns):
-        remarks.append(f"{block.joint}: no column is its command; it stays at its start")
+        remarks.append(f"{block.joint}: no column is its command; its reference keeps the start value")
     return None
 
 

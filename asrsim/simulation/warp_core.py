@@ -44,7 +44,9 @@ class WarpCore(Core):
         wp = self._wp = loaded_warp()
         self._mjw: Any = import_module("mujoco_warp")
         if not isinstance(engine, MujocoEngine):
-            raise InputError("only links in MuJoCo can move on Warp", key="engine", hint="engine: mujoco", code="warp")
+            raise InputError(
+                "Warp can only simulate robots with the engine 'mujoco'", key="engine", hint="engine: mujoco", code="warp"
+            )
         _check(prepared)
         try:
             self._device = wp.get_device(device)
