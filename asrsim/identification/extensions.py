@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from asrsim.identification.noise import independent_samples
-from asrsim.identification.parameters import JUMP, FitParameter, parameters_of
+from asrsim.identification.parameters import INITIAL, JUMP, FitParameter, parameters_of
 from asrsim.identification.problem import (
     FitProblem,
     huber,
@@ -109,7 +109,7 @@ class Extension:
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
-            yield replace(one, low=-inf, high=inf) if name == "initial_position" and joint in joints else one
+            yield replace(one, low=-inf, high=inf) if name.startswith(INITIAL) and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
