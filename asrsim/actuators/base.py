@@ -29,7 +29,8 @@ from asrsim.actuators.parameters import Parameter, numbered
 from asrsim.actuators.stages import STAGES
 
 if TYPE_CHECKING:
-    from asrsim.samples import Array
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Actuator:
@@ -102,9 +103,9 @@ class Actuator:
         return cls.motors - cls.housed <= index < cls.motors
 
     @classmethod
-    def on_link(cls, torques: Array) -> Array:
+    def on_link(cls, torques: NDArray[np.float64]) -> NDArray[np.float64]:
         """Torque (...) on the link in N m, from the torques (springs, ...) of the springs."""
-        total: Array = torques[: len(torques) - cls.housed].sum(axis=0)
+        total: NDArray[np.float64] = torques[: len(torques) - cls.housed].sum(axis=0)
         return total
 
     @classmethod
