@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
@@ -185,6 +186,12 @@ class RunInfo:
     """Frames of the links for `/tf`; not read back from a log."""
     frame_rate: float = 30.0
     """Highest rate of `/tf`, Hz."""
+
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario, by default that of its file; empty for a scenario without a file."""
+        file = PurePath(self.scenario_path).stem
+        return file and str(self.resolved.get("scenario", {}).get("name", file))
 
     def __repr__(self) -> str:
         return f"RunInfo({self.robot}, variant {self.variant}, {len(self.joints)} joints, {self.scenario_path})"

@@ -25,7 +25,7 @@ from asrsim.plots.responses import Response, ResponseExperiment, recorded_respon
 from asrsim.progress import Progress, Tell
 from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
-from asrsim.scenario.carried import unknown_actuators
+from asrsim.scenario.carried import unknown_actuators, unknown_quantities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +148,8 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
     findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    for run in runs:
+        findings += unknown_quantities(run.info.joints, run.info.attachments, job.quantities)
     findings += [finding for recording in recordings for finding in recording.findings]
     members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
     compared = _compared(job, runs, members)

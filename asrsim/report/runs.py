@@ -30,7 +30,6 @@ def runs_page(
 ) -> str:
     """HTML of the page about runs. data: grid and joints for the plots."""
     first = runs[0].info
-    scenario = Path(first.scenario_path).stem
     sections = [
         _strips(runs, labels, films),
         _claims(runs, labels),
@@ -42,7 +41,7 @@ def runs_page(
         _warnings(runs, labels, films.notes),
         _repeat(runs),
     ]
-    title = " · ".join(filter(None, (first.robot, scenario)))
+    title = " · ".join(filter(None, (first.robot, first.scenario_name)))
     return page_html(title, sections, head=_head(runs, labels), data=data, motion=films.motion)
 
 
