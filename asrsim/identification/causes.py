@@ -96,11 +96,9 @@ class Suspicion:
     """Effects that the model may lack."""
 
     text: str = ""
-    """Sentence on the effects; empty if none is suspected, but some models with effects are better."""
+    """Sentence on the effects; empty if none is suspected although models with effects reduce the error."""
     trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates, by name, of models with effects that are better than the model without; models with the suspected effects come
-    last.
-    """
+    """Estimates, by name, of models with effects that reduce the error; models with the suspected effects come last."""
     model: tuple[FitProblem, Array] | None = None
     """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording describe these
     effects.

@@ -182,9 +182,7 @@ class Extended:
     samples: float = 1.0
     """Number of independent samples to which the residuals are equivalent."""
     trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates, by name, of the extended problems that were tried, and that are better by Schwarz's criterion than the problem
-    that they extend.
-    """
+    """Estimates, by name, of the extended problems that were tried and that have smaller errors."""
     rivals: tuple[Extended, ...] = ()
     """Extended problems whose last extension explains the recordings as well as the one that was adopted in its place."""
 
@@ -221,9 +219,9 @@ def extended(
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
         likely = sorted((one for one in promises if one.share), key=lambda one: -one.share)[:TRIED]
         trials = [_trial((*found.chosen, one.extension), one.problem, one.start, rounds) for one in likely]
-        known = replace(found, cost=min(found.cost, least))
-        better += [one.estimates for one in trials if one.criterion(one.samples) < known.criterion(one.samples)]
-        trials = [one for one in trials if one.chosen[-1].accepts(known.cost, one.cost, one.samples)]
+        before = min(found.cost, least)
+        better += [one.estimates for one in trials if one.cost < before]
+        trials = [one for one in trials if one.chosen[-1].accepts(before, one.cost, one.samples)]
         if not trials:
             break
         best = _most_likely(trials, NEAR * DECISIVE)
