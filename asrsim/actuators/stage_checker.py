@@ -198,7 +198,7 @@ class StageTrial:
         velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
         larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
         faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
-        # The motor moves otherwise than the deflection, since the link moves too.
+        # The motor's motion differs from that of the deflection, since the link also moves.
         slower = (
             (sizes * np.sin(MOTOR * angles)).sum(axis=0),
             (sizes * MOTOR * rates[:, None] * np.cos(MOTOR * angles)).sum(axis=0),

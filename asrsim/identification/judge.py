@@ -220,7 +220,9 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
+    doubt = (
+        "the fit hardly explains it: check its quantity, its zero and the start values, or leave it out (--map COLUMN=ignore)"
+    )
     return list({one.key: f"{one.key}: {one.suspicion or doubt}" for one in _not_followed(fits)}.values())
 
 

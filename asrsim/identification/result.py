@@ -116,7 +116,7 @@ def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[E
         elif without[i]:
             verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), problem, x)
         elif own and not margin <= UNKNOWN:
-            verdict, reason = RATIO, "identified is " + "; ".join(own)
+            verdict, reason = RATIO, "the recordings identify only " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
             verdict = RATIO

@@ -255,7 +255,7 @@ def settle(best: Best) -> None:
 
 
 def _timed(problem: FitProblem, x: Array) -> Array:
-    """Vector with the instants of jumps in held-out parts, in which the error is nearly linear."""
+    """Vector with fitted instants of the jumps in held-out parts; the error is nearly linear in these instants."""
     from scipy.optimize import lsq_linear
 
     whole, (low, high), x = problem.everything, problem.layout.bounds, x.copy()

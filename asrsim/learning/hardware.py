@@ -189,7 +189,8 @@ def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) 
         return prepared.problem.first_guess
     columns = [read_column(path, joint)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
-        message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
+        samples = f"has {len(columns[0])} samples, but the motion has {len(prepared.problem.time)}"
+        message = f"{samples}: the file belongs to another scenario"
         raise InputError(message, file=path, hint="Choose another folder with --out", code="input-of-another-run")
     return np.column_stack(columns)
 

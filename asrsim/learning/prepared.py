@@ -81,7 +81,9 @@ class ArmModel:
 
 def learning_model(plant: Plant) -> ArmModel:
     """Model of a plant."""
-    return ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot))
+    return ArmModel(
+        plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot, own_model=plant.prepared.model)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

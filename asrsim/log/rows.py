@@ -57,7 +57,7 @@ class RowBuffer:
         self._short_heads: list[NDArray[Any]] = []
         """Heads of messages that begin with something other than a time stamp."""
         self._stamps: list[NDArray[Any]] = []
-        """Time stamps elsewhere in the messages."""
+        """Time stamps that are not at the beginning of a message."""
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size

@@ -98,7 +98,7 @@ def compare_run(
     """Comparison of a log with recordings of one experiment.
 
     joints, quantities: all by default. lags: lag of each recording, by its path. measures: further
-    measures by name. Raises RecordingError (no common joint or
+    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError (no common joint or
     quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
@@ -113,7 +113,9 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    samples = reader.read(quantities=simulated_sources(common, infos), joints=paired).samples
+    # Measures of a link position may need the joint's own reference.
+    stored = simulated_sources([*common, *(["position_error"] if measures else [])], infos)
+    samples = reader.read(quantities=stored, joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):
         if {*pairing.values()} & {*paired}:

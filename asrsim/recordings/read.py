@@ -200,7 +200,7 @@ def _meanings(
                 if unnamed and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that also does
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
-                    raise DoubtError("the file has several joints without their names")
+                    raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:
                     raise DoubtError("several columns have its name")
             except DoubtError as doubt:

@@ -163,7 +163,7 @@ class Reading:
     given: tuple[ColumnMap, ...] = ()
     """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
-    """Meanings of the columns, from `columns` and then from `given`: of two for one column, the last counts."""
+    """Meanings of the columns, from `columns` and then from `given`: if a column has two meanings, the last counts."""
     in_seconds: bool = False
     """True: a time without a unit is in s, as in scenarios; False: the user is asked about an implausible step."""
     document: str = ""

@@ -118,7 +118,7 @@ def _limits(robot: Robot) -> Iterator[Problem]:
         bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
         if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):
             value = " to ".join(f"{bound:g}" for bound in bounds)
-            message = "a limit of several turns; limits are in rad"
+            message = "the limits allow several turns: are they in degrees? Limits are in rad"
             yield _about(message, robot, joint, code="limit-in-degrees", value=value, hint="180 degrees are 3.14159 rad")
 
 

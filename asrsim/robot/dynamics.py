@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,6 +70,9 @@ class RobotModel:
     Coupled joints follow their masters; entries of the arrays for coupled joints are ignored. Torques, Jacobians and mass
     matrices refer to the masters: entries of coupled joints are 0, and rows of the identity matrix in the mass matrix.
     """
+
+    of_file: ClassVar[bool] = True
+    """Whether masses and forces are those of the robot's file; if not, they are those of an engine."""
 
     def __init__(
         self,

@@ -248,7 +248,7 @@ def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
                     yield name_of(joint), value
                 elif name_of(interface) == "velocity" and value:
                     message = "the start velocity of ros2_control is left out: the joint starts at rest"
-                    hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario gives it"
+                    hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario sets this velocity"
                     findings.warn(message, tag, name_of(joint), code="left-out", value=f"{value:g}", hint=hint)
 
 

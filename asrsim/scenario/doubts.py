@@ -211,7 +211,7 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
             if name not in own and name not in common and not scenario.computes_reference(block.joint):
-                message = f"joint '{block.joint}' has no {name}, so this reference stays at its start"
+                message = f"joint '{block.joint}' has no {name}, so this reference keeps its start value"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 

@@ -297,7 +297,7 @@ class Worlds:
         """Set worlds to their states in a snapshot. Raises InputError for a snapshot of other worlds."""
         self.check_open()
         if snapshot.owner is not self._owner:
-            message = "is a snapshot of another simulation, or of this one with other parameters"
+            message = "is a snapshot of another simulation, or of this simulation with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
         for number, (world, state) in snapshot.states.items():
             self._note(number, world)

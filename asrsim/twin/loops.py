@@ -61,7 +61,7 @@ class AlarmLimits(NamedTuple):
     tolerance: float
     """Tolerated error of the model as a fraction of the springs' largest recent torque, after the error was estimated."""
     unlearned: float
-    """Tolerated error of the model, as such a fraction, before the error was estimated."""
+    """Like `tolerance`, before the error was estimated."""
     friction: float
     """Multiple of the friction that is tolerated while the link moves."""
     sticking: float

@@ -347,8 +347,8 @@ class Desk:
             self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
-        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
-        changes the number that a user types there.
+        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into
+        a field would overwrite the number that a user types there.
         """
         for joint, text in self._present.items():
             parts = []

@@ -333,7 +333,7 @@ def test_a_fit_file_contains_the_whole_task(lab, tmp_path, asrsim_command):
     assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
     checked = asrsim_command("identify", path, "--check")
     assert (checked.code, "check only" in checked.out) == (0, True)
-    with pytest.raises(InputError, match="not allowed beside it: experiments"):
+    with pytest.raises(InputError, match="the option `experiments` is not allowed"):
         task_of(path, [lab / "a.csv"])
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\nfree: [joint_1.damping]\n")
     with pytest.raises(InputError) as found:
@@ -493,7 +493,7 @@ def test_a_channel_that_nothing_explains_may_be_another_quantity(tmp_path):
     recording = save(tmp_path / "a.csv", header, time, np.sin(4.0 * time), walk)
     result = identify(write(tmp_path, "lab", SEA), [recording], free=["joint_1.damping"])
     assert not result.fits
-    assert any("link_position: is hardly explained" in text for text in result.causes), result.causes
+    assert any("link_position: the fit hardly explains it" in text for text in result.causes), result.causes
 
 
 @pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash of joint_1 (0.002")])

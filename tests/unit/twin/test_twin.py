@@ -386,7 +386,7 @@ def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
     notes = follow_recording(SEA.write(tmp_path), path).notes
-    assert notes[0] == "joint_1: no command equilibrium_position is recorded, so it follows the scenario"
+    assert notes[0] == "joint_1: no command equilibrium_position is recorded, so this reference follows the scenario"
 
 
 def test_a_recording_without_positions_is_an_error(tmp_path):
