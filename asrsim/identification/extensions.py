@@ -228,7 +228,7 @@ def extended(
         if len(best) > 1:
             # Which of them is best is not yet known: their searches may not have ended.
             best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
-            best = sorted(best, key=_held_out)
+            best = _best_predictions(_simplest(best))
         found = replace(best[0], rivals=(*found.rivals, *best[1:]))
     return replace(found, trials=tuple(better))
 
@@ -240,12 +240,27 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
     return Extended(chosen, problem, x, huber(left), max(independent_samples(left), 2.0))
 
 
+def _simplest(trials: Sequence[Extended]) -> list[Extended]:
+    """Trials without those that free the parameters of another one, and more."""
+    keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
+    return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
+
+
+def _best_predictions(trials: list[Extended]) -> list[Extended]:
+    """Trials that are equally likely; the first one is clearly better in the held-out parts than the most likely one."""
+    errors = [_held_out(one) for one in trials]
+    best = int(np.argmin(errors))
+    best = best if errors[best] <= FURTHER * errors[0] else 0
+    return [trials[best], *trials[:best], *trials[best + 1 :]]
+
+
 def _held_out(found: Extended) -> float:
-    """Mean of the Huber loss of the predictions that were not fitted; 0 if everything was fitted."""
+    """Mean Huber loss of the predictions that were not fitted; 0 if everything was fitted."""
     problem = found.problem
+    firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
     left = [
-        part.weighted(values)[part.channel.until(problem.ends[part.track]) if problem.ends[part.track] else 0 :]
-        for part, values in differences(problem.everything, found.x)
+        part.weighted(values)[first:]
+        for first, (part, values) in zip(firsts, differences(problem.everything, found.x), strict=True)
     ]
     held = np.concatenate(left)
     return huber(held) if len(held) else 0.0
