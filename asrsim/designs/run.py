@@ -16,7 +16,7 @@ from asrsim.designs.plant import DesignPlant, Reference
 from asrsim.designs.search import DESIGN, PRIOR, SMALL, Found, Search
 from asrsim.document.file import kind_of
 from asrsim.errors import InputError, Problem
-from asrsim.identification.parameters import CLOCK, NOT_THE_ROBOTS, Layout, free_parameters, make_layout, parameters_of
+from asrsim.identification.parameters import Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.problem import FitProblem, jacobian, read_scenario, set_up
 from asrsim.identification.task import Experiment, Task, task_of
 from asrsim.progress import Progress, Stop, Tell, never, tell_nobody
@@ -165,7 +165,7 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
         {f"{joint}.{name}": "" for joint in joints for name in ("link_position", *each_motor("motor_{}_position"))},
     )
     free, ties = free_parameters(task, known)
-    own = [one.key for one in free if one.own or one.key == CLOCK or one.key.rpartition(".")[2] in NOT_THE_ROBOTS]
+    own = [one.key for one in free if one.own or not numbers_of({one.key: one.start})]
     free = [one for one in free if one.key not in own]
     if not free:
         raise InputError(

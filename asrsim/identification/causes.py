@@ -18,6 +18,7 @@ from asrsim.identification.combinations import percent
 from asrsim.identification.data import RecordedSignal
 from asrsim.identification.extensions import (
     FURTHER,
+    TRIED,
     Extended,
     Extension,
     Optimum,
@@ -118,7 +119,8 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     # Residuals below the estimated noise may be correlated nevertheless.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
-    found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
+    found, trials = Extended((), problem, x, least), list[Extended]()
+    alone = found
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, start):
         there = extended(
@@ -136,13 +138,14 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         explained = found.problem, found.x
         yield Suspicion(
             text=_suspected(found, percent((rest / base) ** 0.5)) + more,
-            trials=(*trials, found.estimates),
+            trials=(*(one.estimates for one in trials), found.estimates),
             model=None if any(cause.elastic for cause in found.chosen) else explained,
             added=tuple(one.name for cause in found.chosen for one in cause.parameters),
             rivals=tuple(one.estimates for one in found.rivals),
         )
-    elif trials:
-        yield Suspicion(trials=tuple(trials))
+    # Without a cause, only those count that are more likely in spite of their further parameters.
+    elif likely := [one.estimates for one in trials if one.criterion(one.samples) < alone.criterion(one.samples)]:
+        yield Suspicion(trials=tuple(likely))
     for text in chain(_oscillations(*explained), _varying_springs(*explained)):
         yield Suspicion(text=text)
 
@@ -219,9 +222,13 @@ def _last_values(found: Extended, count: int) -> list[float]:
 
 
 def _with_size(cause: Extension, values: Iterator[float]) -> str:
-    """Text of a cause with the value of its last parameter. values: of its parameters and those of later causes."""
-    text = cause.text
-    for one, value in zip(cause.parameters, values, strict=False):
+    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: of its parameters and
+    those of later causes.
+    """
+    text, own = cause.text, [next(values) for _ in cause.parameters]
+    if cause.size is not None:
+        return f"{text} ({cause.size(*own)})"
+    for one, value in zip(cause.parameters, own, strict=True):
         # Small delays and offsets are shown in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
@@ -419,17 +426,23 @@ def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 
 def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on ties that the recordings contradict: the tied parameters differ significantly and by more than a few
-    percent.
+    """Sentences on ties that the recordings contradict: without the tie, the fit is significantly better, and the parameters
+    differ by more than a few percent.
     """
     if not problem.layout.ties:
         return
-    optimum = Optimum(problem, x)
-    for extension in _wrong_ties(problem, x):
-        promise, (parameter,) = optimum.promise(extension), extension.parameters
-        apart = abs(parameter.value(float(promise.start[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
-        if apart > DIFFERENT and is_significant(1.0, 1.0 - promise.share, independent_samples(optimum.residuals)):
-            yield f"{extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
+    optimum, before = Optimum(problem, x), mean_square(problem, x)
+    promises = [optimum.promise(extension) for extension in _wrong_ties(problem, x)]
+    for promise in sorted(promises, key=lambda one: -one.share)[:TRIED]:
+        if not promise.share:
+            break
+        (parameter,), wider = promise.extension.parameters, promise.problem
+        # The linearised effect may promise what no value keeps: friction that keeps a joint at rest has no effect.
+        found = solve(wider, promise.start, rounds=ROUNDS, tolerance=1e-5)
+        apart = abs(parameter.value(float(found[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
+        better = is_significant(before, mean_square(wider, found), independent_samples(optimum.residuals))
+        if better and apart > DIFFERENT:
+            yield f"{promise.extension.text.replace(' other than ', ' is not ')}: they differ by {percent(apart)}"
 
 
 def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:

@@ -4,7 +4,7 @@ reduce the error significantly.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import inf
@@ -12,7 +12,7 @@ from math import inf
 import numpy as np
 
 from asrsim.identification.noise import independent_samples
-from asrsim.identification.parameters import JUMP, FitParameter, parameters_of
+from asrsim.identification.parameters import INITIAL, JUMP, FitParameter, parameters_of
 from asrsim.identification.problem import (
     FitProblem,
     differences,
@@ -59,31 +59,39 @@ CLEAR = 0.4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
+    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+
+    Attributes:
+        text: Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause.
+        parameters: Parameters that become free, of `problem.fixed`; they stand at the end of the extended parameter vector.
+        size: Function that returns the size of the effect in words, such as `0.29 N m`, from the values of `parameters`, in
+            their order. None: the value of the last parameter.
+        begins: Start values of the new entries of the parameter vector, at which the effect of the extension is simulated;
+            empty: the start is the optimum of the linearised problem.
+        ties: Further parameters that are multiples of free ones, such as `Tie(key="joint_1.motor_2_damping",
+            to="joint_1.motor_1_damping")` (`asrsim.identification.task.Tie`).
+        untied: Tie that is removed.
+        elastic: Joint whose link becomes elastic, and the frequency of its second mode, rad/s. `parameters` are then those of
+            the second body.
+        staircase: Key of the command whose samples are held.
+        restepped: Whether the extension changes the required number of substeps.
+        share: Largest fraction of the mean square error that may remain with the extension. An extension that leaves more is
+            refused.
+        excess: Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a
+            badly fitting model any additional parameter reduces the misfit. 1: no limit.
+    """
 
     text: str = ""
-    """Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause."""
     parameters: tuple[FitParameter, ...] = ()
-    """Parameters at the end of the extended parameter vector."""
+    size: Callable[..., str] | None = None
+    begins: Sequence[float | Sequence[float]] = ()
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
-    """Tie that is removed."""
     elastic: tuple[str, float] | None = None
-    """Joint whose link becomes elastic, and the frequency of its second mode, rad/s."""
     staircase: str = ""
-    """Key of the command whose samples are held."""
-    begins: Sequence[float | Sequence[float]] = ()
-    """Start values of the new entries of the parameter vector, at which the effect of the extension is simulated; empty: the
-    start is the optimum of the linearised problem.
-    """
     restepped: bool = False
-    """Whether the extension changes the required number of substeps."""
     share: float = FURTHER
-    """Largest fraction of the mean square error that may remain with the extension."""
     excess: float = 1.0
-    """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
-    fitting model any additional parameter reduces the misfit.
-    """
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
@@ -102,7 +110,7 @@ class Extension:
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
-            yield replace(one, low=-inf, high=inf) if name == "initial_position" and joint in joints else one
+            yield replace(one, low=-inf, high=inf) if name.startswith(INITIAL) and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
         """Whether mean square errors before and after, from independent samples, show that the extension is real."""
@@ -181,8 +189,8 @@ class Extended:
     """Mean of the Huber loss of the residuals."""
     samples: float = 1.0
     """Number of independent samples to which the residuals are equivalent."""
-    trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates, by name, of the extended problems that were tried and that have smaller errors."""
+    trials: tuple[Extended, ...] = ()
+    """Extended problems that were tried and that have smaller errors."""
     rivals: tuple[Extended, ...] = ()
     """Extended problems whose last extension explains the recordings as well as the one that was adopted in its place."""
 
@@ -213,14 +221,14 @@ def extended(
     is true or no further extension is significant. kinds: functions that propose extensions of a problem; least: smallest
     known mean Huber loss of the problem without extensions, which they must reduce.
     """
-    found, better = Extended((), problem, x, huber(residuals(problem, x))), list[Mapping[str, float]]()
+    found, better = Extended((), problem, x, huber(residuals(problem, x))), list[Extended]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
         optimum = Optimum(found.problem, found.x)
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
         likely = sorted((one for one in promises if one.share), key=lambda one: -one.share)[:TRIED]
         trials = [_trial((*found.chosen, one.extension), one.problem, one.start, rounds) for one in likely]
         before = min(found.cost, least)
-        better += [one.estimates for one in trials if one.cost < before]
+        better += [one for one in trials if one.cost < before]
         trials = [one for one in trials if one.chosen[-1].accepts(before, one.cost, one.samples)]
         if not trials:
             break

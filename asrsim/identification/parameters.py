@@ -40,8 +40,10 @@ FACTOR = 1e6
 """Largest factor by which a positive parameter may grow or shrink: that of a mistaken unit, such as mm^2 for m^2."""
 LOSSES = ("damping", "friction", "hysteresis_torque")
 """Words in the names of losses, which may be 0."""
-NOT_THE_ROBOTS = ("offset", "gain", "delay", "initial_position", "initial_velocity")
-"""Endings of the keys of parameters that belong to a recording, not to the robot."""
+NOT_THE_ROBOTS, INITIAL = ("offset", "gain", "delay"), "initial_"
+"""Names of parameters that belong to a recording, not to the robot; beginning of the names of initial positions and velocities,
+which also do.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +189,7 @@ def numbers_of(values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     robot: dict[str, dict[str, float]] = {}
     for key, value in values.items():
         owner, _, name = key.rpartition(".")
-        if owner and name not in NOT_THE_ROBOTS:
+        if owner and name not in NOT_THE_ROBOTS and not name.startswith(INITIAL):
             robot.setdefault(owner, {})[name] = value
     return robot
 
@@ -206,8 +208,13 @@ def _parameter(key: str, unit: str, start: float, low: float = -math.inf, high: 
     logarithmic = low >= 0.0 and 0.0 < start < math.inf and not loss
     if logarithmic:
         low, high = max(low, start / FACTOR), min(high, start * FACTOR)
-    own = key == CLOCK or name.startswith("initial_")
+    own = key == CLOCK or name.startswith(INITIAL)
     return FitParameter(key=key, unit=unit, start=start, low=low, high=high, logarithmic=logarithmic, own=own)
+
+
+def motor_start(joint: str, motor: int) -> tuple[str, str]:
+    """Keys of the initial position and velocity of motor 1, 2, ... of a joint."""
+    return f"{joint}.{INITIAL}motor_{motor}_position", f"{joint}.{INITIAL}motor_{motor}_velocity"
 
 
 def _of_actuators(robot: Robot) -> Iterator[FitParameter]:
@@ -215,6 +222,9 @@ def _of_actuators(robot: Robot) -> Iterator[FitParameter]:
         values, unit_of = block.values(), linear_unit if robot.joint(block.joint).kind == "prismatic" else str
         for one in ACTUATORS.get(block.actuator).all_parameters():
             yield _parameter(f"{block.joint}.{one.name}", unit_of(one.unit), values[one.name], one.minimum, one.maximum)
+        for i in range(1, 1 + ACTUATORS.get(block.actuator).motors):
+            for key, unit in zip(motor_start(block.joint, i), ("rad", "rad/s"), strict=True):
+                yield _parameter(key, unit_of(unit), math.nan)
 
 
 def _of_joints(robot: Robot) -> Iterator[FitParameter]:

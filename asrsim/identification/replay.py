@@ -155,12 +155,9 @@ def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, di
     for drive, position, velocity in zip(door.drives, door.positions, door.velocities, strict=True):
         joint = drive.name
         place, speed = track.start(joint, values)
-        if (place, speed) != (position, velocity) or joint in track.motors:
-            moved = track.motor_velocities({joint: speed})
-            motors = {
-                "motor_positions": track.motors.get(joint, drive.motor_positions),
-                "motor_velocities": moved.get(joint, drive.motor_velocities),
-            }
+        places, speeds = track.motor_starts(drive, values)
+        if (place, speed) != (position, velocity) or places or speeds:
+            motors = {"motor_positions": places or drive.motor_positions, "motor_velocities": speeds or drive.motor_velocities}
             yield joint, {"position": place, "velocity": speed, **{key: [*own] for key, own in motors.items() if own}}
 
 

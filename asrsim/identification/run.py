@@ -25,6 +25,7 @@ from asrsim.identification.causes import (
     wrong_controllers,
 )
 from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
+from asrsim.identification.noise import is_first_order
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
 from asrsim.identification.profiles import Profile, profiles
@@ -234,6 +235,7 @@ def _judged(
     free, observed, slow = problem.observed(0.0), problem.playing.bandwidth > 0.0, best.slow or ((problem, trained),)
     fits = channel_fits(free, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
+    of_channels = [*misfit]
     others, suspected = list[Mapping[str, float]](), list[Suspicion]()
     if complete and observed:
         misfit.append(
@@ -267,7 +269,10 @@ def _judged(
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
-    found = found.of_a_block if misfit else found
+    # If only the residuals contradict the model, they may be correlated noise of the sensors.
+    noise = not causes and misfit == of_channels and all(accepts(one.explained, accept=False) for one in fits)
+    noise = noise and all(is_first_order(left) for _, left in differences(final, x))
+    found = found if not misfit or noise else found.of_a_block
     known, combined = estimates(final, x, found)
     if status != CHECKED:
         known = list(doubted(known, fits=complete and not misfit, others=others))

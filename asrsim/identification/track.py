@@ -11,11 +11,11 @@ from typing import ClassVar
 import numpy as np
 
 from asrsim.identification.data import Channel, Data, PlayedCommand, RecordedSignal
-from asrsim.identification.door import EXTERNAL, Door, Observer, Start, Substeps
+from asrsim.identification.door import EXTERNAL, Door, Observer, Start, SteppedJoint, Substeps
 from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import MOVES, motion_band
 from asrsim.identification.observed import Measured, is_reversed, link_channel
-from asrsim.identification.parameters import CLOCK, JUMP, numbers_of
+from asrsim.identification.parameters import CLOCK, JUMP, motor_start, numbers_of
 from asrsim.metrics.values import root_mean_square
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -134,16 +134,18 @@ class Track:
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
         self.initial: dict[str, float] = {}
-        """Positions and velocities of links at time 0, by key."""
-        self.motors: dict[str, list[float]] = {}
-        """Positions of motors at time 0, by joint; other motors start as the scenario states."""
+        """Positions and velocities of links at time 0, and of motors that do not start as the scenario states, by key."""
         self.uncertain: list[str] = []
         """Keys of initial positions and velocities that differ from the scenario, and that the user does not free."""
         self.within: dict[str, float] = {}
-        """Largest errors of the initial positions of resting links, by key, for sensors with neither a free zero nor a free
-        scale; a delay has no effect on these positions.
+        """Largest errors of the initial positions of resting links and motors, by key, for sensors with neither a free zero nor
+        a free scale; a delay has no effect on these positions.
         """
-        self._begin(freed)
+        self._following: dict[str, float] = {}
+        """Mean start of the motors in the scenario, by joint, for links that are not recorded and start with their motors."""
+        for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
+            seen = self._begin_link(drive, position, velocity, freed)
+            self._begin_motors(drive, freed, seen=seen)
         self.onset = min(float(c.time[min(onset(c, MOVES), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
         self.jumps = sorted({time for command in data.commands for time in command.curve.jumps.tolist() if time > 0.0})
@@ -153,60 +155,70 @@ class Track:
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin(self, freed: Collection[str]) -> None:
-        """Set the initial state: that of the scenario, or that of the recording if it contradicts the scenario.
-
-        A joint whose sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor.
+    def _begin_link(self, drive: SteppedJoint, position: float, velocity: float, freed: Collection[str]) -> bool:
+        """Set the start of a link: that of the scenario, or that of the recording if it contradicts the scenario. A link whose
+        sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor. Return whether
+        the link is recorded. position, velocity: those of the scenario.
         """
-        sensors, seen, series = {one.key: one for one in self.channels}, set[str](), self._series
-        for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
-            keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
-            self.initial |= dict(zip(keys, (position, velocity), strict=True))
-            if (recorded := link_channel(drive, series)) is None:
-                continue
-            seen.add(drive.name)
-            channel, sources = recorded
-            if not (found := first_samples(channel, self.motion)):
-                continue
-            place, speed, place_error, speed_error = found
-            # An initial position that is not a round number was probably copied from a noisy recording. Coarse sensors give
-            # round numbers, too.
-            copied = any(_is_copied(position, series[key]) for key in sources)
-            measured = (copied or position != round(position, DIGITS)) and not self.scenario.initial_equilibrium
-            moving = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
-            if not moving:
-                place, place_error = _start_of(channel, found)
-            if abs(place - position) > STILL * place_error or moving or measured:
-                zero = any(f"{key}.offset" in freed for key in sources)
-                # A position that was copied from a sensor with an unknown zero is also unknown.
-                shown = {keys[0]: position if zero else place} if measured or not zero else {}
-                shown |= {keys[1]: speed} if moving else {}
-                self.initial |= shown
-                self.uncertain += [key for key in shown if key not in freed]
-                vague = any(f"{key}.{what}" in freed for key in sources for what in ("offset", "gain"))
-                if not moving and not vague:
-                    self.within[keys[0]] = FARTHEST * place_error
-        for drive in self.door.drives:
-            names, link = (
-                [f"{drive.name}.motor_{i}_position" for i in range(1, drive.dynamic_motors + 1)],
-                f"{drive.name}.initial_position",
-            )
-            if drive.motor_positions and any(f"{name}.offset" in freed for name in names if name in sensors):
-                # The scenario's positions were copied from sensors with unknown zeros.
-                self.motors[drive.name] = [self.initial[link]] * len(names)
-                continue
-            known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
-            channels = [channel for channel in known if channel.time[0] <= SOON]
-            if not names or len(channels) < len(names):
-                continue
-            rest = (drive.motor_positions or (self.initial[link],) * len(names))[: len(names)]
-            places, errors = zip(*(_start_of(one, first_samples(one, self.motion)) for one in channels), strict=True)
-            copied = any(one != round(one, DIGITS) for one in drive.motor_positions)
-            if copied or np.any(np.abs(np.subtract(places, rest)) > STILL * np.array(errors)):
-                self.motors[drive.name] = list(places)
-                if drive.name not in seen:
-                    # The position of a link at rest depends on the initial positions of its motors.
-                    self.initial[link] += float(np.mean(places) - np.mean(rest))
+        keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
+        self.initial |= dict(zip(keys, (position, velocity), strict=True))
+        series = self._series
+        if (recorded := link_channel(drive, series)) is None:
+            return False
+        channel, sources = recorded
+        # An initial position that is not a round number was probably copied from a noisy recording. Coarse sensors give round
+        # numbers, too.
+        copied = any(_is_copied(position, series[key]) for key in sources) or position != round(position, DIGITS)
+        measured = copied and not self.scenario.initial_equilibrium
+        found = _beginning(channel, self.motion, measured=measured)
+        if found is not None and (measured or found.contradicts(position)):
+            zero = any(f"{key}.offset" in freed for key in sources)
+            # A position that was copied from a sensor with an unknown zero is also unknown.
+            place = position if zero else found.position
+            self._free(keys, replace(found, position=place), freed, fixed=zero and not measured)
+            if any(f"{key}.{what}" in freed for key in sources for what in ("offset", "gain")):
+                self.within.pop(keys[0], None)
+        return True
+
+    def _begin_motors(self, drive: SteppedJoint, freed: Collection[str], *, seen: bool) -> None:
+        """Set the starts of the motors of a joint, if all of them are recorded. seen: whether its link is recorded."""
+        sensors, motors = {one.key: one for one in self.channels}, range(1, drive.dynamic_motors + 1)
+        names = [f"{drive.name}.motor_{i}_position" for i in motors]
+        link, speed = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
+        keys, place = [motor_start(drive.name, i) for i in motors], self.initial[link]
+        if drive.motor_positions and any(f"{name}.offset" in freed for name in names if name in sensors):
+            # The scenario's positions were copied from sensors with unknown zeros.
+            self.initial |= {key: place for key, _ in keys}
+            return
+        known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
+        channels = [channel for channel in known if channel.time[0] <= SOON]
+        if not names or len(channels) < len(names):
+            return
+        rest, moves = (drive.motor_positions or (place,) * len(names))[: len(names)], bool(self.initial[speed])
+        # Motors without a stated position start where their link does.
+        unknown = moves or (link in self.uncertain and not drive.motor_positions)
+        unknown |= any(one != round(one, DIGITS) for one in drive.motor_positions)
+        starts = [found for one in channels if (found := _beginning(one, self.motion, measured=unknown))]
+        pairs = zip(starts, rest, strict=False)
+        if len(starts) < len(names) or not (unknown or any(start.contradicts(stated) for start, stated in pairs)):
+            return
+        for key, channel, start in zip(keys, channels, starts, strict=True):
+            self._free(key, replace(start, moves=start.moves or moves), freed)
+            if f"{channel.key}.gain" in freed:
+                self.within.pop(key[0], None)
+        if not seen:
+            self._following[drive.name] = float(np.mean(rest))
+
+    def _free(self, keys: tuple[str, str], found: _Beginning, freed: Collection[str], *, fixed: bool = False) -> None:
+        """Start at a recorded position and velocity, which are free. keys: of the position and velocity; fixed: whether the
+        position keeps its value.
+        """
+        shown = {} if fixed else {keys[0]: found.position}
+        shown |= {keys[1]: found.velocity} if found.moves else {}
+        self.initial |= shown
+        self.uncertain += [key for key in shown if key not in freed]
+        if not found.moves:
+            self.within[keys[0]] = FARTHEST * found.error
 
     @property
     def _series(self) -> dict[str, RecordedSignal]:
@@ -282,29 +294,42 @@ class Track:
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
         starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
         positions, velocities = ({joint: start[i] for joint, start in starts.items()} for i in range(2))
+        motors = {drive.name: self.motor_starts(drive, values) for drive in self.door.drives}
         commands = {command.key for command in self.data.commands}
         own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))
         return Start(
             parameters=numbers_of(values), references=self._references(own, playing), positions=positions,
-            velocities=velocities, motors=self.motors, motor_velocities=self.motor_velocities(velocities),
+            velocities=velocities, motors={joint: own[0] for joint, own in motors.items() if own[0]},
+            motor_velocities={joint: own[1] for joint, own in motors.items() if own[1]},
         )  # fmt: skip
-
-    def motor_velocities(self, velocities: Mapping[str, float]) -> dict[str, list[float]]:
-        """Velocities of motors at time 0, by joint, rad/s: if a link moves at the start of the recording, its motors move with
-        it.
-        """
-        return {
-            drive.name: [speed] * drive.dynamic_motors
-            for drive in self.door.drives
-            if drive.dynamic_motors and not drive.motor_velocities and (speed := velocities.get(drive.name, 0.0))
-        }
 
     def start(self, joint: str, values: Mapping[str, float]) -> tuple[float, float]:
         """Position and velocity of a link at time 0, rad and rad/s."""
         initial = {**self.initial, **values}
+        drive = next(drive for drive in self.door.drives if drive.name == joint)
+        position = initial[f"{joint}.initial_position"]
+        if joint in self._following:
+            # The position of a link at rest depends on the initial positions of its motors.
+            motors = [initial[motor_start(joint, i)[0]] for i in range(1, drive.dynamic_motors + 1)]
+            position += float(np.mean(motors)) - self._following[joint]
         # A noisy recording may begin slightly beyond a joint's stop.
-        stops = next(drive.joint.stops for drive in self.door.drives if drive.name == joint)
-        return float(np.clip(initial[f"{joint}.initial_position"], *stops)), initial[f"{joint}.initial_velocity"]
+        return float(np.clip(position, *drive.joint.stops)), initial[f"{joint}.initial_velocity"]
+
+    def motor_starts(self, drive: SteppedJoint, values: Mapping[str, float]) -> tuple[list[float], list[float]]:
+        """Positions and velocities of a joint's motors at time 0, rad and rad/s; empty if they start as the scenario states. If
+        a link moves at the start of the recording, its motors move with it unless they are recorded.
+        """
+        initial, count = {**self.initial, **values}, drive.dynamic_motors
+        place, speed = self.start(drive.name, values)
+        positions, velocities = (
+            zip(*(motor_start(drive.name, i) for i in range(1, count + 1)), strict=True) if count else ((), ())
+        )
+        at = (*drive.motor_positions, *[place] * count)
+        found = [initial.get(key, one) for key, one in zip(positions, at, strict=False)]
+        moving = (*drive.motor_velocities, *[0.0 if drive.motor_velocities else speed] * count)
+        speeds = [initial.get(key, one) for key, one in zip(velocities, moving, strict=False)]
+        moves = any(key in initial for key in velocities) or (speed and not drive.motor_velocities)
+        return found if any(key in initial for key in positions) else [], speeds if moves else []
 
     def _play(self, values: TrackSettings, playing: Playing) -> Mapping[str, Mapping[str, Played]]:
         """Commands with their gains, offsets and delays; cached, so that equal commands are the same object."""
@@ -387,6 +412,35 @@ def _parabola(channel: Channel, count: int, degree: int) -> tuple[float, float, 
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 
 
+@dataclass(frozen=True)
+class _Beginning:
+    """Start of a recorded position."""
+
+    position: float
+    velocity: float
+    error: float
+    """Standard error of the position."""
+    moves: bool
+    """Whether the recording begins in motion."""
+
+    def contradicts(self, stated: float) -> bool:
+        """Whether the recording does not begin at rest at a stated position."""
+        return self.moves or abs(self.position - stated) > STILL * self.error
+
+
+def _beginning(channel: Channel, band: float, *, measured: bool) -> _Beginning | None:
+    """Start of a channel; None if the channel begins too late. band: of the motion, rad/s; measured: whether the scenario's
+    start was copied from the recording.
+    """
+    if not (first := first_samples(channel, band)):
+        return None
+    place, speed, error, speed_error = first
+    moves = abs(speed) > (DOUBTFUL if measured else STILL) * speed_error
+    if not moves:
+        place, error = _start_of(channel, first)
+    return _Beginning(place, speed, error, moves)
+
+
 def _is_copied(position: float, source: RecordedSignal) -> bool:
     """Whether an initial position is the first value of a coarse sensor."""
     return isinstance(source, Channel) and source.quantum > 0.0 and abs(float(source.values[0]) - position) < 1e-9
@@ -398,12 +452,12 @@ def onset(channel: Channel, deviations: float) -> int:
     return int(np.argmax(away)) if away.any() else len(away)
 
 
-def _start_of(channel: Channel, first: tuple[float, float, float, float] | None) -> tuple[float, float]:
+def _start_of(channel: Channel, first: tuple[float, float, float, float]) -> tuple[float, float]:
     """Value of a channel at time 0 and its error: of the mean at rest and the first part of a motion, the more accurate one.
     first: result of `first_samples`.
     """
     resting = at_rest(channel)
-    return (first[0], first[2]) if first and first[2] <= resting[1] else resting
+    return (first[0], first[2]) if first[2] <= resting[1] else resting
 
 
 def at_rest(channel: Channel) -> tuple[float, float]:

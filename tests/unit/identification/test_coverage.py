@@ -144,3 +144,37 @@ def test_intervals_hold_an_initial_state_that_differs_from_the_scenario(tmp_path
         found = [result.find(f"joint_1.{name}") for name in truth]
         held += [one.low <= value <= one.high for one, value in zip(found, truth.values(), strict=True)]
     assert np.mean(held) >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "noise"), [(0.0, 3e-3), (1.0, 3e-4)])
+def test_intervals_hold_with_a_noisy_motor_in_a_torque_mode(tmp_path, speed, noise):
+    """A motor and a link that a spring joins start together, at rest or in motion, and nothing returns the motor; `init` has
+    copied their first samples. The motor's sensor is as noisy as the link's, or ten times as noisy. Exact motion.
+    """
+    stiffness, rotor, drag, inertia, damping = truth = 4.0, 0.02, 0.05, 0.009, 0.02
+    names = "joint_1.spring_stiffness", "joint_1.motor_1_inertia", "joint_1.motor_1_damping", "link_1.izz", "joint_1.damping"
+    fine = np.arange(0.0, 2.00005, 1e-4)
+    torque = 0.6 * np.sin(2.0 * np.pi * 1.1 * fine) + 0.4 * np.sin(2.0 * np.pi * 3.7 * fine + 0.5)
+    link = [-stiffness / inertia, -damping / inertia, stiffness / inertia, 0.0]
+    motor = [stiffness / rotor, 0.0, -stiffness / rotor, -drag / rotor]
+    matrix, seen = [[0.0, 1.0, 0.0, 0.0], link, [0.0, 0.0, 0.0, 1.0], motor], np.eye(4)[[0, 2]]
+    system = (matrix, [[0.0], [0.0], [0.0], [1.0 / rotor]], seen, np.zeros((2, 1)))
+    moved = lsim(system, torque, fine, [0.2, speed, 0.2, speed])[1][::10]
+    scenario = write(tmp_path, "guess", {**ROTARY, "mode": 4, "damping": 0.03, "tags": "<spring_k>3.3</spring_k>"})
+    text = scenario.read_text()
+    known = "motor_1_friction_torque: 0, motor_1_max_torque: 1000, motor_1_max_velocity: 1000, max_deflection: 10"
+    text += f"parameters: {{joint_1: {{motor_1_inertia: 0.025, motor_1_damping: 0.04, {known}}}}}\n"
+    header = "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad],joint_1.motor_1_position [rad]"
+    held = []
+    for seed in range(20):
+        shown = moved + np.random.default_rng(seed).normal(size=moved.shape) * (noise, 3e-3)
+        start = f"position: {shown[0, 0]:.8f}, motor_positions: [{shown[0, 1]:.8f}]"
+        scenario.write_text(f"{text}initial: {{joint_1: {{{start}}}}}\n")
+        recording = save(tmp_path / "a.csv", header, fine[::10], torque[::10], *shown.T)
+        result = identify(scenario, [recording], free=names)
+        assert result.fits, (seed, result.misfit)
+        found = [result.find(name) for name in names]
+        assert {one.verdict for one in found} == {"identified"}
+        held += [one.low <= value <= one.high for one, value in zip(found, truth, strict=True)]
+    assert np.mean(held) >= 0.9

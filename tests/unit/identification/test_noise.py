@@ -12,6 +12,7 @@ from asrsim.identification.noise import (
     autoregression,
     fine_noise,
     frequency,
+    is_first_order,
     lag_correlation,
     quantum_of,
     size_of,
@@ -37,6 +38,22 @@ def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory):
     model, power = autoregression(autocovariances(noise), 4000)
     assert model == pytest.approx([memory] if memory else [], abs=0.05)
     assert power == pytest.approx(1.0, rel=0.1)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5, 0.97])
+def test_noise_behind_a_low_pass_of_first_order_is_told_from_errors_of_a_model(memory):
+    """An oscillation of three standard deviations is added; or, to slow noise, white noise or a second low-pass."""
+    generator, time = np.random.default_rng(0), np.linspace(0.0, 1.0, 1500)
+    for _ in range(20):
+        noise, white = lfilter([1.0], [1.0, -memory], generator.normal(size=2000))[500:], generator.normal(size=1500)
+        size = float(np.std(noise))
+        assert is_first_order(noise)
+        assert not is_first_order(noise + 3.0 * size * np.sin(40.0 * time))
+        if memory == 0.97:
+            assert not is_first_order(noise + 0.5 * size * white)
+            assert not is_first_order(lfilter([1.0], [1.0, -memory], noise))
+        # Too few samples show nothing.
+        assert not is_first_order(noise[:199])
 
 
 @pytest.mark.parametrize("covariances", [[-1e-6, *[1e10] * 12], [0.0] * 13, [1.0, 2.0, -3.0, *[4.0, -4.0] * 5]])

@@ -96,8 +96,14 @@ def test_a_link_without_a_recording_begins_with_its_motors(tmp_path, seen):
     keys = "initial: {joint_1: {position: 0.25, motor_positions: [0.4, -0.2]}}\n"
     with ExitStack() as stack:
         (track,) = prepared(stack, tmp_path, columns, ["joint_1.damping"], actuator="qbmove", mode=5, tags="", keys=keys).tracks
-        assert track.motors == {"joint_1": pytest.approx([0.7, 0.1], abs=1e-3)}
-        assert track.initial["joint_1.initial_position"] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
+        (drive,) = track.door.drives
+        assert track.motor_starts(drive, {}) == (pytest.approx([0.7, 0.1], abs=1e-3), [])
+        assert track.start("joint_1", {})[0] == pytest.approx(0.33 if seen else 0.25 + 0.3, abs=1e-3)
+        # A link that is not recorded starts with its motors, whose starts are free.
+        moved = track.start("joint_1", {"joint_1.initial_motor_1_position": 0.9})[0]
+        assert moved == pytest.approx(0.33 if seen else 0.25 + 0.4, abs=1e-3)
+        freed = {f"joint_1.initial_motor_{i}_position" for i in (1, 2)}
+        assert set(track.uncertain) == freed | ({"joint_1.initial_position"} if seen else set())
 
 
 def test_a_motor_does_not_start_at_a_noisy_first_sample(tmp_path):
@@ -107,8 +113,10 @@ def test_a_motor_does_not_start_at_a_noisy_first_sample(tmp_path):
     columns = {"time [s]": TIME, "joint_1.reference_1 [rad]": 0.0 * TIME, "joint_1.motor_1_position [rad]": moved}
     keys = "initial: {joint_1: {position: 0, motor_positions: [0.000234]}}\n"
     with ExitStack() as stack:
-        track = prepared(stack, tmp_path, columns, ["joint_1.motor_1_inertia"], mode=5, keys=keys).tracks[0]
-        assert track.motors["joint_1"] == pytest.approx([0.0], abs=1.2e-4)
+        problem = prepared(stack, tmp_path, columns, ["joint_1.motor_1_inertia"], mode=5, keys=keys)
+        (track,), (drive,) = problem.tracks, problem.tracks[0].door.drives
+        assert track.motor_starts(drive, {})[0] == pytest.approx([0.0], abs=1.2e-4)
+        assert [one.key for one in problem.layout.entries] == ["joint_1.motor_1_inertia", "joint_1.initial_motor_1_position"]
 
 
 def test_derivatives_on_many_threads_equal_those_on_one(tmp_path, monkeypatch):
@@ -140,7 +148,12 @@ def test_a_link_starts_where_motor_and_deflection_say(tmp_path, mode, motor):
         assert initial["joint_1.initial_position"] == pytest.approx(0.1, abs=1e-3)
         assert initial["joint_1.initial_velocity"] == pytest.approx(2.0, abs=0.1)
         starts = ["joint_1.initial_position", "joint_1.initial_velocity"]
+        # The speed of a measured motor is free, too, and not that of its link.
+        starts += ["joint_1.initial_motor_1_position", "joint_1.initial_motor_1_velocity"] if mode == 5 else []
         assert [entry.key for entry in problem.layout.entries] == ["joint_1.damping", *starts]
+        if mode == 5:
+            (drive,) = problem.tracks[0].door.drives
+            assert problem.tracks[0].motor_starts(drive, {}) == (pytest.approx([0.4], abs=1e-3), pytest.approx([0.0], abs=0.1))
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
