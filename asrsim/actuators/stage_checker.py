@@ -37,6 +37,8 @@ BEYOND = 2.0
 """Deflection and speed that a motion exceeds, relative to the largest parameter in rad and in rad/s."""
 LARGEST = 5.0
 """Torque limit, and largest torques of motor and spring in a motion, N m."""
+SPRING = 10.0
+"""Stiffness of the spring behind a stage in series, N m/rad, as of the default SEA."""
 MOTOR = 0.7
 """Frequencies of the motor's motion, relative to those of the deflection."""
 SLACK = 1e-6
@@ -227,10 +229,16 @@ class StageTrial:
         memory, kicks = self.stage.Memory(), []
         for row in self.trajectory.tolist():
             after, kick = replace(memory), Kick(*row)
+            if self.stage.has("place"):
+                kick.elastic_torque = SPRING * self.placed(memory, kick)
             self.stage.remember(after, self.own, replace(kick))
             kicks.append((memory, after, kick))
             memory = after
         return kicks
+
+    def placed(self, memory: Any, kick: Kick) -> float:
+        """Deflection of the spring behind a stage in series, rad."""
+        return self.stage.place(memory, self.own, kick.deflection)
 
     def torque(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
         """Torque between motor and link, where deflection and velocity differ from those of the kick by `way` and `speed`."""
@@ -288,18 +296,25 @@ def _excess(
 
 def _balance(trial: StageTrial) -> Iterator[float]:
     stage, own = trial.stage, trial.own
-    work = lost = turned = stored = first = pull_before = hold_before = 0.0
+    work = lost = turned = stored = first = pull_before = hold_before = slipped_before = 0.0
     last = trial.kicks[0][2]
     for number, (memory, after, kick) in enumerate(trial.kicks):
         pull, hold = trial.torque(memory, kick), trial.ground(memory, kick)
+        slipped = kick.deflection - trial.placed(memory, kick)
         stored = stage.energy(after, own)
         if number == 0:
             first = stored
         else:
             pulled = 0.5 * (pull + pull_before) * (kick.deflection - last.deflection)
             held = 0.5 * (hold + hold_before) * (kick.motor_position - last.motor_position)
-            work, turned, lost = work + pulled + held, turned + abs(pulled) + abs(held), lost + stage.loss(after, own)
-        pull_before, hold_before, last = pull, hold, kick
+            work, turned = work + pulled + held, turned + abs(pulled) + abs(held)
+            if stage.has("place"):
+                # The torque of the spring does work on the part in series.
+                spring = 0.5 * (kick.elastic_torque + last.elastic_torque)
+                work += spring * (slipped - slipped_before)
+                turned += abs(spring * (kick.deflection - last.deflection))
+            lost += stage.loss(after, own)
+        pull_before, hold_before, slipped_before, last = pull, hold, slipped, kick
     yield abs(work - (stored - first) - lost) / max(turned, 1e-9)
 
 

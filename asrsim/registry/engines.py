@@ -25,7 +25,8 @@ class EngineEntry:
     prescribed: bool = False
     """Whether the scenario's `motion` prescribes the motion of the links."""
     masses_of_file: bool = False
-    """Whether the links have the masses of the robot's file: then asrsim checks the balance of their energy."""
+    """Whether the links have the masses of the robot's file: then asrsim checks the balance of their energy, and `--certify`
+    compares the run with another engine."""
     faster: str = ""
     """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
 

@@ -148,9 +148,11 @@ def _finer(plan: Plan, run: Run, finer: int) -> Plan:
 
 
 def other_engine(engine: str, *, required: bool = False) -> str | None:
-    """Name of the first installed engine with dynamics, except `engine`; None if there is none, or if `engine` has no dynamics.
-    required: raise SimulationError instead.
+    """Name of the first installed engine with dynamics, except `engine`; None if there is none, or if `engine` has no dynamics,
+    or other masses than the robot's file. required: compare also with such masses, and raise SimulationError if there is none.
     """
+    if not required and not ENGINES.get(engine).masses_of_file:
+        return None
     entries = ((name, ENGINES.get(name)) for name in ENGINES.names() if name != engine)
     others = [name for name, entry in entries if entry.available and not entry.prescribed]
     if others and not ENGINES.get(engine).prescribed:

@@ -18,9 +18,9 @@ from asrsim.errors import ActuatorError
 from asrsim.identification.door import comparable
 from asrsim.metrics.measures import MEASURES
 from asrsim.plugins import load_plugin_file
-from asrsim.quantities import MOST_MOTORS, QUANTITIES, of_motors
+from asrsim.quantities import MOST_MOTORS, QUANTITIES, Quantity, of_motors
 from asrsim.recordings.names import column_quantities
-from asrsim.records import constant, numbers
+from asrsim.records import constant, numbers, value
 from asrsim.robot.values import block_for
 from asrsim.simulation.quantities import simulated_quantities
 from support.paths import EXAMPLES, ROOT
@@ -105,6 +105,53 @@ def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Faint", Damper, **faint, loss=lambda memory, own: 0.0) == {"energy"}
     assert failed("Strong", Damper, limit=lambda memory, own, torque: 2.0 * torque) == {"limit"}
     assert failed("Steep", Damper, place=lambda memory, own, deflection: 2.0 * deflection) == {"series"}
+
+
+class Slip(Stage):
+    """A clutch in series with the spring, which slips in proportion to the torque of the spring."""
+
+    name, title, lost = "slip", "Slip", "slip_loss"
+    parameters = (
+        Parameter(name="slip_rate", default=0.0, unit="rad/(N m s)", minimum=0.0, optional=True, doc="rate over torque"),
+    )
+    quantities = (Quantity("slip_loss", "J", "", "energy lost in the clutch"),)
+
+    @dataclass(slots=True)
+    class Memory:
+        """Slip, and what it costs."""
+
+        slip: float = value("slip so far", "rad")
+        lost: float = value("energy lost in the last kick", "J")
+
+    @dataclass(slots=True)
+    class Constants:
+        """Constants of the clutch."""
+
+        rate: float = constant("rate of the slip over the torque", "rad/(N m s)")
+
+    @classmethod
+    def constants(cls, values, motor, mode):
+        return cls.Constants(values["slip_rate"]) if values["slip_rate"] else None
+
+    @staticmethod
+    def place(memory, own, deflection):
+        return deflection - memory.slip
+
+    @staticmethod
+    def remember(memory, own, kick):
+        slip = own.rate * kick.elastic_torque * kick.step
+        memory.slip += slip
+        memory.lost = kick.elastic_torque * slip
+
+    @staticmethod
+    def loss(memory, own):
+        return memory.lost
+
+
+def test_a_clutch_in_series_takes_its_loss_from_the_spring():
+    assert check_stage(Slip).passed
+    assert failed("Free", Slip, loss=lambda memory, own: 0.0) == {"energy"}
+    assert failed("Twice", Slip, loss=lambda memory, own: 2.0 * memory.lost) == {"energy"}
 
 
 class Bumps(Stage):
