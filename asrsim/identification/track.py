@@ -294,6 +294,10 @@ class Track:
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
         starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
         positions, velocities = ({joint: start[i] for joint, start in starts.items()} for i in range(2))
+        if self.scenario.initial_equilibrium:
+            # Each set of parameters has its own equilibrium, at which links start if the recording does not contradict it.
+            shown = {*self.within, *self.uncertain, *values}
+            positions = {joint: place for joint, place in positions.items() if f"{joint}.initial_position" in shown}
         motors = {drive.name: self.motor_starts(drive, values) for drive in self.door.drives}
         commands = {command.key for command in self.data.commands}
         own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))
