@@ -39,8 +39,8 @@ LIKELY = 6
 
 Forecast = Callable[[Array], Array]
 """Function from inputs (n, joints) to expected outputs (n, joints)."""
-ParameterGroup = Mapping[tuple[str, str], float]
-"""Values of parameters that are scaled together, by pairs (joint or link, name)."""
+ParameterGroup = Mapping[str, float]
+"""Values of parameters that are scaled together, by key."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,11 +140,10 @@ def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGr
     known = parameters_of(prepared.robot, commands, {})
     free, ties = list[FitParameter](), list[Tie]()
     for group in groups:
-        first = max(group, key=lambda member: group[member])
-        key, others = ".".join(first), [one for one in group if one != first]
-        spread = LOSSES if first[1].endswith(("friction", "friction_torque", "damping")) else SPREAD
-        free.append(replace(known[key], logarithmic=True, low=0.0, high=np.inf, spread=spread))
-        ties += [Tie(key=".".join(one), to=key, factor=group[one] / group[first]) for one in others]
+        first = max(group, key=lambda key: group[key])
+        spread = LOSSES if first.endswith(("friction", "friction_torque", "damping")) else SPREAD
+        free.append(replace(known[first], logarithmic=True, low=0.0, high=np.inf, spread=spread))
+        ties += [Tie(key=key, to=first, factor=value / group[first]) for key, value in group.items() if key != first]
     first_delay, *delays = (f"{command}.delay" for command in commands)
     delay = known[first_delay]
     free.append(replace(delay, low=0.0, spread=DELAY / delay.size))
@@ -191,11 +190,10 @@ def _groups(plant: Plant) -> dict[str, ParameterGroup]:
         joint = drive.name
         found[f"mass.{joint}"] = _body(robot, joint)
         units = {one.name: one.unit for one in drive.actuator.parameters} if drive.actuator else {}
-        springs = {(joint, name): blocks[joint][name] for name, unit in units.items() if "N m" in unit}
-        found[f"stiffness.{joint}"] = springs
-        rubbing = {(joint, name): v for name, v in blocks[joint].items() if name.endswith("_friction_torque")}
-        found[f"friction.{joint}"] = {(joint, "friction"): robot.joint(joint).friction, **rubbing}
-        found[f"damping.{joint}"] = {(joint, "damping"): robot.joint(joint).damping}
+        found[f"stiffness.{joint}"] = {f"{joint}.{name}": blocks[joint][name] for name, unit in units.items() if "N m" in unit}
+        rubbing = {f"{joint}.{name}": v for name, v in blocks[joint].items() if name.endswith("_friction_torque")}
+        found[f"friction.{joint}"] = {f"{joint}.friction": robot.joint(joint).friction, **rubbing}
+        found[f"damping.{joint}"] = {f"{joint}.damping": robot.joint(joint).damping}
     return {name: group for name, group in found.items() if max(group.values(), default=0.0) > 0.0}
 
 
@@ -207,7 +205,7 @@ def _body(robot: Robot, joint: str) -> ParameterGroup:
         body.update(fixed)
         waiting += fixed
     return {
-        (link.name, name): value
+        f"{link.name}.{name}": value
         for link in robot.links
         if link.name in body and link.mass is not None and link.inertia is not None
         for name, value in (("mass", link.mass), *zip(INERTIAS, link.inertia, strict=True))
