@@ -123,11 +123,11 @@ def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: 
 
 
 def _names_of_joints(one: Any) -> list[Problem]:
-    """Problems of parameters with the name of a number that a joint has without an actuator: `elbow.damping` is its own."""
+    """Problems of parameters whose names are taken by numbers of the joint itself, such as `elbow.damping`."""
     from asrsim.robot.vary import JOINT_NAMES
 
     return [
-        declaration_problem(one, "a joint has a number of this name", "bad-parameter", key=f"parameters.{parameter.name}")
+        declaration_problem(one, "a number of every joint has this name", "bad-parameter", key=f"parameters.{parameter.name}")
         for parameter in one.parameters
         if parameter.name in JOINT_NAMES
     ]

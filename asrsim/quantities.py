@@ -12,11 +12,13 @@ class Quantity:
     """Scalar signal of one joint."""
 
     name: str
+    """Name in logs and commands."""
     unit: str
     """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. "" for a pure number; "1" means the same."""
     label: str
     """Symbol for axes and legends, as in the paper, in mathtext."""
     doc: str
+    """Meaning, for tables and logs."""
     apart: bool = False
     """Whether the quantity belongs to an optional model and has a separate topic, outside the common messages."""
 

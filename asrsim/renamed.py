@@ -48,7 +48,7 @@ def tell(old: str, new: str) -> str:
 
 
 def new_name(package: str, old: str) -> str:
-    """New name of what a package called `old`, with a warning. Raises AttributeError if there never was such a name."""
+    """New name of the member that a package called `old`, with a warning. Raises AttributeError if it never had this name."""
     new = NAMES[package].get(old)
     if new is None:
         raise AttributeError(f"module '{package}' has no attribute '{old}'")
@@ -94,7 +94,7 @@ def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
 
 def with_new_keys(root: Node, names: Mapping[str, str] = KEYS, *, told: bool = True) -> Node:
     """Document whose keys, also those of its variants, have their present names. told: whether to warn about old names, with
-    file and line. An old name beside the new one stays, and is an unknown key.
+    file and line. If a document has the old and the new name of a key, the old name stays, and counts as an unknown key.
     """
     if not isinstance(root.value, dict):
         return root

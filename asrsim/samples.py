@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import PurePath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+STAIRS = 0.5
+"""Fraction of changes that directly follow another change. Commands below this fraction are piecewise constant, others
+smooth.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +187,12 @@ class RunInfo:
     frame_rate: float = 30.0
     """Highest rate of `/tf`, Hz."""
 
+    @property
+    def scenario_name(self) -> str:
+        """Name of the scenario, by default that of its file; empty for a scenario without a file."""
+        file = PurePath(self.scenario_path).stem
+        return file and str(self.resolved.get("scenario", {}).get("name", file))
+
     def __repr__(self) -> str:
         return f"RunInfo({self.robot}, variant {self.variant}, {len(self.joints)} joints, {self.scenario_path})"
 
@@ -195,3 +206,10 @@ def picking(rows: list[int]) -> Any:
 def grid(first: int, count: int, step: float) -> Array:
     """Times of steps, s; rounded so that 3 * 0.1 gives 0.3."""
     return np.round(np.arange(first, first + count) * step, 12)
+
+
+def is_staircase(values: Array) -> bool:
+    """Whether a command with these samples (n,) is piecewise constant: most changes are followed by an equal value."""
+    changes = np.diff(values) != 0.0
+    following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
+    return following < STAIRS

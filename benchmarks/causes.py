@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT / "tests"))
 WORDS = {
     "backlash": ("backlash",),
     "cubic spring": ("spring's law", "cubic", "amplitude"),
-    "second mode": ("mode is missing", "second mode"),
+    "second mode": ("lacks a mode", "second mode"),
     "hysteresis": ("hysteresis",),
     "stribeck": ("static friction",),
     "torque limit": ("max_torque",),
@@ -61,7 +61,7 @@ def main() -> None:
                 print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {', '.join(more)}")
                 continue
             first = result.causes[0] if result.causes else ""
-            right = any(word in first.partition(" would bring")[0] for word in WORDS.get(effect, ()))
+            right = any(word in first.partition(" would reduce")[0] for word in WORDS.get(effect, ()))
             named += right
             print(f"  {effect} {seed}: fits {result.fits}, {time.process_time() - began:.0f} s; {' | '.join(result.causes)}")
         if options.adopt:

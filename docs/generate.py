@@ -9,6 +9,8 @@ A part stands from `<!-- generated: NAME -->` to `<!-- end -->`
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 import shlex
@@ -18,9 +20,11 @@ import sys
 from collections.abc import Iterable
 from functools import cache
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from pkgutil import iter_modules
 from tempfile import TemporaryDirectory
+from textwrap import dedent
 from typing import Any
 
 import asrsim
@@ -69,6 +73,7 @@ def parts() -> dict[str, str]:
         "actuators": actuators(),
         "models": models(),
         "stages": stages(),
+        "stage-fields": stage_fields(),
         "steppings": steppings(),
         "engines": engines(),
         "transports": transports(),
@@ -169,7 +174,7 @@ def packages() -> str:
         name = f"{found.name}/" if found.ispkg else f"{found.name}.py"
         doc = (import_module(f"asrsim.{found.name}").__doc__ or "").splitlines()[0]
         rows.append((f"`{name}`", re.sub(r":\w+:`(\w+)`", r"`\1`", doc)))
-    return markdown_table(("where", "what lives there"), rows)
+    return markdown_table(("where", "what it contains"), rows)
 
 
 def actuators() -> str:
@@ -221,6 +226,29 @@ def stages() -> str:
         + f"\n\n{_parameters(stage.parameters, source=False)}"
         for stage in STAGES.loaded()
     )
+
+
+def stage_fields() -> str:
+    """The fields of a stage's declarations, as their docstrings explain them."""
+    from asrsim.actuators.parameters import Parameter
+    from asrsim.actuators.stages import Stage
+    from asrsim.quantities import Quantity
+
+    rows = [
+        (f"`{owner.__name__}`", f"`{name}`", said) for owner in (Stage, Parameter, Quantity) for name, said in field_docs(owner)
+    ]
+    return markdown_table(("of", "field", "is"), rows)
+
+
+def field_docs(owner: type) -> list[tuple[str, str]]:
+    """Fields of a class and the docstrings below them."""
+    body = ast.parse(dedent(inspect.getsource(owner))).body[0].body  # type: ignore[attr-defined]
+    found = []
+    for field, said in pairwise(body):
+        match field, said:
+            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                found.append((name, " ".join(text.split()).rstrip(".")))
+    return found
 
 
 def engines() -> str:

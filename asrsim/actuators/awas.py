@@ -33,7 +33,7 @@ class Awas(Actuator):
             unit="N/m",
             doc="stiffness k of each spring",
             minimum=0.0,
-            source="ours: 4 to 100 N m/rad; the paper's law holds for any",
+            source="chosen by asrsim for 4 to 100 N m/rad; the paper's law holds for any values",
         ),
         max_deflection(0.3),
     )

@@ -220,11 +220,17 @@ CHECKS = (
     ("passive", "the springs do no work round closed paths of link and motors (relative asymmetry)", 1e-4, _passive, INSIDE),
     (
         "energy",
-        "the derivatives of a declared energy by -q and theta_i are the torques (relative error)",
+        "the derivatives of a declared energy by -q and theta_i are the torques, also beyond the limit (relative error)",
         1e-3,
         _energy,
+        FAR,
+    ),
+    (
+        "reference map",
+        "equilibrium_position inverts motor_references, and the link rests there (rad)",
+        1e-9,
+        _reference,
         INSIDE,
     ),
-    ("reference map", "equilibrium_position inverts motor_references, where the link rests (rad)", 1e-9, _reference, INSIDE),
 )
 """Name, condition, largest allowed value and function of each check, and the reach of its points."""

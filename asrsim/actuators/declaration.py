@@ -54,8 +54,8 @@ ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    """Problems of laws that are missing, do not take the right arguments, or give wrong results at rest: the simulation needs
-    numbers, and the right number of them."""
+    """Problems of laws that are missing, do not take the right arguments, or do not return the expected number of numbers at
+    rest."""
     positions = dict.fromkeys((f"theta_{i + 1}" for i in range(actuator.positions())), 0.0)
     spring = {"q": 0.0, **positions, "parameters": tuple(parameter.default for parameter in actuator.parameters)}
     taken: dict[str, tuple[Mapping[str, object], int]] = {

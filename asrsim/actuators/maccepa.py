@@ -11,7 +11,7 @@ from asrsim.actuators.parameters import Parameter
 _POSITIVE: dict[str, Any] = {
     "minimum": 0.0,
     "exclusive_minimum": True,
-    "source": "ours: an arm of some N m; the paper's law holds for any",
+    "source": "chosen by asrsim for an arm of some N m; the paper's law holds for any values",
 }
 
 

@@ -20,18 +20,22 @@ FRICTION_STIFFNESS = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """Declaration of one parameter of an actuator."""
+    """Declaration of one parameter of an actuator or a stage; `docs/stages.md` has a table of the fields."""
 
     name: str
     """Name in snake_case, such as `max_deflection`."""
     default: float
+    """Value where the robot and the scenario state none."""
     unit: str
     """SI unit; "1" for a dimensionless number."""
     doc: str
+    """Meaning, for tables and messages."""
     source: str = TOOLBOX
     """Publication or code that the default comes from."""
     minimum: float = -math.inf
+    """Smallest value."""
     maximum: float = math.inf
+    """Largest value."""
     exclusive_minimum: bool = False
     """Whether the value must be larger than `minimum`; if False, the value may equal `minimum`."""
     finite: bool = True

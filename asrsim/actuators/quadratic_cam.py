@@ -5,7 +5,7 @@ from __future__ import annotations
 from asrsim.actuators.base import Antagonistic, max_deflection, saturate
 from asrsim.actuators.parameters import Parameter
 
-OURS = "ours: a joint of some N m; the paper's law holds for any"
+OURS = "chosen by asrsim for a joint of some N m; the paper's law holds for any values"
 
 
 class QuadraticCam(Antagonistic):

@@ -90,7 +90,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         return
     logged = [each_motor(log) for log in logs]
     if unlogged := known - {stage.lost}.union(*logged):
-        said = f"has '{min(unlogged)}', which no number of the memory logs (`log=`)"
+        said = f"has '{min(unlogged)}', but no value of `Memory` is logged under this name (`log=`)"
         yield "quantities", said, "bad-declaration"
     others = OF_JOINTS.union(one.name for other in STAGES.loaded() if other.name != name for one in other.quantities)
     if shared := sorted(known & others):
@@ -101,14 +101,14 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             several = "; asrsim.quantities.of_motors makes it for all motors" if len(names) > 1 else ""
             yield "quantities", f"must have the quantity '{missing[0]}', which the stage logs{several}", "bad-declaration"
     if stage.has("loss") != bool(stage.lost):
-        yield "lost", "must be the name of the lost energy in logs: law and name belong together", "bad-declaration"
+        yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
     for law in LAWS:
         if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
             yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
             return
     for own in vars(stage):
         if isinstance(inspect.getattr_static(stage, own), staticmethod) and own not in LAWS and not own.startswith("_"):
-            yield own, f"is no law; laws are {', '.join(LAWS)}; begin the names of your functions with _", "bad-law"
+            yield own, f"is not a law; laws are {', '.join(LAWS)}; begin the names of your functions with _", "bad-law"
     yield from _law_faults(stage)
 
 
@@ -198,7 +198,7 @@ class StageTrial:
         velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
         larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
         faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
-        # The motor moves otherwise than the deflection, since the link moves too.
+        # The motor's motion differs from that of the deflection, since the link also moves.
         slower = (
             (sizes * np.sin(MOTOR * angles)).sum(axis=0),
             (sizes * MOTOR * rates[:, None] * np.cos(MOTOR * angles)).sum(axis=0),
@@ -327,13 +327,13 @@ CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], .
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
     (
         "stiffness",
-        "no torque is steeper over the deflection or the motor's position than its bound: the step is chosen by it",
+        "the slope of each torque over deflection and motor position is within its bound, which determines the step",
         0.0,
         _stiffness,
     ),
     (
         "damping",
-        "no torque is steeper over the velocity than its bound: the step is chosen by it",
+        "the slope of each torque over velocity is within its bound, which determines the step",
         0.0,
         _damping,
     ),

@@ -205,7 +205,7 @@ def _report_error(error: BaseException) -> int:
         what = f"{error.filename}: " if error.filename else ""
         complain(f"asrsim: {what}{error.strerror or error}{'' if what else ' (while reading or writing)'}")
     elif isinstance(error, MemoryError):
-        complain("asrsim: this needs more memory than there is")
+        complain("asrsim: the command needs more memory than this machine has")
     else:
         import traceback
 

@@ -54,7 +54,7 @@ def check(
     if not files:
         raise typer.BadParameter("name a file, an actuator with --actuator, or a stage with --stage", param_hint="FILES")
     if (arg or package) and all(map(_is_scenario, files)):
-        raise typer.BadParameter("belongs to robots; a scenario states it under `robot`", param_hint="--arg or --package")
+        raise typer.BadParameter("is for robot files only; a scenario states it under `robot`", param_hint="--arg or --package")
     arguments, packages = pairs(arg, "--arg"), folders(package, "--package")
     reports = [
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)

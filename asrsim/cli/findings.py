@@ -125,7 +125,7 @@ def _built(found: Examined, report: FileReport) -> FileReport:
 
 def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
     """Problems that an error contains; an error without problems becomes a single problem."""
-    return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path),)
+    return error.problems if isinstance(error, InputError) else (Problem(str(error), file=path, code="simulation"),)
 
 
 def number(value: object) -> object:

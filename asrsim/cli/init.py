@@ -96,7 +96,7 @@ def init(
     from asrsim.starter.recording import write_from_recording
 
     made = write_from_recording(robot, experiment, target, mapping=columns, rate=rate, plugins=plugin, **options)
-    remarks = [Problem(text, file=experiment) for text in made.remarks]
+    remarks = [Problem(text, file=experiment, code="starter") for text in made.remarks]
     hints = [f"wrote {', '.join(map(str, made.files))}; {run}"]
     if made.fit is not None:
         hints.append(f"find the robot's parameters: {command_line('identify', made.fit, plugin)}")

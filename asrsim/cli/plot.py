@@ -57,7 +57,13 @@ def plot(
         Texts, option("Only this figure of the runs; may be repeated.", metavar="NAME", autocompletion=complete.figures)
     ] = None,
     measure: Annotated[
-        Texts, option("Also show this measure; may be repeated.", metavar="NAME", autocompletion=complete.measures)
+        Texts,
+        option(
+            "Also show this measure of run and recording, of the link position unless --quantity or --experiment name others; "
+            "may be repeated.",
+            metavar="NAME[:OPTION=VALUE,...]",
+            autocompletion=complete.measures,
+        ),
     ] = None,
     align: Align = "auto",
     rate: Rate = None,
@@ -100,8 +106,6 @@ def plot(
     check_window(start, end)
     if (given or output) and not bode:
         raise typer.BadParameter("requires --bode", param_hint="--input" if given else "--output")
-    if measure and not experiment:
-        raise typer.BadParameter("requires --experiment; `expect:` measures a run alone", param_hint="--measure")
     found: list[Path] = []
     for place in logs or ():
         own, problems = find_logs(place)

@@ -85,20 +85,25 @@ class RunBar(Bar):
     def __init__(self, title: str, duration: float, *, show: bool) -> None:
         super().__init__(title, show=show)
         self._duration = duration
-        self._part = ""
+        self._part, self._first = "", 0.0
+        """Part of the work, and simulated time in s at the first report of this part."""
 
     def start(self, _info: object = None) -> None:
         """Begin to measure the simulation speed; called when the simulation loop begins."""
-        self._began = clock.perf_counter()
+        self._began, self._first = clock.perf_counter(), 0.0
 
     def update(self, progress: Progress) -> None:
         """Show the simulated time of the run, or of another run of the scenario, which has a `task`."""
         if progress.task != self._part:
             self._part = progress.task
             self.start()
+            # The work on this part began before its first report.
+            self._first = progress.time
         simulated = progress.time
-        speed = simulated / max(clock.perf_counter() - self._began, 1e-9)
-        note = f"{simulated:.2f} of {self._duration:g} s, {speed:.3g} x real time"
+        note = f"{simulated:.2f} of {self._duration:g} s"
+        if simulated > self._first:
+            speed = (simulated - self._first) / max(clock.perf_counter() - self._began, 1e-9)
+            note += f", {speed:.3g} x real time"
         # The log of a killed run may contain no time at all.
         self.draw(
             simulated / self._duration if self._duration > 0.0 else 1.0,

@@ -30,7 +30,12 @@ def run(
     plot: Plot = True,
     report: Annotated[bool, option("Also write a page for the browser.", "--report")] = False,
     certify: Annotated[
-        bool, option("Run again with half and a quarter of the step and report the numerical error.", "--certify")
+        bool,
+        option(
+            "Run again with half and a quarter of the step and report the numerical error. Includes --cross-check if a second "
+            "engine is installed.",
+            "--certify",
+        ),
     ] = False,
     cross_check: Annotated[
         bool, option("Run again in another engine and report the differences of each joint.", "--cross-check")

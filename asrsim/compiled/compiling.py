@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
+import time as clock
 import types
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -37,6 +38,8 @@ been written one by one: a vector of such numbers would have to wait until they 
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """What this process has compiled or loaded, by digest and folder of the cache."""
+_spent: list[float] = []
+"""Times in s of all compilations and loadings."""
 _types: dict[Any, Any] = {}
 """Numba types of examples, by form."""
 
@@ -46,6 +49,11 @@ def numba_available() -> bool:
     from importlib.util import find_spec
 
     return find_spec("numba") is not None
+
+
+def time_spent() -> float:
+    """Time in s in which this process has compiled or loaded functions so far."""
+    return sum(_spent)
 
 
 def compile_function(
@@ -240,7 +248,7 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """What the Numba type of a value depends on: of another value than numbers, arrays and tuples of them, the value itself."""
+    """Key that determines the Numba type of a value: types of numbers and arrays, also in tuples; other values themselves."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     if isinstance(value, np.ndarray):
@@ -277,7 +285,7 @@ def _through_cache(
     if key in _loaded:
         _loaded.move_to_end(key)
         return _loaded[key]  # type: ignore[no-any-return]
-    cached = cache_file(digest)
+    cached, began = cache_file(digest), clock.perf_counter()
     usual, settings.LOOP_VECTORIZE = settings.LOOP_VECTORIZE, VECTORISED
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
@@ -286,6 +294,7 @@ def _through_cache(
         made = compiled(_marked(function, names, digest, None, inline), False)
     finally:
         settings.LOOP_VECTORIZE = usual
+        _spent.append(clock.perf_counter() - began)
     _loaded[key] = made
     if len(_loaded) > LOADED:
         _loaded.popitem(last=False)

@@ -28,8 +28,8 @@ def sheet_page(sheet: Sheet) -> str:
     values = [[name, f"{value:.6g}", sheet.units[name]] for name, value in sheet.values.items() if math.isfinite(value)]
     parameters = table(["parameter", "value", "unit"], values)
     simulated = any(one.known and one.how.startswith("simulation") for one in sheet.entries)
-    about = f"The folder of this page has {' and '.join(sheet.files)}: the steps of the last charts"
-    about += ", and claims with the simulated numbers." if simulated else "."
+    about = f"The folder of this page contains {' and '.join(sheet.files)}, which simulate the steps of the last charts"
+    about += " and check the simulated numbers as claims." if simulated else "."
     beside = ["quantity", "published", "source", "compared with the defaults"]
     doubts = "".join(f"<p>{escape(doubt)}</p>" for doubt in sheet.doubts)
     sections = [

@@ -120,8 +120,8 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
             key="stiffness_loaded", source=EDINBURGH,
             text="-0.6579 to 0.4154 N m/rad over all deflections of a joint with k = 323 N/m, B = 0.03 m, drum 7.5 mm",
             why=
-                "our law gives -0.6579 and 0.4155 with C = 0.13 m, which the source does not state; asrsim has chosen the "
-                "spring of the sheet",
+                "the law of asrsim gives -0.6579 and 0.4155 with C = 0.13 m, which the source does not state; the spring "
+                "of the sheet was chosen by asrsim",
         ),
     ),
     "awas": (Published(key="", text=NONE, source="Jafari et al. (2010)", why="the law is theirs, the numbers are ours"),),

@@ -80,7 +80,7 @@ def sources_of(
             message = "is not an actuator"
             raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
-        raise InputError("needs a robot or a scenario among the targets", key="--joint", value=joints[0], code="no-robot")
+        raise InputError("requires a robot file or a scenario", key="--joint", value=joints[0], code="no-robot")
     names = [one.name for one in found]
     if doubles := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise InputError(f"{doubles[0]} is given twice", code="twice")

@@ -201,8 +201,8 @@ class Statics:
         return high if self.softest == low else low
 
     def motor_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m of all motors at a steady speed (n,) in rad/s, within their limits of torque and voltage, less
-        their damping and friction.
+        """Torque (n,) in N m of all motors at a steady speed (n,) in rad/s: the largest within their limits of torque and
+        voltage, minus damping and friction.
         """
         drive, total = self.drive, np.zeros_like(speed)
         for i, one in enumerate(drive.electric):
@@ -212,8 +212,8 @@ class Statics:
         return total
 
     def driving_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m on the link at a steady speed (n,) in rad/s: of the motors, within what the springs and the joint
-        transmit.
+        """Torque (n,) in N m on the link at a steady speed (n,) in rad/s: `motor_torque`, limited to the largest torque that
+        springs and joint transmit.
         """
         return np.minimum(self.motor_torque(speed), self.peak_torque)
 

@@ -36,7 +36,7 @@ BAND = 0.1
 """Fraction of its change within which the stiffness counts as settled at its new value."""
 MEASURE = "settling"
 OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
-"""Measure of the stiffness that is the time of its change, and its options."""
+"""Measure of the time in which the stiffness changes, and the options of this measure."""
 TOLERANCE = 0.01
 """Relative tolerance of the claims of the scenario."""
 CHANGES = ("stiffness_free", "stiffness_loaded")

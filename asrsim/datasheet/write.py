@@ -28,7 +28,7 @@ def write_sheets(
     """
     kinds = check_formats(formats)
     if compare and len({tuple(one.unit for one in sheet.entries) for sheet in sheets}) > 1:
-        raise InputError("sliding and turning joints have different units", key="--compare", code="units")
+        raise InputError("cannot compare sliding and turning joints: their units differ", key="--compare", code="units")
     texts = {folder / name: text for sheet in sheets for name, text in sheet.files.items()}
     texts |= {folder / f"{sheet.name}.html": sheet_page(sheet) for sheet in sheets}
     numbers = {folder / f"{sheet.name}.json": sheet.as_dict() for sheet in sheets}

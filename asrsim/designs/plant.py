@@ -102,7 +102,7 @@ class DesignPlant:
                 self._fault(f"choose.{key}", "is not a parameter of the robot", hint=did_you_mean(key, parameters))
         self.presets = np.array([one.slot == 1 for one in self.references])
         if self.presets.all() and not self._problems:
-            self._fault("limits", "no joint that a reference moves has limits")
+            self._fault("limits", "state limits of at least one joint that has an actuator")
         if self._problems:
             self.close()
             raise InputError(self._problems)

@@ -213,11 +213,14 @@ def _probe(search: Search) -> None:
     search.try_fresh(TRIED)
     tried = [*search.motions.values(), *search.library]
     if not tried:
-        raise InputError("no motion that was tried keeps the limits", key="limits", code="limits")
+        raise InputError("every motion that was tried exceeds the limits", key="limits", code="limits")
     seen = np.diagonal(sum(one.information[0] for one in tried) + search.known)
     none = [entry.name for entry, shown in zip(plant.layout.entries, seen, strict=True) if shown < 1e-8]
     if none:
-        message, hint = "no motion identifies it: no recorded quantity depends on it", "Do not free it, or record more"
+        message, hint = (
+            "no motion identifies it: no recorded quantity depends on it",
+            "Do not free it, or record more quantities",
+        )
         raise InputError([Problem(message, key=key, hint=hint, code="no-effect") for key in none])
 
 
@@ -234,7 +237,7 @@ def _searched(searches: Sequence[Search], rounds: int, progress: Tell) -> tuple[
     begin = 0.5 if several else 0.0
     best = search.run(rounds, lambda told: progress(replace(told, fraction=begin + (1.0 - begin) * told.fraction)))
     if best is None:
-        message = "no motion that was tried keeps the limits with reliable information"
+        message = "every motion that was tried exceeds the limits or gives unreliable information"
         hint = "Widen the limits, free fewer parameters, or add damping to the scenario"
         raise InputError(message, key="limits", hint=hint, code="limits")
     if several:

@@ -1,4 +1,4 @@
-"""The search: pieces of motion whose Fisher matrices add up, scaled into the limits and varied, are joined to a motion."""
+"""The search for a motion: pieces are scaled into the limits, varied, and joined; their Fisher matrices add up."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ class Block(Kind[T], Generic[T]):
         for name, item in node.value.items():
             if name not in self.names:
                 new = OLD_KEYS.get(name)
-                hint = f"It is called '{new}' now, and '{new}' is given, too" if new in node.value else None
+                hint = f"It is now called '{new}', which is given, too: delete the old key" if new in node.value else None
                 reading.fault(
                     item,
                     (*path, name),

@@ -7,13 +7,13 @@ import re
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, cast
 
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
-from asrsim.errors import did_you_mean
+from asrsim.errors import counted, did_you_mean
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -89,7 +89,7 @@ class Key:
     """Declaration of a key in a mapping, or of the entries of a list or of a mapping with free names."""
 
     name: str
-    """Name of the key; "": the declaration of an entry."""
+    """Name of the key; "" in the declaration of an entry of a list or of a mapping with free names."""
     kind: Kind[Any]
     default: Any = REQUIRED
     doc: str = ""
@@ -377,7 +377,8 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
             raise self.wrong(node, path, reading)
         count = len(node.value)
         if count < self.minimum or (self.names and count != len(self.names)):
-            raise self.wrong(node, path, reading, f", but has {count} entries")
+            least = f" of at least {counted(self.minimum, 'value')}" if count < self.minimum else ""
+            raise self.wrong(node, path, reading, f"{least}, but has {'1 entry' if count == 1 else f'{count} entries'}")
         results = [attempt(self.of, item, (*path, str(index)), reading) for index, item in enumerate(node.value)]
         read = tuple(result[0] for result in results if result is not None)
         if len(read) < len(results):
@@ -464,8 +465,24 @@ class Either(Kind[Any]):
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         for kind in self.options:
             if kind.fits(node):
-                return kind.read(node, path, reading)
+                before = len(reading.problems)
+                try:
+                    return kind.read(node, path, reading)
+                except Rejected:
+                    self._add_word(path, reading, before)
+                    raise
         raise self.wrong(node, path, reading)
+
+    def _add_word(self, path: KeyPath, reading: DocumentReading, before: int) -> None:
+        """Add the word for null to the problems of the value at `path`, from number `before` on: the kind that rejected the
+        value does not know this word.
+        """
+        word = next((kind.word for kind in self.options if isinstance(kind, Null)), None)
+        for number, problem in enumerate(reading.problems[before:], before):
+            if word is None or problem.key != ".".join(path):
+                continue
+            added = {"choices": (word, *problem.choices)} if problem.choices else {"hint": problem.hint or f"Or write `{word}`"}
+            reading.problems[number] = replace(problem, **added)
 
     def schema(self) -> Schema:
         return {"anyOf": [kind.schema() for kind in self.options]}

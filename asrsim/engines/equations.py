@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem, RobotError, SimulationError
+from asrsim.registry.engines import ENGINES
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 ROUNDING = 1e-8
 """Largest asymmetry of a mass matrix, relative to its largest entry, that counts as a rounding error."""
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS
+"""Points and weights of Gauss's quadrature from 0 to 1."""
+NUDGE = 1e-6
+"""Displacement of finite differences, rad (m)."""
 
 
 class EquationEngine(RigidEngine):
@@ -47,10 +57,17 @@ class EquationEngine(RigidEngine):
 
     def begin(self) -> None:
         """Check what the equations give at the start. Raises RobotError."""
-        count = len(self.joints)
-        _, _, fault = self._equations(self._state[:count], np.zeros(count))
+        positions = self._state[: len(self.joints)]
+        self.checked(positions, np.zeros_like(positions))
+
+    def checked(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
+        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they are not
+        what an engine must give.
+        """
+        matrix, bias, fault = self._equations(positions, velocities)
         if fault:
-            raise RobotError([fault])
+            raise RobotError([replace(fault, message=f"{fault.message}, at the positions {positions.tolist()}")])
+        return matrix, bias
 
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `full_matrix` and `full_bias` of the room."""
@@ -62,7 +79,7 @@ class EquationEngine(RigidEngine):
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
     def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
-        """Mass matrix and bias, and what is wrong with them."""
+        """Mass matrix, bias, and the fault that was found in them (None if they are valid)."""
         count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False
@@ -82,6 +99,69 @@ class EquationEngine(RigidEngine):
             message = "the engine's mass matrix is not symmetric and positive definite"
             fault = Problem(message, key=key, value=matrix.tolist(), code="engine")
         return matrix, bias, fault
+
+
+class EquationModel(RobotModel):
+    """Model of a robot whose masses and forces are those of an engine's equations. Only its kinematics are those of the robot's
+    file.
+    """
+
+    of_file = False
+
+    def __init__(self, engine: EquationEngine, scenario: Scenario, robot: Robot) -> None:
+        super().__init__(robot, base_position=scenario.base_position, base_rpy=scenario.base_rpy, gravity=scenario.gravity)
+        self._engine, self._scenario = engine, scenario
+
+    def varied(self, robot: Robot) -> EquationModel:
+        """Model of a robot whose links have other inertias, with an engine of its own."""
+        engine, _ = ENGINES.get(self._scenario.engine).make(self._scenario, robot)
+        return EquationModel(engine, self._scenario, robot)
+
+    def chain(self) -> None:
+        """None: the equations do not follow from the chain of the links."""
+
+    def mass_matrix(self, positions: ArrayLike) -> Array:
+        """Mass matrix (..., n, n) in kg m^2 (kg)."""
+        q = self.couplings.expand(positions)
+        return self.couplings.fold_matrix(self._equations(q)[0], q)
+
+    def gravity_torques(self, positions: ArrayLike) -> Array:
+        """Joint torques (..., n) in N m that hold the robot at rest."""
+        q = self.couplings.expand(positions)
+        return self.couplings.fold(self._equations(q)[1], q)
+
+    def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
+        """Joint torques (..., n) in N m that give the accelerations."""
+        q = self.couplings.expand(positions)
+        v = self.couplings.expand_rates(velocities, q)
+        a = self.couplings.expand_accelerations(accelerations, v, q)
+        matrices, biases = self._equations(q, np.broadcast_to(v, q.shape))
+        return self.couplings.fold((matrices @ a[..., None])[..., 0] + biases, q)
+
+    def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
+        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n), N m/rad."""
+        size = positions.shape[-1]
+        torques = self.gravity_torques(positions[..., None, :] + NUDGE * np.vstack([np.zeros(size), np.eye(size)]))
+        return torques[..., 0, :], (torques[..., 1:, :] - torques[..., :1, :]) / NUDGE
+
+    def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
+        """Kinetic energy and potential energy in J at positions (n,) and velocities (n,). The potential energy is the work
+        of the bias on a straight way from 0, in parts of at most 1 rad (m).
+        """
+        q = self.couplings.expand(positions)
+        v = self.couplings.expand_rates(velocities, q)
+        matrix, _ = self._equations(q)
+        parts = max(1, math.ceil(np.abs(q).max(initial=0.0)))
+        shares = ((np.arange(parts)[:, None] + NODES) / parts).ravel()
+        potential = np.tile(WEIGHTS / parts, parts) @ self._equations(shares[:, None] * q)[1] @ q
+        return np.asarray(0.5 * v @ matrix @ v), np.asarray(potential)
+
+    def _equations(self, q: Array, v: Array | None = None) -> tuple[Array, Array]:
+        """Mass matrices (..., n, n) with rotors and biases (..., n), without couplings. v: velocities (..., n); None: rest."""
+        n = q.shape[-1]
+        rows = zip(q.reshape(-1, n), np.zeros_like(q).reshape(-1, n) if v is None else v.reshape(-1, n), strict=True)
+        matrices, biases = (np.array(one) for one in zip(*(self._engine.checked(*row) for row in rows), strict=True))
+        return matrices.reshape(*q.shape, n) + np.diag(self._armature[self._at]), biases.reshape(q.shape)
 
 
 def _is_positive(matrix: Array) -> bool:

@@ -297,9 +297,9 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # Whether the part is all the rest of the piece, so that a velocity may become 0 in it.
+    # Whether the part covers the rest of the piece: only then is a velocity of 0 searched for in it.
     part, whole = 0.0 if impact else length, not impact
-    # `find_change` is called at one place: it is compiled into each place where it is called.
+    # `find_change` is called at only one place, since the compiler copies it to every place where it is called.
     while True:
         find_change(room, exchange, piece, part, last and not free)
         if whole and splits < count and not free:
@@ -558,7 +558,7 @@ def unused(room: Any) -> tuple[str, ...]:
 
 
 def skip(*arguments: Any) -> None:
-    """Stand in for a function of `unused`."""
+    """Do nothing: replaces each function that `unused` names."""
 
 
 @cache

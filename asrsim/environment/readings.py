@@ -39,7 +39,7 @@ BEYOND = 1e-3
 
 
 class Links(NamedTuple):
-    """Positions and velocities of links: the part of an observation without motors, which is faster to read."""
+    """Positions and velocities of links. They are read faster than an observation that also contains the motors."""
 
     link_position: Array
     link_velocity: Array
@@ -60,7 +60,7 @@ class Readings:
             having = [j for j, own in enumerate(recorded) if name in own]
             self._joints[name] = picking(having or [0])
             if name not in KNOWN or (name == TIP and tip is None) or not (having or name == TIP):
-                why = "exists for no joint in its mode" if name in KNOWN else "cannot be observed here"
+                why = "is recorded for no joint in its operation mode" if name in KNOWN else "cannot be observed here"
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
                 problems.append(Problem(f"'{name}' {why}", key="observe", choices=choices, hint=hint, code="unknown-quantity"))

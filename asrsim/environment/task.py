@@ -119,11 +119,11 @@ class ControlTask:
         self.history: int = options["history"]
         """Number of control periods whose observations and actions belong to an observation."""
         if not 0 <= self.history <= self.last:
-            message = f"must be 0 to {self.last} control periods, an episode"
+            message = f"must be 0 to {self.last} control periods, the length of an episode"
             raise InputError(message, key="history", value=self.history, code="option-type")
         shortest, longest_delay = ([0.0, *ends] for ends in self._delay.bounds())
         if min(shortest) < 0.0 or not max(longest_delay) <= self.last * self._period:
-            message = f"must be 0 to {self.last * self._period:g} s, an episode"
+            message = f"must be 0 to {self.last * self._period:g} s, the length of an episode"
             raise InputError(message, key="delay", value=options["delay"], code="option-type")
 
     @property

@@ -100,7 +100,7 @@ def springs_of(
         if not np.allclose(law(q, *motors, *tail, drive.elastic)[:count], alone, rtol=1e-6, atol=1e-9):
             raise ScenarioError(
                 f"the springs of '{actuator.name}' on joint '{drive.joint}' depend on more than the deflection between motor "
-                "and link; springs of MuJoCo cannot",
+                "and link, which springs of MuJoCo cannot represent",
                 key=drive.joint,
                 code="export-law",
             )

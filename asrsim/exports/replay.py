@@ -74,8 +74,8 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Program) -> Replay:
-    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. All get the
-    references and the external torques of the scenario; the model itself delays the references.
+    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. Each
+    program gets the scenario's references and external torques; the model itself delays the references.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))

@@ -186,7 +186,7 @@ def _suspected(found: Extended, rest: str) -> str:
         texts.append(_with_size(cause, values))
         options += _options(found, cause)
         links += [cause.elastic[0]] if cause.elastic is not None else []
-    verb = "is suspected: it would bring" if len(texts) == 1 else "are suspected: together they would bring"
+    verb = "is suspected: it would reduce" if len(texts) == 1 else "are suspected: together they would reduce"
     ways = [f"--adopt, or {' '.join(dict.fromkeys(options))}"] if options and not links else []
     ways += [
         f"no option adds it: in the robot file, cut the link behind {joint} into two links, join them by a joint about the "
@@ -254,7 +254,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on motors whose recorded motion their drives do not explain, and that hide what springs and links show."""
+    """Sentences on motors whose drives do not explain their recorded motion, so that errors of springs and links are hidden."""
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
@@ -335,11 +335,10 @@ def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
 
 def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions with a second mode: the link behind a joint with a recorded position is elastic."""
-    track = problem.tracks[0]
-    for joint in track.door.joints:
-        sensed = any(channel.key == f"{joint}.link_position" for channel in track.channels)
-        lowest = MODES[0] * track.motion
-        if not sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints or not lowest:
+    track, lowest = problem.tracks[0], MODES[0] * problem.motion
+    sensed = {channel.key for i in problem.fitted for channel in problem.tracks[i].channels}
+    for joint in track.door.joints if lowest else ():
+        if f"{joint}.link_position" not in sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints:
             continue
         # All recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
@@ -357,7 +356,7 @@ def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free fixed springs, friction, damping, hysteresis, and limits of motors and springs."""
-    track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
+    track, free = problem.tracks[0], problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
         joint, mode = drive.name, drive.mode
@@ -383,14 +382,20 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
         for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
-            key, series = f"{joint}.{name}", track.series(values, problem.playing, [(j, quantity)])
-            reached = 0.0 if series is None else float(np.abs(series).max())
+            key, reached = f"{joint}.{name}", _largest(problem, x, (j, quantity))
             if key in known and key not in free and reached > 0.0:
                 # Both motors of a joint share the limit.
                 ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1 and "motor_1" in key))
                 limit = replace(known[key], start=reached, low=1e-3 * reached, high=4.0 * reached, logarithmic=True)
                 text, factors = f"a limit {name} of {joint}", tuple(np.log(LIMIT_FACTORS))
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
+
+
+def _largest(problem: FitProblem, x: Array, quantity: tuple[int, str]) -> float:
+    """Largest size of a simulated quantity (index of joint, name) in all fitted recordings; 0 if all simulations diverge."""
+    played = ((problem.tracks[i], problem.layout.table(x, i)) for i in problem.fitted)
+    found = [track.series(values, problem.playing, [quantity]) for track, values in played]
+    return max((float(np.abs(series).max()) for series in found if series is not None), default=0.0)
 
 
 def _wrong_ties(problem: FitProblem, x: Array) -> Iterator[Extension]:

@@ -32,8 +32,8 @@ APART = 3.0
 link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
 """
 COMPUTED = 1e-3
-"""Relative residual of a linear regression on another column below which a column counts as computed from it: digits of a file
-leave less, and two sensors more.
+"""Relative residual of a linear regression on another column below which a column counts as computed from it: the
+rounding of a file leaves less, and a second sensor leaves more.
 """
 
 

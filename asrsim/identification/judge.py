@@ -105,7 +105,7 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
     share = min(played / max(root_mean_square(left), 1e-300), 1.0) ** 2
     borne = max(borne, share * lag_correlation(change), key=abs)
     if lag_correlation(beyond) - borne > WHITE:
-        return f"residuals are not white, neighbours correlate by {lag_correlation(beyond):.2f}"
+        return f"residuals are not white: neighbouring samples have a correlation of {lag_correlation(beyond):.2f}"
     if is_loud(beyond, float(np.hypot(channel.floor, played))):
         return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
     # Quantisation and noise of commands oscillate with the motion.
@@ -117,8 +117,8 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
 def missing_mode(hertz: float) -> str:
     """Fault of residuals that oscillate."""
     return (
-        f"an oscillation of {hertz:.3g} Hz remains in the residuals: a mode is missing, such as an elastic link or "
-        "transmission, or no start found this frequency"
+        f"an oscillation of {hertz:.3g} Hz remains in the residuals: the model lacks a mode, such as an elastic link or "
+        "transmission, or no start of the search found this frequency"
     )
 
 
@@ -220,7 +220,9 @@ def _mean(sizes: Sequence[float]) -> float:
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
     """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
-    doubt = "is hardly explained: is its quantity or zero wrong (--map COLUMN=ignore), or is a start far off?"
+    doubt = (
+        "the fit hardly explains it: check its quantity, its zero and the start values, or leave it out (--map COLUMN=ignore)"
+    )
     return list({one.key: f"{one.key}: {one.suspicion or doubt}" for one in _not_followed(fits)}.values())
 
 
@@ -240,7 +242,7 @@ def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
     if not held:
         yield "the model fits; nothing was held out"
     elif not any(one.held_moves for one in held):
-        yield "the model fits; no channel moves in the held-out part, so it tests nothing"
+        yield "the model fits; no channel moves in the held-out part, so that part does not test the model"
     else:
         yield "the model fits, and predicts the held-out part as well as the training part"
     if hidden := [one.key for one in fits if one.after > HIDDEN * max(one.noise, one.steps)]:

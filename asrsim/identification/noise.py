@@ -15,8 +15,8 @@ STATIONARY = 0.9999
 remembers ten thousand samples.
 """
 NOTHING = 0.5
-"""Ratio of residuals to estimated noise below which residuals count as zero: residuals of the right model are as large as the
-noise, and only where there is no noise, its estimate is the rounding of the file.
+"""Ratio of residuals to estimated noise below which residuals count as zero. With noise, residuals of the right model are as
+large as the noise. Without noise, its estimate is the rounding of the file, and residuals are smaller.
 """
 CLIPPED = 4.0
 """Robust standard deviations to which larger residuals are clipped: noise exceeds them once in 16,000 samples."""

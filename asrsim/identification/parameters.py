@@ -37,7 +37,7 @@ TYPICAL = {
 search, and the margins of values near 0.
 """
 FACTOR = 1e6
-"""Largest factor by which a positive parameter may grow or shrink: a mistaken unit, such as mm^2 for m^2."""
+"""Largest factor by which a positive parameter may grow or shrink: that of a mistaken unit, such as mm^2 for m^2."""
 LOSSES = ("damping", "friction", "hysteresis_torque")
 """Words in the names of losses, which may be 0."""
 NOT_THE_ROBOTS, INITIAL = ("offset", "gain", "delay"), "initial_"

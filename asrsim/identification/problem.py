@@ -31,12 +31,12 @@ FAR = 1e3
 """Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
 """
 REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size: a third, since starts are often wrong by as much; and
-largest number of evaluations, several times what a search needs that ends by its tolerance (5 to 15).
+"""Initial trust region of a search, relative to a parameter's size: a third, a common error of start values. Largest number of
+evaluations of a search: several times the usual number, 5 to 15.
 """
 LINEAR, TRUSTED = 0.3, 0.05
-"""Derivatives are used again if their prediction of the change of the residuals has at most this relative error: in a search,
-whose next step shows the error; and elsewhere, where an interval may be wrong by a twentieth.
+"""Largest relative errors with which derivatives may predict the change of the residuals and be used again: in a search, in
+which the next step reveals the error; and for intervals, which may then be wrong by a twentieth.
 """
 SLIGHT = 0.01
 """Change of the residuals, in standard deviations of the estimate, below which the change contains no information about the

@@ -13,11 +13,13 @@ from asrsim.identification.uncertainty import Uncertainty
 from asrsim.samples import Array
 
 WIDTHS = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
-"""Places of a profile, in standard deviations of the parameter: beyond the ends of a 99 % interval, 2.58."""
+"""Positions at which a profile is computed, in standard deviations of the parameter: up to beyond a 99 % interval, 2.58."""
 SIMULATED = 2.0
-"""Position that is simulated, in standard deviations, on the side with more room: near the end of a 95 % interval, 1.96."""
+"""Position of the simulated point, in standard deviations, on the side that is farther from a bound: near the end of a 95 %
+interval, 1.96.
+"""
 FARTHEST = 1.0
-"""Largest move of a parameter or of a follower, in the vector's units: a factor e, within which the others follow slopes."""
+"""Largest change of a parameter along a profile, in the vector's units: for logarithms a factor e, up to which slopes hold."""
 
 
 @dataclass(frozen=True)

@@ -37,9 +37,9 @@ NOTHING = 1e-9
 in which it plays no part are equal bit for bit.
 """
 FAR = 4.0
-"""Largest factor between start and estimate of an identified mass or inertia: CAD models and scales are less wrong."""
+"""Largest factor between start and estimate of an identified mass or inertia: errors of CAD models and scales are smaller."""
 VANISHED = 0.01
-"""A positive parameter without effect counts as vanished below this fraction of its start value: guesses are less wrong."""
+"""A positive parameter without effect counts as vanished below this fraction of its start value: usual errors are smaller."""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
 """Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
 
@@ -87,9 +87,9 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
             one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
             far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
             span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
-            reason = f"models that explain more give {span}" if far else "the model is not shown to fit"
+            reason = f"models that explain the recording better estimate {span}" if far else "the model is not shown to fit"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
-            reason = f"it is {ratio:.3g} times its start; if this is right, begin there (--free {one.key}={one.value:.4g})"
+            reason = f"it is {ratio:.3g} times its start; if this is plausible, start there (--free {one.key}={one.value:.4g})"
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
 
 
@@ -116,7 +116,7 @@ def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[E
         elif without[i]:
             verdict, reason = NO_EFFECT, _vanished(entry, value) or _reason(entry, float(norms[i]), problem, x)
         elif own and not margin <= UNKNOWN:
-            verdict, reason = RATIO, "identified is " + "; ".join(own)
+            verdict, reason = RATIO, "the recordings identify only " + "; ".join(own)
         elif math.isnan(margin) or (margin >= NONE and not place):
             # The parameter alone has an effect, but other parameters together can produce an equal effect.
             verdict = RATIO
@@ -144,7 +144,7 @@ def _vanished(entry: FitParameter, value: float) -> str:
     if VANISHED < share < 1.0 / VANISHED:
         return ""
     where = "fell to" if share < 1.0 else "rose to"
-    return f"it {where} {share:.2g} of its start, where it has no effect: the recordings can be explained without it"
+    return f"it {where} {share:.2g} of its start and has no effect there: the recordings can be explained without it"
 
 
 def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> str:
@@ -164,9 +164,7 @@ def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> 
 
 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
-"""Status of a fit: the fit was the fit was judged; its time was over; the user stopped it; only the sensitivities were
-computed.
-"""
+"""Status of a fit: it was judged; its time was over; the user stopped it; only the sensitivities were computed."""
 
 
 def accepts(explained: float, *, accept: bool) -> bool:

@@ -65,10 +65,10 @@ class FitProgress(Progress):
 
 
 OFTEN = 0.2
-"""Time between progress reports, s: a person sees five a second as steady."""
+"""Time between progress reports, s: five reports a second appear as steady progress."""
 EXPECTED = 70
-"""Estimated number of evaluations per parameter that are left as a stage begins: those of a fit that tries causes. Without
-causes it takes a fifth.
+"""Estimated number of remaining evaluations per parameter when a stage begins, for a fit that tries causes. A fit without
+causes needs a fifth of this number.
 """
 APART = 10.0
 """If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
@@ -310,7 +310,7 @@ def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
     if setup.adopted:
         yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
     if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
-        yield f"{', '.join(late)}: each command jumped by this time before the sample that shows the jump"
+        yield f"{', '.join(late)} is estimated, too: the command jumps this time before the first sample with its new value"
     for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:

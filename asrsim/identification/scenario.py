@@ -95,7 +95,7 @@ def _delays_not_written(
         if joint in delays or all(one.key in shifts for one in late):
             continue
         negative = all(one.late < 0.0 for one in late)
-        why = "it is negative: its command was recorded late" if negative else "the delays of its references differ"
+        why = "it is negative (the command was recorded late)" if negative else "the delays of its references differ"
         yield f"the delay of {joint} is not written, since {why}, and the scenario does not play the recorded command"
 
 

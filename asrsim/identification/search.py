@@ -4,12 +4,12 @@ falls level by level to 0, where the simulation is free. Substeps and weights ar
 With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
-fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. Then only those levels count
-whose estimates let a free simulation explain as many channels by half, by 90 % and by 95 % as its own estimates do. Of these
-levels, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ equally,
-within chance, the level with the best predictions is kept. If this is the first level, the bandwidth rises as long as its level
-is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so short that they show little
-but noise. If no level is kept by these rules, the free simulation is kept.
+fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. A level then counts only if a
+free simulation with its estimates explains 50, 90 and 95 % of the variance of as many channels as the free simulation with its
+own estimates. Of these levels, the level is kept whose estimates differ least between tenths of the recordings. If several
+levels differ equally, within chance, the level with the best predictions is kept. If this is the first level, the bandwidth
+rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so
+short that they show mostly noise. If no level is kept by these rules, the free simulation is kept.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
 """Bandwidths of the observer, in units of the band of the motion. A prototype found the right minima of five recorded machines
-at 0.25 to 8, from starts ten times off; at bandwidths at bandwidths below 0.1 it did not.
+at 0.25 to 8, from starts that were wrong by a factor of ten; at bandwidths below 0.1 it did not.
 """
 EVALUATIONS, TWICE = 10, 2
 """Largest number of evaluations of a search with an observer, and number of searches with new weights at each level, as in the
@@ -50,15 +50,14 @@ AGREES = 1.1
 as in the prototype.
 """
 TIMED = 3
-"""Number of linear solutions for instants of jumps: the error is nearly linear in them, so that each leaves a small part of it.
-"""
+"""Number of linear solutions for the instants of jumps. The error is nearly linear in them, so each solution leaves little."""
 RISE = 2.0
-"""Factor between rising bandwidths: neighbours then predict over similar times, so that none is passed over."""
+"""Factor between rising bandwidths, so small that predictions of successive levels cover similar times."""
 CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
 """Standard error of the logarithm of a standard deviation from tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
 """Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel: one and
-two decades to both sides, since the guess of a spring is the worst of all.
+two decades to both sides, since the start values of stiffnesses have the largest errors.
 """
 SPRINGS = ("stiffness", "spring_k")
 """Words in the names of stiffnesses."""
@@ -256,7 +255,7 @@ def settle(best: Best) -> None:
 
 
 def _timed(problem: FitProblem, x: Array) -> Array:
-    """Vector with the instants of jumps in held-out parts, in which the error is nearly linear."""
+    """Vector with fitted instants of the jumps in held-out parts; the error is nearly linear in these instants."""
     from scipy.optimize import lsq_linear
 
     whole, (low, high), x = problem.everything, problem.layout.bounds, x.copy()

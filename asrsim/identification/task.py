@@ -138,7 +138,7 @@ def task_of(
     fit = kind_of(path) == "fit"
     if fit:
         if experiments:
-            message = "a fit file names its recordings; this option is not allowed beside it: experiments"
+            message = "a fit file names its recordings, so the option `experiments` is not allowed with it"
             raise InputError(message, file=path, hint="Write them into the fit file, under `experiments`", code="fit-file")
         root, reading = read_document(path, "fit", faults=faults)[0], DocumentReading(base=path.parent)
     else:

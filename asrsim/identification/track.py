@@ -90,12 +90,12 @@ model.
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
-"""Number of first samples that give a link's initial state, unless more give it better; smallest number of samples at rest
-that are averaged.
+"""Number of first samples that determine a link's initial state, unless more samples determine it better; smallest number of
+samples at rest that are averaged.
 """
 LONGEST = 4.0
-"""Longest time over which a parabola gives the initial state, in 1 / rad of the band of the motion: no parabola follows a
-period.
+"""Longest time over which a parabola gives the initial state, in 1 / rad of the band of the motion: a parabola cannot follow a
+whole period.
 """
 KEPT = 6
 """Number of predictions, and of played commands, that a track caches."""
@@ -407,7 +407,7 @@ def _parabola(channel: Channel, count: int, degree: int) -> tuple[float, float, 
     terms = np.vander(time, degree + 1, increasing=True)
     inverse = np.linalg.pinv(terms)
     sizes = inverse @ values
-    # What a polynomial cannot follow enlarges the errors.
+    # Deviations of the samples from a polynomial enlarge the errors.
     left = root_mean_square(values - terms @ sizes) if count > FIRST else 0.0
     errors = max(channel.noise, channel.quantum, left) * np.sqrt(np.sum(inverse**2, axis=1))
     place, slope, bend = (*sizes.tolist(), 0.0)[:3]

@@ -31,7 +31,7 @@ GONE = 1e3
 unknown.
 """
 REACH = 1e-3
-"""Largest step of a directional derivative, in the vector's units: 0.1 % of a number, over which residuals hardly bend."""
+"""Largest step of a directional derivative, in the vector's units: 0.1 % of a number, where residuals are nearly linear."""
 DRAWS = 100
 """Number of random draws of an encoder's quantisation: they give a standard deviation within 7 %."""
 SMOOTH = 0.02
@@ -39,18 +39,18 @@ SMOOTH = 0.02
 with 5 %, the largest half width of an identified parameter.
 """
 AGREES, ROUNDS = 0.3, 4
-"""Relative change below which corrected directional derivatives are accepted, since the correction is by one standard deviation
-to both sides, the width of the interval; largest number of rounds of correction, for directions that a correction uncovers.
+"""Relative change below which corrected directional derivatives are accepted: a correction covers the whole interval, one
+standard deviation to both sides. Largest number of rounds of correction: each may reveal directions that need another.
 """
 BEYOND, SINGLE = 6.0, 0.05
 """Residual, in standard deviations of the noise, above which a sample is an outlier; fraction of the samples above which such
 samples are errors of the model, and count in full.
 """
 PLAYED = 8
-"""Number of random draws of the commands' noise: they give a standard deviation within 25 %, of a part of the whole one."""
+"""Number of random draws of the commands' noise, which give its part of the standard deviation within 25 %."""
 CORRECTIONS = 3
-"""Number of rounds that correct autocovariances for the fitted parameters, which converge by the ratio of parameters to
-samples.
+"""Number of rounds that correct autocovariances for the fitted parameters. Each round reduces the error by the ratio of
+parameters to samples.
 """
 STATIONARY = 1e-3
 """Smallest allowed distance of an autoregressive model from instability: noise that remembers a thousand samples."""

@@ -93,11 +93,13 @@ class SoftArm:
 
     scenario: Scenario
     robot: Robot
+    own_model: RobotModel | None = field(default=None, repr=False, compare=False)
+    """Model with the masses and forces of an engine; None: with those of the robot's file."""
 
     @cached_property
     def model(self) -> RobotModel:
         """Rigid-body model of the robot on its base."""
-        return robot_model(self.scenario, self.robot)
+        return self.own_model or robot_model(self.scenario, self.robot)
 
     @cached_property
     def drives(self) -> dict[str, Drive]:

@@ -128,20 +128,21 @@ def _text(point: Array) -> str:
     return "(" + ", ".join(f"{value:.4g}" for value in point) + ")"
 
 
-def plan_references(scenario: Scenario, robot: Robot) -> Scenario:
+def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> Scenario:
     """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither.
 
-    robot: the robot with the scenario's modes and parameters. Presets in the scenario's references are kept, and gravity
-    compensation accounts for them. Raises ScenarioError for poses that cannot be reached and loads that cannot be held.
+    robot: the robot with the scenario's modes and parameters. model: its masses and forces; None: those of its file. Presets in
+    the scenario's references are kept, and gravity compensation accounts for them. Raises ScenarioError for poses that cannot
+    be reached and loads that cannot be held.
     """
     if scenario.task is None:
-        planned = inputs_for_motions(scenario, robot) if any(scenario.inverse_dynamics.values()) else {}
+        planned = inputs_for_motions(scenario, robot, model) if any(scenario.inverse_dynamics.values()) else {}
         desired: dict[str, Signal] = {
             joint: scenario.references_of(joint)[name] for joint, signals in planned.items() for name in signals
         }
     else:
         try:
-            path, references = plan_task(scenario, robot)
+            path, references = plan_task(scenario, robot, model)
         except ScenarioError as error:
             raise ScenarioError([scenario.placed(problem) for problem in error.problems]) from None
         planned = {joint: _signals(path.time, values) for joint, values in references.items()}
@@ -161,7 +162,7 @@ def _signals(time: Array, values: Mapping[str, Array]) -> dict[str, Signal]:
     return {name: Sampled(times=time, samples=np.ascontiguousarray(column)) for name, column in values.items()}
 
 
-def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, Signal]]:
+def inputs_for_motions(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> dict[str, dict[str, Signal]]:
     """First references, by joint, that move the links as the scenario's `inverse_dynamics` requires.
 
     Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
@@ -188,7 +189,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     joints = tuple(names)
     time = scenario.step_times()
     wanted = np.column_stack([scenario.references_of(joint)[name].values(time) for joint, name in names.items()])
-    arm = SoftArm(scenario=scenario, robot=robot)
+    arm = SoftArm(scenario=scenario, robot=robot, own_model=model)
     inverse = arm.inverse(time, joints, wanted)
     unheld = [demand for demand in inverse.demands if demand.score > 1.0 and demand.what == "spring torque"]
     if unheld:
@@ -207,7 +208,9 @@ def inputs_for_motions(scenario: Scenario, robot: Robot) -> dict[str, dict[str, 
     return {joint: _signals(time, {names[joint]: column}) for joint, column in zip(joints, inputs.T, strict=True)}
 
 
-def plan_task(scenario: Scenario, robot: Robot) -> tuple[JointPath, dict[str, dict[str, Array]]]:
+def plan_task(
+    scenario: Scenario, robot: Robot, model: RobotModel | None = None
+) -> tuple[JointPath, dict[str, dict[str, Array]]]:
     """Joint path and references for the task of a scenario. Raises ScenarioError as `plan_references` does."""
     if scenario.task is None:
         raise ScenarioError("the scenario has no Cartesian task", key="task", code="no-task")
@@ -219,5 +222,4 @@ def plan_task(scenario: Scenario, robot: Robot) -> tuple[JointPath, dict[str, di
         if drive.mode.mapped and names[1] in given:
             presets[drive.joint] = given[names[1]]
     initial = start_positions(scenario, robot)
-    model = robot_model(scenario, robot)
-    return plan(scenario.task, model, drives, initial, scenario.duration, presets=presets)
+    return plan(scenario.task, model or robot_model(scenario, robot), drives, initial, scenario.duration, presets=presets)

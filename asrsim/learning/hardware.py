@@ -77,13 +77,14 @@ class HardwareStep:
                 return None
             return (
                 f"the next trial may be worse: the largest error of the best trial so far, {best:.2g}, is hardly above the "
-                "noise of "
-                f"the recording, {self.noise:.2g}"
+                f"noise of the recording, {self.noise:.2g}"
             )
         much = (
-            f"{self.foretold:.3g} times the best so far" if np.isfinite(self.foretold) else "without bound: the twin diverges"
+            f"predicted to reach {self.foretold:.3g} times the best so far"
+            if np.isfinite(self.foretold)
+            else "unbounded, since the twin diverges"
         )
-        return f"the next trial may be worse: its largest error is predicted to be up to {much}"
+        return f"the next trial may be worse: its largest error is {much}"
 
 
 def next_input(
@@ -188,7 +189,8 @@ def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) 
         return prepared.problem.first_guess
     columns = [read_column(path, joint)[1] for joint in prepared.plant.joints]
     if len(columns[0]) != len(prepared.problem.time):
-        message = f"has {len(columns[0])} samples, but the motion {len(prepared.problem.time)}: it belongs to another scenario"
+        samples = f"has {len(columns[0])} samples, but the motion has {len(prepared.problem.time)}"
+        message = f"{samples}: the file belongs to another scenario"
         raise InputError(message, file=path, hint="Choose another folder with --out", code="input-of-another-run")
     return np.column_stack(columns)
 

@@ -155,8 +155,8 @@ class NormOptimal:
         if failed <= patience:
             return None
         return "stalled", (
-            f"stopped: {failed} iterations brought no progress; the best trial, number {best.number}, is "
-            f"{self.problem.worst(best)} off ({self.problem.worst_place(best)})"
+            f"stopped: {failed} iterations brought no progress; the largest error of the best trial, number {best.number}, is "
+            f"{self.problem.worst(best)} ({self.problem.worst_place(best)})"
         )
 
 

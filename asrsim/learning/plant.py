@@ -122,7 +122,10 @@ def make_plant(plan: Plan) -> Plant:
     ]
     joints = tuple(block.joint for block in blocks)
     unknown = [joint for joint in learning.joint_gains if joint not in joints]
-    problems += [Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=joints) for joint in unknown]
+    problems += [
+        Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=joints, code="unknown-joint")
+        for joint in unknown
+    ]
     if not blocks:
         problems.append(Problem("names no joint that is driven", key="ilc.trajectory", code="no-trajectory"))
     if problems:

@@ -81,7 +81,9 @@ class ArmModel:
 
 def learning_model(plant: Plant) -> ArmModel:
     """Model of a plant."""
-    return ArmModel(plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot))
+    return ArmModel(
+        plant=plant, arm=SoftArm(scenario=plant.scenario, robot=plant.prepared.robot, own_model=plant.prepared.model)
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,15 +122,15 @@ class PreparedLearning:
         """
         if self.settings.law != "auto":
             return ""
-        error = f"the best simulated trial is {self.problem.worst(result.best)} off"
+        error = f"the largest error of the best simulated trial is {self.problem.worst(result.best)}"
         beyond = [str(demand) for demand in self.demands[:MOST_DEMANDS] if demand.score > 1.0]
         if result.converged:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
         if not beyond:
             # Friction or the initial state may prevent the motion; more trials may remove such errors.
             return (
-                f"not reached in {len(result.trials)} trials: {error}; no limit explains the error, but friction or the "
-                "start may"
+                f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may "
+                "cause it"
             )
         return f"out of reach: {error}; {'; '.join(beyond)}"
 

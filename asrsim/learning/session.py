@@ -194,7 +194,7 @@ def _write(session: LearningSession, folder: Path, *, picture: bool) -> None:
     write_json(folder / NUMBERS, session_data(session))
     if picture:
         words = [scenario.name, *([scenario.variant] if scenario.variant not in ("", "default") else [])]
-        best = f"{problem.worst(result.best)} off at most in the best trial, number {result.best.number}"
+        best = f"largest error {problem.worst(result.best)} in the best trial, number {result.best.number}"
         title = " · ".join([*words, f"law {prepared.settings.law}", f"{result.outcome}: {best}"])
         write_figure(folder / PICTURE, problem, result, prepared.settings, title=title)
 

@@ -224,7 +224,8 @@ def iterate(
         outcome = verdict(problem, trials, settings, law)
         if outcome is None and stop():
             best = best_of(trials)
-            outcome = "interrupted", f"interrupted; the best trial, number {best.number}, is {problem.worst(best)} off"
+            error = f"the largest error of the best trial, number {best.number}, is {problem.worst(best)}"
+            outcome = "interrupted", f"interrupted; {error}"
     return LearningResult(outcome=outcome[0], reason=outcome[1], trials=tuple(trials))
 
 
@@ -249,7 +250,7 @@ def verdict(
     if last.number >= settings.max_iterations:
         best = best_of(trials)
         return "exhausted", (
-            f"not converged after {last.number} iterations: {problem.worst_place(best)} is still {problem.worst(best)} off "
-            f"in the best trial, number {best.number}; tolerance {shown(settings.tolerance, problem.unit, 6)}"
+            f"not converged after {last.number} iterations: the largest error of the best trial, number {best.number}, is "
+            f"{problem.worst(best)} ({problem.worst_place(best)}); tolerance {shown(settings.tolerance, problem.unit, 6)}"
         )
     return None

@@ -68,7 +68,7 @@ class ColumnReader:
                 continue
             same = (view(offset, "u1") == Opcode.MESSAGE) & (view(offset + 1, "<u8") == length)
             if not np.all(same & (view(offset + 9, "<u2") == channel)):
-                raise ValueError("the rows of a chunk differ; did another program rewrite the file?")
+                raise ValueError("the rows of a chunk have different layouts; did another program rewrite the file?")
             for place, column in columns:
                 if not 0 <= place <= length - (MESSAGE_HEADER.size - 9) - 8:
                     raise ValueError("a message is shorter than its channel states")

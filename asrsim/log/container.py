@@ -153,7 +153,7 @@ _CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 """First fields of a chunk record: opcode and length; first and last log time, ns; size and checksum of the messages; name of
 the compression, with its length; length of the compressed messages. `Chunk` of the mcap package copies the messages twice."""
 _ZSTD_LEVEL = -1
-"""Compression level. Level 1 takes 1.2 of the time for logs that are 1 to 3 % smaller; level 3 takes twice the time, and the
+"""Compression level. Level 1 takes 1.2 times as long for logs that are 1 to 3 % smaller; level 3 takes twice as long, and the
 logs are not smaller."""
 
 

@@ -35,6 +35,14 @@ def _position_error(samples: Samples, joint: JointInfo, column: int) -> Array:
     return _reference_position(samples, joint, column) - _values(samples, "link_position", column)
 
 
+def own_reference(samples: Samples, joint: JointInfo) -> Array | None:
+    """Link positions (n,) that the references of a joint command, with which claims compare its link position; None without
+    such references.
+    """
+    found = _reference_position(samples, joint, samples.joints.index(joint.name))
+    return found if np.isfinite(found).any() else None
+
+
 def _by_joint(law: Callable[[Samples, JointInfo, int], Array], samples: Samples, joints: Sequence[JointInfo]) -> Array:
     """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe.
 

@@ -57,7 +57,7 @@ class RowBuffer:
         self._short_heads: list[NDArray[Any]] = []
         """Heads of messages that begin with something other than a time stamp."""
         self._stamps: list[NDArray[Any]] = []
-        """Time stamps elsewhere in the messages."""
+        """Time stamps that are not at the beginning of a message."""
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size
@@ -139,7 +139,7 @@ class RowBuffer:
 def _parts(samples: Samples, kind: str, name: str, rows: slice) -> Mapping[str | int, Array | float]:
     """Numbers (n,) of each part of a quantity, a body or a contact; NaN if the samples lack it.
 
-    The numbers of a part lie in one piece, since copies between places that are both spread take twice as long.
+    The numbers of a part are contiguous, since copies from strided to strided arrays take twice as long.
     """
     if kind == "time":
         return {"": samples.time[rows]}

@@ -13,6 +13,7 @@ import numpy as np
 
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
 from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.metrics.asked import measure_text
 from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES, shown, unit_of
@@ -77,7 +78,8 @@ class ExpectationResult:
         against = f" against {other}" if other else ""
         verdict = "holds" if self.holds else "does not hold"
         read = f"; compared with {self.reading}" if self.reading else ""
-        return f"{who}: {claim.measure} of {claim.quantity}{against} {got}, expected {wanted}{tail}: {verdict}{read}"
+        what = measure_text(claim.measure, measure_options(claim))
+        return f"{who}: {what} of {claim.quantity}{against} {got}, expected {wanted}{tail}: {verdict}{read}"
 
 
 def evaluate_expectation(
@@ -116,7 +118,7 @@ def evaluate_expectation(
         reference = columns[expectation.reference]
     if reference is None and expectation.quantity == "link_position" and "position_error" in columns:
         reference = columns["position_error"] + series
-    options = _of_measure(expectation)
+    options = measure_options(expectation)
     try:
         measured = measure(expectation.measure, time, series, reference, **options)
         moving = unrest(expectation.measure, time, series, reference, **options) if math.isnan(measured) else 0.0
@@ -193,7 +195,7 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
         measurable.add(subject)
 
 
-def _of_measure(expectation: Expectation) -> dict[str, Any]:
+def measure_options(expectation: Expectation) -> dict[str, Any]:
     """Options of the claim that belong to the measure, not to the recording."""
     if expectation.against is None:
         return dict(expectation.options)

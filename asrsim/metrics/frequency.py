@@ -79,7 +79,7 @@ def frequency_response(
     """
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
-        raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64", code="too-short")
+        raise RecordingError(f"{len(t)} samples are too few for a frequency response; at least 64 are needed", code="too-short")
     if np.ptp(u) <= 1e-12 * float(np.max(np.abs(u))):
         raise RecordingError(
             f"the excitation is constant at {u[0]:g}; a frequency response needs an excitation that varies",
@@ -92,7 +92,7 @@ def frequency_response(
         findings.append(
             Problem(
                 f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
-                "may hold it, or it is not connected",
+                "may hold it, or the input does not act on it",
                 code="output-still",
             )
         )

@@ -59,7 +59,7 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
     bins = np.flatnonzero((f >= low) & (f <= high))
     half = int(np.clip(len(bins) // 6, *_HALF))
     if last < 2 * half + 2 or not len(bins):
-        raise RecordingError("the record is too short for its band", code="too-short")
+        raise RecordingError("the record is too short for its frequency band", code="too-short")
     if len(bins) > _MOST:
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
     # Near the ends the windows are shifted inwards (bin 0 contains the removed mean), so r is not centred there.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -42,7 +42,7 @@ class Measure:
     def __post_init__(self) -> None:
         given = {"series": 2, "pair": 3, "either": 3, "poses": 2}
         if self.needs not in given:
-            message = f"the measure '{self.name}' needs something unknown"
+            message = f"the measure '{self.name}' states an unknown input"
             raise InputError(message, key="needs", value=self.needs, choices=tuple(given), code="measure")
         parameters = inspect.signature(self.function).parameters.values()
         plain = [one.name for one in parameters if one.kind is one.POSITIONAL_OR_KEYWORD]
@@ -109,7 +109,7 @@ for _function, _unit, _needs in (
     MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""Measures that a comparison of two series reports."""
+"""Measures that a comparison of run and recording reports of their difference. All other measures are of each of them."""
 AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
 """Measures that are undefined unless the series is at rest at its end."""
 STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
@@ -224,23 +224,6 @@ def _chosen(
     if not keep.all():
         time, arguments = time[keep], [argument[keep] for argument in arguments]
     return found, time, arguments
-
-
-def chosen_measures(names: Sequence[str]) -> list[Measure]:
-    """Measures by name that compare two series without options. Raises InputError with the problem of each name."""
-    problems: list[Problem] = []
-    for name in names:
-        try:
-            found = MEASURES.get(name)
-        except InputError as error:
-            problems += error.problems
-            continue
-        problems += option_problems(found, {})
-        if found.needs == "poses":
-            problems.append(Problem("is a measure of the poses of a body", key=name, code="wrong-series"))
-    if problems:
-        raise InputError(problems)
-    return [MEASURES.get(name) for name in dict.fromkeys(names)]
 
 
 def option_problems(found: Measure, options: dict[str, Any]) -> list[Problem]:

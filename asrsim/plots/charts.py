@@ -23,6 +23,10 @@ HEIGHT = 1.5
 """Height of a row, inch."""
 LETTER = 0.068
 """Width of a letter of a tick label, inch."""
+MANY = 2e3
+"""Ratio of the ends of a logarithmic axis beyond which only powers of ten are labelled: labels at 2 and 5 would touch in a low
+chart.
+"""
 
 
 def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: float = 4.6, height: float = HEIGHT) -> Figure:
@@ -89,6 +93,8 @@ def save_charts(path: Path, rows: Sequence[Sequence[Chart]], *, title: str, **mo
 
 def draw_chart(axes: Axes, chart: Chart) -> None:
     """Draw a chart on the given axes, without a legend."""
+    from matplotlib.ticker import LogLocator
+
     axes.set_ylabel("" if chart.places else style.axis_label(chart.words, chart.unit))
     axes.set_xlabel(f"{chart.across} ({chart.across_unit})" if chart.across_unit else chart.across)
     if chart.head:
@@ -116,6 +122,9 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         axes.set_xlim(*chart.reach)
     elif chart.places:
         axes.margins(x=0.06)
+    for name, axis, (low, high) in (("x", axes.xaxis, axes.get_xlim()), ("y", axes.yaxis, axes.get_ylim())):
+        if name in chart.logarithmic and high > low * MANY:
+            axis.set_major_locator(LogLocator(10.0, numticks=8))
     if chart.note:
         # Above the axes, where it hides no curve.
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)

@@ -210,7 +210,7 @@ def grid_figure(
         # With several runs and a single quantity, the axis label names the quantity: leave the quantity out of the legend.
         names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
-        legend(axes[r, -1], names, several=several, words=words)
+        legend(axes[r, -1], names, several=several, words=words, among=panel.of_any(several=several))
     for c, joint in enumerate(joints):
         axes[0, c].set_title(joint_title(joint_info(runs, joint)), loc="left", color=style.BLACK)
         axes[-1, c].set_xlabel("time (s)")
@@ -274,7 +274,7 @@ def shorten(text: str, length: int) -> str:
 def figure_title(figure: Figure, runs: Sequence[RunCurves], subject: str, part: tuple[int, int], *, more: str = "") -> None:
     """Write robot, scenario, variant, subject and page in one line at the top left."""
     robots = ", ".join(dict.fromkeys(run.info.robot for run in runs))
-    scenarios = dict.fromkeys(Path(run.info.scenario_path).stem for run in runs)
+    scenarios = dict.fromkeys(run.info.scenario_name for run in runs)
     words = [shorten(name, 40) for name in dict.fromkeys((robots, *(scenarios if len(scenarios) == 1 else ()))) if name]
     if len(runs) == 1 and runs[0].label not in ("default", ""):
         words.append(style.plain(runs[0].label))

@@ -17,6 +17,7 @@ from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
 from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
+from asrsim.plots.measured import measured_rows
 from asrsim.plots.output import check_formats, save_figure, styled
 from asrsim.plots.overlay import comparison_pages
 from asrsim.plots.pairing import RECORDED, RunComparison, assign, compare_run, write_recorded
@@ -24,7 +25,7 @@ from asrsim.plots.responses import Response, ResponseExperiment, recorded_respon
 from asrsim.progress import Progress, Tell
 from asrsim.recordings import Recording
 from asrsim.recordings.align import LagChoice
-from asrsim.scenario.carried import unknown_actuators
+from asrsim.scenario.carried import unknown_actuators, unknown_quantities
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +47,7 @@ class PlotJob:
     lag: LagChoice = "auto"
     """Lag of the recordings' clock in s, or how it is found."""
     measures: tuple[str, ...] = ()
-    """Names of further measures of run and recording."""
+    """Further measures of run and recording, NAME or NAME:OPTION=VALUE,..."""
     formats: tuple[str, ...] = ("png",)
     bode: bool = False
     band: tuple[float, float] | None = None
@@ -138,7 +139,7 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
             hint="Without one, a recording's response can be drawn: --experiment FILE --bode",
         )
     if job.figures is not None and (job.experiments or job.bode or job.quantities is not None):
-        message = "figures by name show runs alone: without experiments, frequency responses and single quantities"
+        message = "named figures show runs only: leave out recordings, frequency responses and quantities"
         raise InputError(message, key="figures", value=", ".join(job.figures), code="figures")
     for name in job.figures or ():
         FIGURES.get(name)
@@ -147,11 +148,15 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
     findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    for run in runs:
+        findings += unknown_quantities(run.info.joints, run.info.attachments, job.quantities)
     findings += [finding for recording in recordings for finding in recording.findings]
     members = [[r for r, (_, n) in zip(recordings, assigned, strict=True) if n in (None, k)] for k in range(len(runs))]
     compared = _compared(job, runs, members)
     findings += [finding for one in compared for finding in one.findings]
     rows = [row for one in compared for row in one.rows]
+    for run in runs if job.measures and not job.experiments else ():
+        rows += measured_rows(run.path, run.label, job.measures, joints=job.joints, quantities=job.quantities)
     found: list[Response] = []
     if job.bode:
         found, problems = _responses(job, runs, recordings, compared)

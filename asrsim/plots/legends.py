@@ -22,33 +22,45 @@ def legend(
     words: dict[str, str] | None = None,
     extra: Sequence[Any] = (),
     several: bool = False,
+    among: Sequence[str] = (),
 ) -> None:
     """Draw a legend of quantities at the right of the axes, outside the data.
 
-    several: the figure has several runs: colours mark runs, line styles mark quantities.
+    several: the figure has several runs: colours mark runs, line styles mark quantities. among: all quantities that the panel
+    may contain.
     """
     from matplotlib.lines import Line2D
 
     plain = [name for name in quantities if not name.startswith("reference") and name != LIMIT]
+    styles = style.styles_of_equal_colours(among or quantities)
     handles: dict[str, Any] = {}
     for name in quantities:
         own = several and name in plain
-        text = (words or {}).get(name) or _WORDS.get(name) or fill(style.plain(style.name(name)), LETTERS)
+        text = (words or {}).get(name) or _WORDS.get(name) or _named(name)
         handles[text] = Line2D(
             [],
             [],
             linewidth=2.6 if name.startswith("reference") else 0.9 if name == LIMIT else 1.6,
             label=text,
             color=style.BLACK if own else style.colour(name),
-            linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else "-",
+            linestyle=LIMIT_LINE if name == LIMIT else style.line_style(plain.index(name)) if own else styles[name],
         )
     if handles or extra:
         length = 3.0 if several else 2.2
         axes.legend(handles=[*handles.values(), *extra], loc="upper left", bbox_to_anchor=(1.02, 1.0), handlelength=length)
 
 
+def _named(quantity: str) -> str:
+    """Name of a quantity, and its symbol if a stage declares one."""
+    name, symbol = fill(style.plain(style.name(quantity)), LETTERS), style.symbol(quantity)
+    apart = " " if len(name.rpartition("\n")[2]) + SYMBOL <= LETTERS else "\n"
+    return f"{name}{apart}{symbol}" if symbol else name
+
+
 LETTERS = 17
 """Number of letters of a line that fits at the right of the axes; longer names take several lines."""
+SYMBOL = 4
+"""Number of letters whose width a symbol and the space before it need."""
 LIMIT = "limit"
 """Name of the limits in a legend."""
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
@@ -62,7 +74,7 @@ def variant_columns(labels: Sequence[str], width: float) -> int:
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """Draw a legend of variants and their colours below the panels if there are several variants. It reads by rows."""
+    """Draw a legend of variants and their colours below the panels if there are several variants. Its entries are in rows."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:

@@ -98,7 +98,7 @@ def compare_run(
     """Comparison of a log with recordings of one experiment.
 
     joints, quantities: all by default. lags: lag of each recording, by its path. measures: further
-    measures by name. Raises RecordingError (no common joint or
+    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError (no common joint or
     quantity, no overlap in time) and LogError.
     """
     reader = open_log(path)
@@ -113,7 +113,9 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    samples = reader.read(quantities=simulated_sources(common, infos), joints=paired).samples
+    # Measures of a link position may need the joint's own reference.
+    stored = simulated_sources([*common, *(["position_error"] if measures else [])], infos)
+    samples = reader.read(quantities=stored, joints=paired).samples
     compared = []
     for recording, pairing in zip(recordings, pairings, strict=True):
         if {*pairing.values()} & {*paired}:
@@ -147,7 +149,8 @@ def _in_both(
     if not paired or not common:
         # Call the comparison only for its error, which is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
-        raise RecordingError("log and recording share none of the selected joints and quantities", file=recordings[0].path)
+        message = "log and recording share none of the selected joints and quantities"
+        raise RecordingError(message, file=recordings[0].path, code="nothing-shared")
     return paired, common
 
 

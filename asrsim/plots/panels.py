@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asrsim.actuators import MODES
-from asrsim.actuators.stages import STAGES
+from asrsim.actuators.stages import STAGES, Stage
 from asrsim.plots import style
 from asrsim.plots.curves import REFERENCE, RunCurves
 from asrsim.plots.decimate import Curve
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Kind of panel: quantities that one pair of axes shows for a joint."""
+    """Quantities that one pair of axes shows for a joint."""
 
     key: str
     words: str
@@ -112,10 +112,14 @@ ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
 def joint_panels() -> tuple[Panel, ...]:
-    """Panels of a joint's motion and torques, and of each stage of actuators that logs more than an energy."""
-    own = {stage: tuple(one.name for one in stage.quantities if one.unit != "J") for stage in STAGES.loaded()}
-    stages = (Panel(key=f"stage:{one.name}", words=one.name, quantities=names) for one, names in own.items() if names)
-    return (*(PANELS[key] for key in JOINT_PANELS), *stages)
+    """Panels of a joint's motion and torques; of each stage of actuators, a panel for each unit of its quantities but J."""
+    return (*(PANELS[key] for key in JOINT_PANELS), *(panel for stage in STAGES.loaded() for panel in _stage_panels(stage)))
+
+
+def _stage_panels(stage: type[Stage]) -> Iterator[Panel]:
+    for unit in dict.fromkeys(one.unit for one in stage.quantities if one.unit != "J"):
+        names = tuple(one.name for one in stage.quantities if one.unit == unit)
+        yield Panel(key=f"stage:{stage.name}:{unit}", words=stage.name, quantities=names)
 
 
 def energy_panels() -> tuple[Panel, ...]:
@@ -162,6 +166,7 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
     drawn = content(panel, runs, joint)
     several = len(runs) > 1
     plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
+    styles = style.styles_of_equal_colours(panel.of_any(several=several))
     show_time(axes, [curve for _, _, curve in drawn])
     for name, number, curve in drawn:
         reference = name.startswith("reference")
@@ -171,7 +176,7 @@ def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) 
             axes,
             curve,
             colour=colour,
-            linestyle=style.line_style(plain.index(name)) if several and not reference else "-",
+            linestyle=style.line_style(plain.index(name)) if several and not reference else styles[name],
             reference=reference,
             gid=f"{joint}.{name}.{number}",
             alpha=0.35 if reference and several and not shared else None,

@@ -7,6 +7,7 @@ several runs a colour marks the run, and a line style the quantity.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots.curves import KNOWN
@@ -136,6 +137,17 @@ def colour(quantity: str) -> str:
     return COLOURS.get(quantity, BLACK if motor is None else MOTORS[motor][0])
 
 
+def styles_of_equal_colours(quantities: Sequence[str]) -> dict[str, Any]:
+    """Line style of each quantity of a panel: quantities of one colour have different styles. References have wide lines."""
+    found = dict.fromkeys(quantities, LINE_STYLES[0])
+    colours: list[str] = []
+    for quantity in quantities:
+        if not quantity.startswith("reference"):
+            found[quantity] = line_style(colours.count(colour(quantity)))
+            colours.append(colour(quantity))
+    return found
+
+
 def line_style(index: int) -> Any:
     """Line style number `index`, from 0."""
     return LINE_STYLES[index % len(LINE_STYLES)]
@@ -149,6 +161,21 @@ def variant_colour(index: int) -> str:
 def darker(colour_text: str) -> str:
     """Darker shade of a run's colour, for the run's recording."""
     return "#" + "".join(f"{round(0.55 * int(colour_text[i : i + 2], 16)):02x}" for i in (1, 3, 5))
+
+
+def symbol(quantity: str) -> str:
+    """Symbol of a stage's quantity for legends, if it is valid mathtext; else "". Names of other quantities contain theirs."""
+    from matplotlib.mathtext import MathTextParser
+
+    from asrsim.actuators.stages import STAGES
+
+    own = (one.label for stage in STAGES.loaded() for one in stage.quantities if one.name == quantity)
+    label = next(own, "")
+    try:
+        MathTextParser("path").parse(label)
+    except ValueError:
+        return ""
+    return label
 
 
 def name(quantity: str) -> str:

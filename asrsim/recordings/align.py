@@ -16,7 +16,7 @@ from asrsim.metrics.lag import TRUSTED, Lag, estimate_lag
 from asrsim.quantities import DERIVED, QUANTITIES, is_comparable
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import wrong_unit
-from asrsim.samples import Array, JointInfo, Samples
+from asrsim.samples import Array, JointInfo, Samples, is_staircase
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
 """Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
@@ -68,11 +68,15 @@ def align_recording(
     if best is None:
         choices = tuple(map(".".join, columns))
         raise RecordingError(
-            "cannot align: no quantity is in both records", file=recording.path, choices=choices, code="no-such-quantity"
+            "cannot align: recording and simulation share no quantity",
+            file=recording.path,
+            choices=choices,
+            code="no-such-quantity",
         )
     name, time, values, column = best
     with naming(recording.path):
-        return align(time, values, column.time, column.values, choice=lag, name=name)
+        command = name.rpartition(".")[2].startswith("reference")
+        return align(time, values, column.time, column.values, choice=lag, name=name, command=command)
 
 
 @contextmanager
@@ -168,6 +172,7 @@ def align(
     *,
     choice: LagChoice = "auto",
     name: str = "",
+    command: bool = False,
 ) -> Alignment:
     """Lag of a recording behind a simulation.
 
@@ -178,6 +183,7 @@ def align(
         recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
         name: Name of the quantity, for messages.
+        command: Whether the quantity is a command: each value of a staircase then holds until the next sample.
 
     Raises:
         RecordingError: The choice is not a `LagChoice`, or with `auto` the records do not overlap in time.
@@ -190,27 +196,32 @@ def align(
         return Alignment(lag=float(stated), how=choice if isinstance(choice, str) else "set")
     if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
         # One clock began long before the other: the search starts where both records begin together.
-        together = align(time_simulation, simulation, time_recording - start, recording, name=name)
+        together = align(time_simulation, simulation, time_recording - start, recording, name=name, command=command)
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
-    result = _correlated(time_simulation, simulation, time_recording, recording, name)
+    result = _correlated(time_simulation, simulation, time_recording, recording, name, command)
     if start and result.how.startswith("not aligned"):
         # The clocks may differ by more than the search allows.
-        together = _correlated(time_simulation, simulation, time_recording - start, recording, name)
+        together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
         if not together.how.startswith("not aligned"):
             return replace(together, lag=together.lag + start)
     return result
 
 
-def _correlated(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, name: str) -> Alignment:
+def _correlated(
+    time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, name: str, command: bool
+) -> Alignment:
     """Alignment by cross-correlation. The arguments are those of `align`."""
-    found = estimate_lag(time_simulation, simulation, time_recording, recording)
+    step = min(float(np.median(np.diff(time))) for time in (time_simulation, time_recording))
+    first = _held(time_simulation, simulation, step) if command else (time_simulation, simulation)
+    second, values = _held(time_recording, recording, step) if command else (time_recording, recording)
+    found = estimate_lag(*first, second, values)
     # A periodic signal with reversed sign would be aligned half a period off.
-    turned = estimate_lag(time_simulation, simulation, time_recording, -recording)
+    turned = estimate_lag(*first, second, -values)
     how = f"cross-correlation of {name}"
     if found is None:
-        why = f"{name} must move in both records"
+        why = f"{name} must move in the recording and in the simulation"
     elif turned is not None and turned.correlation > max(found.correlation + _CLEARLY, TRUSTED) and not turned.at_limit:
         return Alignment(lag=turned.seconds, how=f"{how}, which has the opposite sign", found=turned)
     elif found.correlation < TRUSTED:
@@ -218,7 +229,7 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
     elif found.at_limit:
         why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
     else:
-        message = f"{name} is periodic: other lags fit as well as {found.seconds:.4g} s, the smallest"
+        message = f"{name} is periodic, so several lags fit equally well; the smallest, {found.seconds:.4g} s, is used"
         periodic = Problem(message, code="lag", hint="Set the lag with --align if another lag is right")
         exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
         return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)
@@ -226,39 +237,55 @@ def _correlated(time_simulation: Array, simulation: Array, time_recording: Array
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
 
 
-def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
-    """Lag near an estimated lag at which the simulation has exactly the recorded values; the estimate if there is no such lag.
-
-    A simulation that plays a recorded command repeats its values exactly. If it holds each value until the next, the
-    correlation with the interpolated recording is up to half a sample early, so the largest of the lags that fit is the true
-    lag.
+def _held(time: Array, values: Array, step: float) -> tuple[Array, Array]:
+    """Times and values of a command, sampled every `step` s if it is a staircase of a larger step: a straight line from one
+    value to the next would be half a sample early.
     """
-    good, known = np.isfinite(recording), np.isfinite(simulation)
-    times, values = time_recording[good], recording[good]
-    if np.count_nonzero(np.diff(values)) < _CHANGES or known.sum() < _CHANGES:
-        return lag
+    known = np.isfinite(values)
+    stamps, stairs = time[known], values[known]
+    if not is_staircase(stairs) or step > 0.75 * np.median(np.diff(stamps)):
+        return time, values
+    fine = np.arange(stamps[0], stamps[-1] + 0.5 * step, step)
+    # Rounding must not delay a value by one step.
+    return fine, stairs[np.searchsorted(stamps, fine + 1e-3 * step, side="right") - 1]
+
+
+def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
+    """Lag near an estimated lag at which both records have exactly the same values; the estimate if there is no such lag.
+
+    Two records of a command have the same values at the samples of the coarser record. If the finer record holds each value
+    until the next, a range of lags up to one sample wide fits. The clocks are then left unchanged if no lag is in the range.
+    Else the command changed at samples of the coarser record, so that its largest lag behind the finer record is the true lag.
+    """
+    records = [
+        (time[np.isfinite(own)], own[np.isfinite(own)])
+        for time, own in ((time_simulation, simulation), (time_recording, recording))
+    ]
+    steps = [float(np.median(np.diff(time))) for time, _ in records]
+    fine, (times, values) = records if steps[1] >= steps[0] else records[::-1]
+    sign = 1.0 if steps[1] >= steps[0] else -1.0
     scale = float(np.var(values))
 
     def misfit(shift: float) -> float:
         at = times - shift
-        inside = (at >= time_simulation[0]) & (at <= time_simulation[-1])
-        if inside.sum() < 4:
+        inside = (at >= fine[0][0]) & (at <= fine[0][-1])
+        if not inside.any() or np.ptp(values[inside]) == 0.0:
             return np.inf
-        return float(np.mean((np.interp(at[inside], time_simulation[known], simulation[known]) - values[inside]) ** 2))
+        return float(np.mean((np.interp(at[inside], *fine) - values[inside]) ** 2))
 
-    best, width = lag, float(np.median(np.diff(times)))
+    best, width = sign * lag, max(steps)
+    if abs(lag) <= width and misfit(0.0) <= _SAME * scale:
+        return 0.0
     for _ in range(_ROUNDS):
         shifts = np.linspace(best - width, best + width, _SHIFTS)
         misfits = np.array([misfit(shift) for shift in shifts])
         best = float(shifts[np.flatnonzero(misfits <= (1.0 + 1e-6) * misfits.min() + 1e-12 * scale)[-1]])
         width *= 2.0 / (_SHIFTS - 1)
-    return best if misfit(best) <= _SAME * scale else lag
+    return sign * best if misfit(best) <= _SAME * scale else lag
 
 
 _ROUNDS, _SHIFTS = 4, 41
 """Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer."""
-_CHANGES = 20
-"""Smallest number of changes of a command that determine the exact lag: a few steps fit a range of lags."""
 _SAME = 1e-8
 """Largest mean square difference of two records of the same command, relative to their variance."""
 

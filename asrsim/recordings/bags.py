@@ -213,7 +213,7 @@ def _messages(path: Path, topics: list[_Topic], findings: list[Problem]) -> Mess
         if not topics:
             hint = "`rosbag reindex`, `ros2 bag reindex` or `mcap recover` repair a file that its recorder did not close"
             raise RecordingError(f"cannot be read as {kind}: {said}", code="damaged", hint=hint) from None
-        message = f"is damaged or was not closed (was the recorder killed?); it is read up to there ({said})"
+        message = f"is damaged or was not closed (was the recorder killed?); only the part before the fault is read ({said})"
         findings.append(Problem(message, code="truncated"))
 
 
@@ -354,8 +354,8 @@ def _tables_of(
     nameless = [label for label in labels if label.partition("[")[0] in _JOINT_STATE]
     if topic.kind.endswith("/JointState") and nameless:
         message = (
-            f"no names of joints for {listed(nameless, 4)}: they are assigned to the robot's joints by order, "
-            "unless --map states others"
+            f"the message names no joints for {listed(nameless, 4)}: these values are assigned to the robot's joints by order, "
+            "unless --map states their joints"
         )
         goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
         hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
@@ -378,8 +378,8 @@ def _has_header_times(topic: str, groups: Sequence[_Group], stated: Sequence[str
     lag = float(np.median(stamped - received)) * 1e-9
     by_header = bool(stamped.all()) and "received" not in stated and ("header" in stated or abs(lag) < _SAME_CLOCK)
     if stamped.all() and not by_header and not stated:
-        message = f"two time bases: header stamps differ by {abs(lag):.6g} s from the time of recording, which is used"
-        hint = "Use the stamps with `time: header` in its document"
+        message = f"header stamps differ by {abs(lag):.6g} s from the times of recording; the times of recording are used"
+        hint = "To use the stamps, write `time: header` in the document beside the file"
         findings.append(Problem(message, key=topic, code="two-time-bases", hint=hint))
     return by_header
 

@@ -47,9 +47,9 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
         if "current" in words and {"state", "states"} & {*words}:
             raise CommandDoubtError("its name means a command, but 'current' may be a current or the present state", target)
         if len(stated) > 1:
-            raise CommandDoubtError(f"its name means a command, but is it one of {one_of(stated)}?", target)
+            raise CommandDoubtError(f"its name may mean a command of {one_of(stated)}", target)
         if stated:
-            # In `q1_ref [N m]`, q is the name of a joint.
+            # In `q1_ref [N m]`, the q belongs to the joint's name: the unit shows that the command is a torque.
             named = measured and "q" in words and stated == ["position"]
             return _taken(measured if named else stated[0], unit, measured)
         if hint := next((word for word in words if word in LETTERS), ""):

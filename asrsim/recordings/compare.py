@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
-from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, chosen_measures, measure
+from asrsim.log.derived import own_reference
+from asrsim.metrics.asked import AskedMeasure, asked_measures
+from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
 from asrsim.metrics.output import MetricRow
 from asrsim.quantities import unit_of
 from asrsim.recordings.align import (
@@ -89,7 +91,7 @@ class Comparison:
                     quantity=s.quantity,
                     measure=what,
                     value=value,
-                    unit=MEASURES.get(what).unit_of(s.unit),
+                    unit=MEASURES.get(what.partition(":")[0]).unit_of(s.unit),
                 )
                 for of, what, value in values
             ]
@@ -113,13 +115,14 @@ def compare(
         infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: auto, off, start, or the delay of the recording in s.
-        measures: Names of further measures in `MEASURES`, without options.
+        measures: Further measures, NAME or NAME:OPTION=VALUE,...; those that need a reference compare the link position of run
+        and recording each with its own reference.
 
     Raises:
         RecordingError: No common joint, no common quantity, or no overlap in time.
-        InputError: A measure is unknown, has an option without a default, or is a measure of bodies.
+        InputError: A measure is unknown, lacks a required option, or is a measure of bodies.
     """
-    further = [(one.name, one.needs == "series") for one in chosen_measures(measures)]
+    further = [one for one in asked_measures(measures) if one.text not in (*PAIR_MEASURES, *STEP_MEASURES)]
     pairing = match_joints(samples.joints, recording)
     columns, findings = matched_columns(recording, pairing, infos, quantities)
     found = {key: own for key in columns if (own := simulated(samples, *key, infos)) is not None}
@@ -139,8 +142,13 @@ def compare(
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
     with naming(recording.path):
         series = tuple(
-            _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, further, prismatic=joint in prismatic)
+            _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, prismatic=joint in prismatic)
             for (joint, name), own in found.items()
+        )
+    if further:
+        references = [_references(one, samples, recording, pairing, infos, alignment.lag) for one in series]
+        series = tuple(
+            replace(one, each={**one.each, **_further(one, further, *own)}) for one, own in zip(series, references, strict=True)
         )
     findings += alignment.findings
     for one in series:
@@ -161,7 +169,6 @@ def _series(
     values: Array,
     column: Column,
     lag: float,
-    further: Sequence[tuple[str, bool]],
     *,
     prismatic: bool,
 ) -> Series:
@@ -183,10 +190,8 @@ def _series(
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         findings.append(Problem("has fewer than two samples with numbers in both records", code="no-overlap"))
-    of_both = (*PAIR_MEASURES, *(name for name, alone in further if not alone))
-    of_each = (*STEP_MEASURES, *(name for name, alone in further if alone))
-    metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in of_both}
-    each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in of_each}
+    metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
+    each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint,
         quantity=quantity,
@@ -199,6 +204,41 @@ def _series(
         each=each,
         findings=tuple(findings),
     )
+
+
+def _further(
+    series: Series, asked: Sequence[AskedMeasure], ours: Array | None, theirs: Array | None
+) -> dict[str, tuple[float, float]]:
+    """Further measures of run and recording, each with its own reference (m,); without any, measures of two series are left
+    out.
+    """
+    known = [one for one in asked if one.measure.needs != "pair" or ours is not None or theirs is not None]
+    return {
+        one.text: (one.of(series.time, series.simulation, ours), one.of(series.time, series.recording, theirs)) for one in known
+    }
+
+
+def _references(
+    series: Series,
+    samples: Samples,
+    recording: Recording,
+    pairing: Mapping[str, str],
+    infos: Sequence[JointInfo],
+    lag: float,
+) -> tuple[Array | None, Array | None]:
+    """References (m,) of a link position in the run and in the recording, at the times of the series; None if unknown."""
+    info = next((info for info in infos if info.name == series.joint), None)
+    if info is None or series.quantity != "link_position":
+        return None, None
+    ours = own_reference(samples, info)
+    columns, _ = matched_columns(recording, pairing, infos)
+    values = {
+        quantity: resample(column.time - lag, column.values, series.time)[:, None]
+        for (joint, quantity), column in columns.items()
+        if joint == info.name and quantity.startswith("reference")
+    }
+    theirs = own_reference(Samples(time=series.time, joints=(info.name,), values=values), info)
+    return None if ours is None else resample(samples.time, ours, series.time), theirs
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -34,7 +34,7 @@ def joined(folder: Path, read: Callable[[Path], Content], suffixes: Collection[s
         hint = f"Expected metadata.yaml (a ROS 2 bag), or a file for each quantity with one of {listed(sorted(suffixes), 8)}"
         raise RecordingError("is a folder without recordings", hint=hint, code="no-bag")
     if len(files) > MOST_FILES:
-        message = f"has {len(files)} recordings; up to {MOST_FILES}, one for each quantity, are joined"
+        message = f"has {len(files)} recordings; at most {MOST_FILES} are joined, one for each quantity"
         raise RecordingError(message, hint="Give the file of one recording", code="too-many-files")
     tables: list[RawTable] = []
     findings = []

@@ -143,7 +143,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
                     name = unique(f"{stem}[{joint}]", seen)
                     result.append(replace(column, name=name, values=values, joint=joint))
     if repeated.any():
-        message = f"one joint is named several times in {counted(int(repeated.sum()), 'row')}; only the last value is kept"
+        message = f"a joint is named several times in {counted(int(repeated.sum()), 'row')}; only the last value is kept"
         hint = "Record each joint once: asrsim cannot know which of its values is right"
         key = listed([columns[i].name for i in groups], 6)
         findings.append(Problem(message, key=key, hint=hint, code="repeated-name"))

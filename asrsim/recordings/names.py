@@ -117,7 +117,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         stated = unit is not None and unit.si in ("rad", "rad/s", "N m")
         if named or stated or _DOUBTFUL & {*words_of(tokens_of(rest))}:
             desired = " (d for desired: a command?)" if "d" in words else ""
-            raise DoubtError(f"its name may or may not be a quantity of a joint{desired}")
+            raise DoubtError(f"its name does not clearly state a quantity of a joint{desired}")
         return joint, None
     quantity = _fitting(quantity, unit)
     owner = above[-1] if above else ""
@@ -171,7 +171,7 @@ def check_path(name: str, joint: str | None, joints: Sequence[str] | None) -> No
     """
     rest = find_joint(split_header(name)[0], joints or ([joint] if joint else ()))[1]
     if unsure := _words_above(rest) & _NOT_MEASURED:
-        raise DoubtError(f"'{min(unsure)}' in its name: is it a value that was measured or commanded at its time?")
+        raise DoubtError(f"'{min(unsure)}' in its name suggests that its values were neither measured nor commanded")
 
 
 def _words_above(path: str) -> set[str]:

@@ -45,4 +45,4 @@ def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool)
     place = number if indexed else number - 1
     if 0 <= place < len(joints) and (not any(ends) or indexed or ends == counted):
         return joints[place]
-    raise DoubtError(f"the number {number} fits none of {', '.join(joints[:8])} with certainty")
+    raise DoubtError(f"the number {number} in its name does not clearly mean one of {', '.join(joints[:8])}")

@@ -31,8 +31,8 @@ def propose(
     stated = {key: value for key in ("sheet", "joint", "missing", "window") if (value := getattr(reading, key)) is not None}
     lines = [
         f"# How to read {path.name}, proposed by `asrsim init --experiment`. Commands use this file beside the recording;",
-        "# in another folder, give this file instead of the recording. With `map`, names of columns have no meaning: check",
-        "# each line, answer the questions, and delete the columns that are not to be used.",
+        "# in another folder, give this file instead of the recording. Only the columns under `map` are used: check each",
+        "# line, answer the questions, and delete the columns that are not to be used.",
         _yaml({"file": called or path.name}),
         *(_line(_yaml({key: value}), "as found in the file") for key, value in content.layout.items()),
         *(_line(_yaml({key: value}, flow=True).strip("{}"), "as stated") for key, value in stated.items()),

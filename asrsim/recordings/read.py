@@ -151,13 +151,13 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     problems: list[Problem] = []
     for one in reading.maps:
         if (index := find_raw(one.column, raw)) is not None:
-            # Items come after the document, which may call a column by another name: with its unit, or by its number.
+            # Items take precedence over the document, which may name the column differently: with its unit, or by its number.
             found[index] = one
             continue
         message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
         problems.append(Problem(message, key=one.column, choices=names[:20], hint=hint, code="no-such-column"))
     for index, one in found.items():
-        problem = Problem("", key=one.column)
+        problem = Problem("", key=one.column, code="wrong-unit")
         if one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problems.append(
@@ -200,14 +200,14 @@ def _meanings(
                 if unnamed and first != name and first in names:
                     joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that also does
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
-                    raise DoubtError("the file has several joints without their names")
+                    raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:
                     raise DoubtError("several columns have its name")
             except DoubtError as doubt:
                 owner = column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0]
                 yield ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target)
                 continue
-            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name means no quantity of a joint"
+            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name states no quantity of a joint"
             yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
@@ -327,6 +327,6 @@ def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
         return [Problem(message, key=listed([column.source for column in asked], 6), code="asked", hint=hint)]
     if any(column.quantity for column in columns):
         return []
-    message = f"no column's name means a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
+    message = f"no column's name states a quantity of a joint; columns: {listed([column.source for column in columns], 20)}"
     hint = f"State the meaning of a column with --map COLUMN=JOINT.QUANTITY [unit]; {propose}"
     return [Problem(message, code="nothing-mapped", hint=hint)]

@@ -78,7 +78,7 @@ class ColumnMap:
 
 
 def item_of(column: Column, *, gain: float, joint: str | None = None) -> str:
-    """Item of `--map` by which the values of a column are multiplied; what its mapping states stays. joint: the robot's."""
+    """Item of `--map` that multiplies the values of a column and keeps the rest of its mapping. joint: joint of the robot."""
     read = column.read_as or ColumnMap(quantity=column.quantity)
     return f"{column.source}={replace(read, joint=joint or column.joint).corrected(gain=gain).text}"
 
@@ -163,7 +163,7 @@ class Reading:
     given: tuple[ColumnMap, ...] = ()
     """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
-    """Meanings of the columns, from `columns` and then from `given`: of two for one column, the last counts."""
+    """Meanings of the columns, from `columns` and then from `given`: if a column has two meanings, the last counts."""
     in_seconds: bool = False
     """True: a time without a unit is in s, as in scenarios; False: the user is asked about an implausible step."""
     document: str = ""

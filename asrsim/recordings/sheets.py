@@ -106,7 +106,10 @@ def read_excel(path: Path, reading: Reading) -> Content:
 
     book = CalamineWorkbook.from_path(path)
     if reading.sheet is not None and reading.sheet not in book.sheet_names:
-        raise RecordingError("there is no such sheet", key=reading.sheet, choices=tuple(book.sheet_names), meant=reading.sheet)
+        choices = tuple(book.sheet_names)
+        raise RecordingError(
+            "there is no such sheet", key=reading.sheet, choices=choices, meant=reading.sheet, code="no-such-sheet"
+        )
     names = book.sheet_names if reading.sheet is None else [reading.sheet]
     cells = sum(sheet.total_height * sheet.total_width for sheet in map(book.get_sheet_by_name, names))
     if cells > MOST_CELLS:

@@ -240,8 +240,8 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
     if not 1 / 1.5 < ratio < 1.5:
         message = f"is {ratio:.3g} times the slope of '{position.source}': are the units of position, velocity and time right?"
         hint = (
-            "57.3: velocity in deg/s; 0.0175: position in deg; 9.55: rpm; 1000: thousandths; another ratio: was one of them "
-            "measured before the gear?"
+            "Likely causes: 57.3: velocity in deg/s; 0.0175: position in deg; 9.55: velocity in rpm; 1000: a prefix such as "
+            "milli; any other ratio: one of the columns was measured before the gear"
         )
         yield Problem(message, key=velocity.source, hint=hint, code="suspected-unit")
 

@@ -120,7 +120,7 @@ class CellColumn:
         if POINT not in self.uses:
             _, line, cell = self.doubtful[0]
             choices = f"{number_in(cell, decimal):g}", f"{with_point(cell):g}"
-            message = "may have a decimal mark or a group of three digits: the file has points and commas in its numbers"
+            message = "is ambiguous: its mark may be a decimal mark or separate thousands, and the file uses points and commas"
             hint = "State the decimal mark in the document beside the file: `decimal: ','` or `decimal: '.'`"
             raise RecordingError(message, line=line, key=self.name, value=cell, choices=choices, hint=hint, code="two-marks")
         for row, _, cell in self.doubtful:

@@ -242,7 +242,9 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     period = next((one for one in periods if np.all((falls + one > 0.0) & (falls + one <= near)) and near < 0.1 * one), None)
     if period is None:
         return values
-    message = f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight or a full counter"
+    message = (
+        f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight, or a counter when it is full"
+    )
     findings.append(Problem(f"{message}; its times continue", key=name, code="restarted-clock"))
     found = values.copy()
     found[known[1:]] += period * np.cumsum(steps < 0.0)
@@ -315,12 +317,12 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     valid = np.flatnonzero(keep)
     repeated = valid[1:][np.diff(stamps[valid]) == 0]
     why = (
-        "too few digits, a row for each joint (state the column with its name: `joint: name`), "
-        "or a time in two columns (state both: `time: [sec, nanosec]`)"
+        "its times have too few digits, or each row belongs to another joint (state the column with the joint: "
+        "`joint: name`), or the time is in two columns (state both: `time: [sec, nanosec]`)"
     )
     if (coarse := _coarse_clock(table, repeated)) is not None:
         step, rate = coarse
-        message = f"counts in steps of {step:g} s, and {len(repeated)} of {len(valid)} samples have the stamp of the one before"
+        message = f"has steps of {step:g} s, so {len(repeated)} of {len(valid)} samples repeat the time of the sample before"
         hint = (
             f"For even samples state their rate, --rate {rate:.3g}; if the rows alternate between several joints, `joint: name`"
         )
@@ -332,7 +334,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "two time bases, or two recordings")
+    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
     if keep.sum() < 2:
         message = f"only {counted(int(keep.sum()), 'sample')} with increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")
@@ -340,7 +342,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     t, steps = found.time, np.diff(found.time)
     worst = int(np.argmax(steps))
     if len(steps) > 2 and steps[worst] > max(3600.0, 1e3 * (np.sum(steps) - steps[worst])):
-        message = f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s: two time bases, or two recordings"
+        message = f"time jumps from {t[worst]:g} s to {t[worst + 1]:g} s: the file may contain two clocks or two recordings"
         raise RecordingError(message, key=name, hint="Split the file", code="two-time-bases")
     typical = float(np.median(steps))
     if (missing := int(np.sum(np.round(steps[steps > _GAP * typical] / typical) - 1))) > 0:

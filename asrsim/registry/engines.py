@@ -24,6 +24,8 @@ class EngineEntry:
     """Python module that the engine needs; empty if it needs none."""
     prescribed: bool = False
     """Whether the scenario's `motion` prescribes the motion of the links."""
+    masses_of_file: bool = False
+    """Whether the links have the masses of the robot's file: then asrsim checks the balance of their energy."""
     faster: str = ""
     """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
 
@@ -34,6 +36,9 @@ class EngineEntry:
 
 
 ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)
+
+OWN_ENGINES = "Your own engines need --plugin FILE"
+"""Hint for an unknown engine."""
 
 
 def _make(name: str, scenario: Any, robot: Any) -> tuple[Any, tuple[Any, ...]]:
@@ -48,11 +53,18 @@ ENGINES.own(
         make=partial(_make, "bullet"),
         doc="PyBullet, with contacts; the default where it is installed",
         module="pybullet",
+        masses_of_file=True,
         faster="mujoco",
     ),
 )
 ENGINES.own(
-    "mujoco", EngineEntry(make=partial(_make, "mujoco"), doc="MuJoCo, many times faster; contacts are softer", module="mujoco")
+    "mujoco",
+    EngineEntry(
+        make=partial(_make, "mujoco"),
+        doc="MuJoCo, many times faster; contacts are softer",
+        module="mujoco",
+        masses_of_file=True,
+    ),
 )
 ENGINES.own(
     "bench", EngineEntry(make=partial(_make, "bench"), doc="a test bench: the links' motion is prescribed", prescribed=True)

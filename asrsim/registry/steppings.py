@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NoReturn
 
 from asrsim.errors import InputError
 
@@ -35,40 +36,68 @@ class Stepping:
                 raise InputError("must be from 0 to 1", key=f"stepping {self.name}.{name}", value=value, code="out-of-range")
 
 
-STEPPINGS: Mapping[str, Stepping] = {
-    stepping.name: stepping
-    for stepping in (
-        Stepping(
-            name="leapfrog",
-            order=2,
-            doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
-        ),
-        Stepping(
-            name="euler",
-            order=1,
-            implicitness=0.0,
-            first_drift=0.0,
-            staggered=False,
-            doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
-        ),
-        Stepping(
-            name="toolbox",
-            order=1,
-            implicitness=0.0,
-            first_drift=0.0,
-            staggered=False,
-            released=True,
-            doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
-        ),
-    )
-}
-"""Steppings by name. There is no registry: see `docs/architecture.md`."""
+OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what takes its place"
+"""Hint for an unknown stepping."""
+
+
+class _Steppings(Mapping[str, Stepping]):
+    """A table that cannot be changed: see `docs/architecture.md`."""
+
+    def __init__(self, *steppings: Stepping) -> None:
+        self._table = {stepping.name: stepping for stepping in steppings}
+
+    def __getitem__(self, name: str) -> Stepping:
+        return self._table[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._table)
+
+    def __len__(self) -> int:
+        return len(self._table)
+
+    def add(self, name: str, stepping: Stepping) -> NoReturn:
+        """Raises InputError: plugins cannot add a stepping."""
+        raise InputError("plugins cannot add a stepping", key="stepping", value=name, hint=OWN_STEPPINGS, code="stepping")
+
+    __setitem__ = add
+
+
+STEPPINGS = _Steppings(
+    Stepping(
+        name="leapfrog",
+        order=2,
+        doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
+    ),
+    Stepping(
+        name="euler",
+        order=1,
+        implicitness=0.0,
+        first_drift=0.0,
+        staggered=False,
+        doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
+    ),
+    Stepping(
+        name="toolbox",
+        order=1,
+        implicitness=0.0,
+        first_drift=0.0,
+        staggered=False,
+        released=True,
+        doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
+    ),
+)
+"""Steppings by name."""
 
 
 def stepping_called(name: str) -> Stepping:
     """The stepping with this name. Raises InputError with the choices."""
     if name not in STEPPINGS:
         raise InputError(
-            "is not a time-stepping scheme", key="stepping", value=name, choices=tuple(STEPPINGS), code="unknown-stepping"
+            "is not a time-stepping scheme",
+            key="stepping",
+            value=name,
+            choices=tuple(STEPPINGS),
+            hint=OWN_STEPPINGS,
+            code="unknown-stepping",
         )
     return STEPPINGS[name]

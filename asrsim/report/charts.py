@@ -54,7 +54,7 @@ def _at(across: Array, x: Array, y: Array, *, scattered: bool = False) -> Array:
     """Values (n,) of a curve at the common points; NaN outside of it, and between scattered points."""
     if scattered:
         values = np.full(len(across), np.nan)
-        # Several points at one place take the places of equal points in turn.
+        # Several points with equal x are assigned, one after another, to the common points with this x.
         order = np.argsort(x, kind="stable")
         first = np.searchsorted(across, x[order])
         again = np.arange(len(x)) - np.searchsorted(x[order], x[order])

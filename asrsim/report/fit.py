@@ -26,10 +26,10 @@ from asrsim.samples import Array
 MOST = 40
 """Largest number of parameters in the table of correlations."""
 STRONG = 0.9
-"""Correlation from which two parameters are said to imitate each other."""
+"""Magnitude of a correlation from which the page names both parameters."""
 JUDGED = {True: ("the model fits", "good"), False: ("the model does not fit", "poor"), None: ("not judged", "plain")}
 GRADES = {IDENTIFIED: "good", WEAK: "plain", AT_BOUND: "plain"}
-"""Look of a parameter's verdict; others are poor."""
+"""Style of the verdict on a parameter; other verdicts have the style `poor`."""
 
 
 def fit_page(folder: Path) -> str:
@@ -114,8 +114,8 @@ def _recordings(groups: Sequence[tuple[str, Sequence[Chart]]]) -> str:
     if not groups:
         return section("Recordings", "<p class='note'>The folder has no curves; this version of asrsim writes them.</p>")
     words = (
-        "<p class='note'>Of each channel: recorded and simulated, their difference, and its spectrum. A difference that is "
-        "noise has no pattern, and a flat spectrum at the dashed line.</p>"
+        "<p class='note'>Each channel has three charts: recorded and simulated values, their difference, and its spectrum. "
+        "If the difference is noise, it has no pattern, and its spectrum is flat at the dashed line.</p>"
     )
     places = [folded(index, name, opened=index < 2, three=True) for index, (name, _) in enumerate(groups)]
     return section("Recordings over simulations", "".join([HINT, words, *places, NO_SCRIPT]))
@@ -123,8 +123,8 @@ def _recordings(groups: Sequence[tuple[str, Sequence[Chart]]]) -> str:
 
 def _profiles(group: int) -> str:
     words = (
-        "<p class='note'>Misfit along one parameter while the others follow: its rise, where 1 is the rise at one standard "
-        "deviation of noise. Where it leaves the parabola, the interval is only approximate.</p>"
+        "<p class='note'>Increase of the misfit over one parameter, with the other parameters fitted again; 1 is the increase "
+        "at one standard deviation. Where the curve leaves the parabola, the interval is only approximate.</p>"
     )
     return section("Profiles", words + plots(group))
 
@@ -140,7 +140,7 @@ def _correlations(estimates: Sequence[Estimate], found: Array) -> str:
         cells = "".join(_cell(float(found[i, j])) for j in rows)
         body.append(f"<tr><th>{escape(names[n - 1])} {n}</th>{cells}</tr>")
     pairs = sorted(((abs(found[i, j]), i, j) for i in rows for j in rows if i < j and abs(found[i, j]) >= STRONG), reverse=True)
-    said = [f"{estimates[i].name} and {estimates[j].name} imitate each other: {found[i, j]:.3f}" for _, i, j in pairs[:10]]
+    said = [f"{estimates[i].name} and {estimates[j].name} are correlated: {found[i, j]:.3f}" for _, i, j in pairs[:10]]
     matrix = f'<div class="wide"><table class="matrix"><thead><tr><th></th>{heads}</tr></thead>'
     return section("Correlations of the estimates", f"{bullets(said)}{matrix}<tbody>{''.join(body)}</tbody></table></div>")
 

@@ -73,7 +73,7 @@ def _cell(head: str, value: Any, *, raw: bool, long: bool) -> str:
 
 
 def column_table(columns: Sequence[TableColumn]) -> str:
-    """HTML table of columns; words that their headings break for narrow terminals are put together."""
+    """HTML table of columns. The line breaks that headings contain for narrow terminals are removed."""
     heads = [one.heading.replace("-\n", "").replace("\n", " ") for one in columns]
     return table(heads, [*zip(*(one.cells for one in columns), strict=True)])
 

@@ -57,12 +57,12 @@ def packed(name: str, data: Mapping[str, Any]) -> str:
 
 
 def plots(number: int) -> str:
-    """Place of the plots of group `number` of the page's data."""
+    """HTML element in which the page draws the plots of group `number` of its data."""
     return f'<div data-group="{number}"><div class="plots"></div></div>'
 
 
 def folded(number: int, name: str, words: str = "", *, opened: bool, three: bool = False) -> str:
-    """Place of the plots of a group under a heading that folds them. three: in three columns instead of two."""
+    """HTML element for the plots of a group, with a heading that folds them. three: in three columns instead of two."""
     state = " open" if opened else ""
     about = f' <span class="note">{escape(words)}</span>' if words else ""
     return (

@@ -38,11 +38,16 @@ def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Ar
                 continue
             units = dict.fromkeys(style.unit(name, info) for name, _, _ in drawn)
             series = []
+            styles = style.styles_of_equal_colours(panel.of_any(several=len(runs) > 1))
             plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
                 # A reference that is equal in all runs belongs to no single run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
-                dash = DASHES[plain.index(name) % len(DASHES)] if len(runs) > 1 and name in plain else []
+                dash = (
+                    DASHES[plain.index(name) % len(DASHES)]
+                    if len(runs) > 1 and name in plain
+                    else DASHES[style.LINE_STYLES.index(styles[name])]
+                )
                 owner = None if shared or len(runs) == 1 else number
                 unit, words = style.unit(name, info), style.name(name)
                 series.append(_series(words, name, unit, owner, curve.values, dash))

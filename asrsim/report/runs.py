@@ -8,6 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+from asrsim.errors import Problem
 from asrsim.plots.rows import metric_tables
 from asrsim.report.content import Compared, Films, RunContent, picture
 from asrsim.report.html import badge, bullets, column_table, number, section, table
@@ -29,7 +30,6 @@ def runs_page(
 ) -> str:
     """HTML of the page about runs. data: grid and joints for the plots."""
     first = runs[0].info
-    scenario = Path(first.scenario_path).stem
     sections = [
         _strips(runs, labels, films),
         _claims(runs, labels),
@@ -41,7 +41,7 @@ def runs_page(
         _warnings(runs, labels, films.notes),
         _repeat(runs),
     ]
-    title = " · ".join(filter(None, (first.robot, scenario)))
+    title = " · ".join(filter(None, (first.robot, first.scenario_name)))
     return page_html(title, sections, head=_head(runs, labels), data=data, motion=films.motion)
 
 
@@ -205,17 +205,19 @@ def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence[str]) -> str:
     said: dict[str, None] = {}
     for run, label in zip(runs, labels, strict=True):
-        for warning in run.summary.get("warnings", ()):
-            place = (
-                f"{Path(str(warning['file'])).name}:{warning['line']}: " if warning.get("file") and warning.get("line") else ""
-            )
-            key = f"{warning['key']}: " if warning.get("key") else ""
-            said[f"{place}{key}{warning.get('message', '')}" + (f". {warning['hint']}" if warning.get("hint") else "")] = None
+        said |= {_sentence(warning): None for warning in run.summary.get("warnings", ())}
         if run.status != "complete":
             said[f"{label}: the run is {run.status}; the page shows it up to its last sample"] = None
         said |= dict.fromkeys(run.notes)
     said |= dict.fromkeys(notes)
     return section("Warnings and notes", bullets(said)) if said else ""
+
+
+def _sentence(warning: Mapping[str, Any]) -> str:
+    """Warning of a summary as the commands say it; the file without its folder."""
+    known = {name: warning[name] for name in ("line", "key", "value", "hint") if name in warning}
+    file = Path(Path(warning["file"]).name) if warning.get("file") else None
+    return str(Problem(warning.get("message", ""), file=file, choices=tuple(warning.get("choices", ())), **known))
 
 
 def _repeat(runs: Sequence[RunContent]) -> str:

@@ -60,7 +60,7 @@ def write_report(
 
 
 KINDS = ("fit.json", "study.json", "ilc.json", "twin.csv")
-"""Files that make a folder one of a fit, a study, a learning session or a twin."""
+"""Files by which the folder of a fit, a study, a learning session or a twin is recognised."""
 
 
 def unreadable_logs(place: Path) -> list[Problem]:
@@ -69,7 +69,7 @@ def unreadable_logs(place: Path) -> list[Problem]:
 
 
 def _kind(place: Path) -> tuple[Path, str | None]:
-    """Folder of the results at a path, and the file by which its kind is known; None for runs."""
+    """Folder of the results at a path, and the file that tells the type of its results; None for runs."""
     if place.is_file():
         return place.parent, place.name if place.name in KINDS else None
     return place, next((name for name in KINDS if (place / name).is_file()), None)

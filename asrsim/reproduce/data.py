@@ -1,4 +1,4 @@
-"""A figure of the paper, its experiments and claims, and what came out, as data."""
+"""A figure of the paper, its experiments and claims, and their results, as data."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ def read_blocks(
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """Actuator of a plugin if asrsim knows it; otherwise the joints in a block that was clearly intended as an actuator."""
+    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown one."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""

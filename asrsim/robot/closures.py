@@ -21,7 +21,7 @@ from asrsim.robot.structure import WORLD
 from asrsim.robot.xmlfile import elements, name_of, text_of
 
 SIZE = 0.1
-"""Distance of the points at which a hinge or a fixed joint closes a loop, m."""
+"""Distance between the points at which a hinge or a fixed joint closes a loop, m."""
 POINTS = {"spherical": 1, "ball": 1, "revolute": 2, "continuous": 2, "fixed": 3}
 """Number of points that coincide, by type of the joint."""
 
@@ -67,7 +67,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
             closure = closures[index]
             message = f"the loop between the links '{closure.links[0]}' and '{closure.links[1]}' stays open: {fault.message}"
             findings.warn(
-                message, closure.element, closure.name, code="loop", hint="`loops` in the scenario states other loops"
+                message, closure.element, closure.name, code="loop", hint="State the loop under `loops` in the scenario"
             )
         closures = [closure for index, closure in enumerate(closures) if index not in bad]
     return robot

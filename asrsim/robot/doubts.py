@@ -118,7 +118,7 @@ def _limits(robot: Robot) -> Iterator[Problem]:
         bounds = [bound for bound in (joint.lower, joint.upper) if bound is not None]
         if joint.kind == "revolute" and any(DEGREES[0] < abs(bound) <= DEGREES[1] for bound in bounds):
             value = " to ".join(f"{bound:g}" for bound in bounds)
-            message = "a limit of several turns; limits are in rad"
+            message = "the limits allow several turns: are they in degrees? Limits are in rad"
             yield _about(message, robot, joint, code="limit-in-degrees", value=value, hint="180 degrees are 3.14159 rad")
 
 
@@ -241,7 +241,7 @@ def _one_controller(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
     for name, value in block.parameters.items() if mode.motor and mode.controller else ():
         other = block.parameters.get(name.replace("controller_1", "controller_2"))
         if other is not None and value.origin == "tag" and other.origin != "tag" and other.value != value.value:
-            differing.append(f"<{value.tag}> {value.value:g} but {other.tag} {other.value:g}")
+            differing.append(f"<{value.tag}> is {value.value:g}, but {other.tag} is {other.value:g}")
     if differing:
         yield Problem(f"motor 2 keeps the default gains: {'; '.join(differing)}", code="one-controller-set")
 
@@ -262,8 +262,8 @@ def _exchanged(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
         other = [abs(math.log10(given[a] / declared[b])) for a, b in ((second, first), (first, second))]
         if {first, second} <= {*left} and min(own) > EXCHANGED and max(other) < min(own) - 1.0:
             left = [name for name in left if name not in (first, second)]
-            shown = f"{given[first]:g} and {given[second]:g}, usual are {declared[first]:g} and {declared[second]:g}"
-            yield Problem("look exchanged", key=f"{first}, {second}", value=shown, code="exchanged-values")
+            shown = f"{given[first]:g} and {given[second]:g}; usual values are {declared[first]:g} and {declared[second]:g}"
+            yield Problem("these two values look exchanged", key=f"{first}, {second}", value=shown, code="exchanged-values")
 
 
 BLOCK_CHECKS: tuple[Callable[[ActuatorBlock, Joint], Iterator[Problem]], ...] = (

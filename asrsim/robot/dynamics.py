@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +71,9 @@ class RobotModel:
     matrices refer to the masters: entries of coupled joints are 0, and rows of the identity matrix in the mass matrix.
     """
 
+    of_file: ClassVar[bool] = True
+    """Whether masses and forces are those of the robot's file; if not, they are those of an engine."""
+
     def __init__(
         self,
         robot: Robot,
@@ -113,7 +116,7 @@ class RobotModel:
         self._set_inertias(robot)
 
     def varied(self, robot: Robot) -> RobotModel:
-        """Model of a robot that differs from this one in inertias only, as far as the model is concerned."""
+        """Model of a robot whose links have other inertias, but the same joints and frames."""
         other = copy(self)
         other._set_inertias(robot)
         return other
@@ -122,9 +125,7 @@ class RobotModel:
         """Take the robot and its inertias."""
         self.robot = robot
         self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
-        """Pseudo-inertias of the bodies, and of the masses on which gravity does not act, of which only mass and first moments
-        are used.
-        """
+        """Pseudo-inertias of the bodies, and of the masses without gravity; of the latter only mass and first moments count."""
         for link in merge_fixed(robot).robot.links:
             (mass, centre), body = link.weightless, self._numbers[link.name]
             self._inertias[body] = _pseudo_inertia(link)

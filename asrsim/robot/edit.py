@@ -31,7 +31,7 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
     """
     root = parse_xml(data, robot.path)
     lacking = [
-        Problem("the file has no element that could contain it", file=robot.path, key=f"{owner}.{name}", code="no-place")
+        Problem("the robot file has no element for this number", file=robot.path, key=f"{owner}.{name}", code="no-place")
         for owner, values in changes.items()
         for name, value in values.items()
         if not _put(root, robot, owner, name, f"{value:.9g}")

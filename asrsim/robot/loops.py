@@ -46,9 +46,7 @@ fraction of 1 rad.
 POSTURES = 4000
 """Largest number of postures of a traced linkage in one direction."""
 TRIALS, ENOUGH = 200, 8
-"""Number of random postures from which closed postures are searched for; number of closed postures from which the nearest is
-chosen.
-"""
+"""Number of random postures from which the search for closed postures starts; number of closed postures that end it."""
 SLACK = 1e-7
 """Largest distance beyond a limit at the start that counts as rounding, rad (m)."""
 
@@ -240,7 +238,7 @@ class Linkage:
         return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
 
     def fault(self, q: Array) -> str:
-        """Reason why the master does not move the linkage at the positions q (n,); empty if it moves it."""
+        """Reason why the master does not move the linkage at the positions q (n,); empty if the master moves it."""
         if not self.closes(q):
             return (
                 f"no positions of its joints close the loop; a gap of {self.gap(q):.3g} m is left: give other `initial` "
@@ -273,7 +271,7 @@ class Trace:
     Attributes:
         low, high: Range of the master in which no joint is beyond its limits, rad or m.
         dead: Whether each end of the range is a dead centre, which the master cannot pass.
-        gap: Largest gap that stays in the range, m: rounding of a file's numbers.
+        gap: Largest gap that remains in the range, m, due to rounding of the file's numbers.
         ignored: Joints that are beyond their limits at the start: these limits do not count.
     """
 
@@ -548,7 +546,7 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
 
 
 def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
-    """Robot whose joints start where the loops are closed, and whose masters stop where the limits of their followers are; and
+    """Robot whose joints start where the loops are closed, and whose masters stop where a follower reaches its limit; and
     warnings about the loops.
     """
     moving, warnings = robot.moving_joints, [*assembly.warnings]
@@ -562,7 +560,7 @@ def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
         )
         changed[master.name] = replace(changed[master.name], lower=low, upper=high)
         if trace.gap >= OPEN:
-            message = "the chain does not close exactly: a gap stays open, which counts as rounding of the file's numbers"
+            message = "the chain does not close exactly: the gap is taken to be rounding of the file's numbers"
             if trace.gap > GROWN:
                 message += "; the joint stops where the gap would be larger"
             warnings.append(Problem(message, key=master.name, value=f"up to {1e3 * trace.gap:.2g} mm", code="loop-gap"))

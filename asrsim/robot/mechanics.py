@@ -120,7 +120,7 @@ def _resolved(findings: Findings, joint: Joint, named: Mapping[str, Joint]) -> J
     if at.moves and ratio:
         return replace(joint, mimic=at.name, multiplier=ratio, offset=offset)
     why = f"joint '{at.name}' does not move" if ratio else "the multiplier is 0"
-    message = f"mimics without moving, since {why}: it is fixed at its offset"
+    message = f"mimics a joint but cannot move, since {why}: it is fixed at its offset"
     findings.warn(message, joint.line, joint.name, code="mimic-fixed", value=f"{offset:g}")
     return fixed_at(joint, offset)
 
@@ -248,7 +248,7 @@ def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
                     yield name_of(joint), value
                 elif name_of(interface) == "velocity" and value:
                     message = "the start velocity of ros2_control is left out: the joint starts at rest"
-                    hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario gives it"
+                    hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario sets this velocity"
                     findings.warn(message, tag, name_of(joint), code="left-out", value=f"{value:g}", hint=hint)
 
 

@@ -80,7 +80,7 @@ def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: t
 
 
 def _carried(loop: Loop, places: Mapping[str, LinkPlacement]) -> Loop:
-    """The loop, stated for the bodies that contain its links."""
+    """The loop between the bodies that contain its links."""
     first, second = (places[link] for link in loop.links)
     a, b = (_vector(one.pose.position + one.pose.rotation @ at) for one, at in zip((first, second), loop.points, strict=True))
     return replace(loop, links=(first.body, second.body), points=(a, b))

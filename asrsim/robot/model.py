@@ -202,12 +202,12 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """One degree of freedom that an actuator can drive."""
+        """Whether the joint has one degree of freedom, so that an actuator can drive it."""
         return self.kind in ("revolute", "continuous", "prismatic")
 
 
 def is_locked(joint: str, locked: Sequence[str]) -> bool:
-    """Whether one of the names, in which `*` stands for any text, is that of the joint."""
+    """Whether one of the names is the joint's name; `*` in a name stands for any text."""
     return any(fnmatchcase(joint, name) for name in locked)
 
 

@@ -53,7 +53,7 @@ def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameter
 def mounted(
     robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]
 ) -> tuple[Robot, list[Problem]]:
-    """Robot as from `with_actuators` without the invalid entries, and the problems of these entries."""
+    """Robot that `with_actuators` returns for the valid entries, and the problems of the invalid entries."""
     if not types:
         return robot, []
     moving = {joint.name: joint for joint in robot.moving_joints}

@@ -135,7 +135,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
 
 
 def _text(data: bytes, root: Any, *, mended: bool) -> str:
-    """Document as text with a declaration of its actual encoding only."""
+    """Document as text. A declaration of another encoding is removed, since a text has none."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()

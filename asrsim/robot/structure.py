@@ -21,7 +21,7 @@ from asrsim.robot.xmlfile import elements, name_of, text_of
 
 JOINT_KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating")
 UNIT = 2e-4
-"""Deviation of an axis from length 1 without a warning: covers rounded values such as 0.707 and 0.7071."""
+"""Largest deviation of an axis from length 1 without a warning; it covers rounded values such as 0.707 and 0.7071."""
 LONGEST_NAME = 255
 """Largest length of a name, characters; PyBullet crashes at 1024 bytes."""
 EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"

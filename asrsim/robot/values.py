@@ -28,7 +28,7 @@ def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin
 
 
 def default_parameter(parameter: Parameter, mode: int | None, tag: str) -> ParameterValue:
-    """Parameter that is not set, with its default."""
+    """Parameter with its default value, since nothing sets it."""
     value, origin = default_value(parameter, mode)
     return ParameterValue(name=parameter.name, value=value, unit=parameter.unit, origin=origin, tag=tag)
 
@@ -72,7 +72,7 @@ def with_values(block: ActuatorBlock, given: Mapping[str, float], scope: str) ->
         if name is None:
             problems += [] if scope == "*" else [_unknown_parameter(place, key, block.names)]
         elif name in seen:
-            message, hint = f"is the same parameter as {seen[name]}", f"Give {seen[name]}"
+            message, hint = f"states the same parameter as {seen[name]}", f"Give {seen[name]}"
             problems.append(Problem(message, key=place, hint=hint, code="duplicate-parameter"))
         else:
             seen[name] = key
@@ -125,7 +125,7 @@ def law_fault(block: ActuatorBlock) -> str | None:
             if not math.isfinite(total):
                 return f"its {law.__name__.replace('_', ' ')} is not finite"
         except ArithmeticError as error:
-            return f"its {law.__name__.replace('_', ' ')} cannot be worked out ({error})"
+            return f"its {law.__name__.replace('_', ' ')} cannot be computed ({error})"
         except Exception:
             return None
     return None
@@ -137,7 +137,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
         low, high = (block.parameters[f"motor_{index}_{end}_position"] for end in ("min", "max"))
         if low.value > high.value:
             yield Problem(
-                f"lower stop of motor {index} is above the upper one",
+                f"the lower stop of motor {index} is above its upper stop",
                 line=low.line or high.line,
                 key=f"parameters.{block.joint}",
                 value=f"{low.value:g} > {high.value:g}",

@@ -25,7 +25,7 @@ class Effect(NamedTuple):
 
     text: str
     size: float = 0.0
-    """Magnitude of its number; if a file uses the word several times, the warning shows the largest number."""
+    """Magnitude of the word's number; if a file uses the word several times, the warning shows the largest number."""
 
 
 ROTOR = ("motorInertia", "motor_inertia", "rotor_inertia", "rotorInertia")

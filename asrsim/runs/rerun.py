@@ -201,7 +201,7 @@ def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
         if not parts or ".." in parts or PurePosixPath(name).is_absolute():
             continue
         path = folder.joinpath(*parts)
-        with suppress(OSError, ValueError):  # impossible names; the scenario then lacks the file
+        with suppress(OSError, ValueError):  # the system may not allow the name; the scenario then lacks the file
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             files[name] = path

@@ -7,7 +7,8 @@ from contextlib import contextmanager
 from pathlib import PurePath, PurePosixPath
 
 from asrsim.actuators import ACTUATORS
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, folded
+from asrsim.quantities import QUANTITIES
 from asrsim.registry import Registry
 from asrsim.samples import JointInfo
 from asrsim.scenario.load import PLUGINS
@@ -34,6 +35,18 @@ def advising(attachments: Iterable[str]) -> Iterator[None]:
         if missing := missing_plugins(attachments):
             error.add_note(advice(missing))
         raise
+
+
+def unknown_quantities(
+    joints: Iterable[JointInfo], attachments: Iterable[str], wanted: Sequence[str] | None = None
+) -> list[Problem]:
+    """A note on the quantities of a run that are unknown here: their units are unknown. wanted: only these quantities."""
+    unknown = (name for joint in joints for name in joint.quantities if name not in QUANTITIES)
+    names = dict.fromkeys(name for name in unknown if wanted is None or name in wanted)
+    if not names:
+        return []
+    message = f"the units of quantities are not known here: {', '.join(folded(tuple(names)))}"
+    return [Problem(message, hint=advice(missing_plugins(attachments)) or None, code="quantity-not-here")]
 
 
 def unknown_actuators(joints: Iterable[JointInfo], attachments: Iterable[str]) -> list[Problem]:

@@ -27,8 +27,8 @@ from asrsim.document.kinds import (
 )
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
-from asrsim.registry.engines import ENGINES, default_engine
-from asrsim.registry.steppings import STEPPINGS
+from asrsim.registry.engines import ENGINES, OWN_ENGINES, default_engine
+from asrsim.registry.steppings import OWN_STEPPINGS, STEPPINGS
 from asrsim.robot.model import Vector
 from asrsim.samples import Array, grid
 from asrsim.scenario.expectation import Expectation
@@ -176,7 +176,7 @@ class Scenario:
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
-        Either((Null("auto"), Choice(ENGINES.names))),
+        Either((Null("auto"), Choice(ENGINES.names, missing=OWN_ENGINES))),
         default=None,
         shown="auto",
         field_default=default_engine,
@@ -184,7 +184,7 @@ class Scenario:
         "prescribed",
     )
     stepping: str = declare(
-        Choice(tuple(STEPPINGS)),
+        Choice(tuple(STEPPINGS), missing=OWN_STEPPINGS),
         default="leapfrog",
         doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
     )

@@ -90,7 +90,7 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for joint in robot.moving_joints:
         low, high = joint.stops
         if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
-            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop throws it back"
+            message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop pushes it back"
             hint = f"Set its start under `initial`, for example to {low if low > 0.0 else high:g}"
             yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
@@ -195,7 +195,7 @@ def _hidden_jumps(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     for key, signal in signals_of(scenario):
         time = hidden_jump(scenario, signal)
         if time is not None:
-            message = "jumps where its `jumps` names no jump: errors of the run are of first order in the step there"
+            message = "jumps at a time that its `jumps` does not return: errors of the run are of first order in the step there"
             hint = "Return the times of jumps from `jumps(start, end)` of the signal's class"
             yield Problem(message, key=key, value=f"{time:.9g} s", hint=hint, code="hidden-jump")
 
@@ -211,7 +211,7 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
             if name not in own and name not in common and not scenario.computes_reference(block.joint):
-                message = f"joint '{block.joint}' has no {name}, so this reference stays at its start"
+                message = f"joint '{block.joint}' has no {name}, so this reference keeps its start value"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 

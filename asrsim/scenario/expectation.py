@@ -18,7 +18,7 @@ from asrsim.document.kinds import (
 )
 from asrsim.errors import ScenarioError
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.registry.engines import ENGINES
+from asrsim.registry.engines import ENGINES, OWN_ENGINES
 from asrsim.scenario.kinds import JOINT, AnyData
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
@@ -37,7 +37,7 @@ class Expectation:
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
     variant: str | None = declare(Text(text="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Choice(ENGINES.names),
+        Choice(ENGINES.names, missing=OWN_ENGINES),
         default=None,
         doc="the engine of the claim, as engines differ in accuracy",
         shown="all",
@@ -64,4 +64,6 @@ class Expectation:
             if self.joint is not None and name is not None and name not in known:
                 raise ScenarioError("no such quantity", key=key, choices=known, meant=name, code="unknown-quantity")
         if self.reference is not None and (self.body is not None or self.against is not None):
-            raise ScenarioError("needs the key joint, and excludes the key `against`", key="reference", code="expect")
+            raise ScenarioError(
+                "requires the key `joint`, and is not allowed with the key `against`", key="reference", code="expect"
+            )

@@ -107,14 +107,14 @@ class RangeOf(ListOf[float]):
 _MOTORS = ListOf(of=NUMBER, minimum=1)
 START: Block[Keys] = Block(
     keys=(
-        Key(name="position", kind=NUMBER, default=None, unit="rad", doc="of the link", shown="0"),
-        Key(name="velocity", kind=NUMBER, default=None, unit="rad/s", doc="of the link", shown="0"),
+        Key(name="position", kind=NUMBER, default=None, unit="rad", doc="position of the link", shown="0"),
+        Key(name="velocity", kind=NUMBER, default=None, unit="rad/s", doc="velocity of the link", shown="0"),
         Key(
             name="motor_positions",
             kind=_MOTORS,
             default=None,
             unit="rad",
-            doc="of each motor, on the link side of its gear",
+            doc="positions of the motors, on the link side of their gears",
             shown="position of the link, so that springs are undeflected",
         ),
         Key(
@@ -122,7 +122,7 @@ START: Block[Keys] = Block(
             kind=_MOTORS,
             default=None,
             unit="rad/s",
-            doc="of each motor, on the link side of its gear",
+            doc="velocities of the motors, on the link side of their gears",
             shown="at rest",
         ),
     ),

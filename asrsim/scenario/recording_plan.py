@@ -16,16 +16,13 @@ from asrsim.recordings.suspicions import condense, gear_between
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.values import overridden
+from asrsim.samples import is_staircase
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
 LATEST, SOON = 1.0, 0.05
 """Latest start of a recording on its clock, s: if the scenario commands a joint, and if it commands none. A recording that
 starts later, or before 0, is shifted to 0. Samples up to the time `SOON` show the initial state.
-"""
-STAIRS = 0.5
-"""Fraction of changes that directly follow another change. Commands below this fraction are piecewise constant, others
-smooth.
 """
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Recorded quantity that is the command in each mode if no column is called a command."""
@@ -122,7 +119,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         torques = [column.source for (_, quantity), column in columns.items() if quantity == "link_torque"]
         remarks.append(
             "no joint has an actuator, and no command was recorded: the robot swings from its first recorded position"
-            + (f". If '{torques[0]}' drives it, play it: --actuator sea --mode 0" if torques else "")
+            + (f". If the torque '{torques[0]}' drives the robot, play this torque: --actuator sea --mode 0" if torques else "")
         )
     sources = {one.column.source for one in played}
     by_scenario = idle is not None and len({one.joint for one in played if one.slot == 0}) < len(robot.actuators)
@@ -197,7 +194,7 @@ def _command(
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played instead")
         return column
     if idle is None and any(joint == block.joint for joint, _ in columns):
-        remarks.append(f"{block.joint}: no column is its command; it stays at its start")
+        remarks.append(f"{block.joint}: no column is its command; its reference keeps the start value")
     return None
 
 
@@ -249,9 +246,8 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
 
 
 def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:
-    changes = np.diff(column.values[np.isfinite(column.values)]) != 0.0
-    following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
-    return PlayedRecording(joint=joint, slot=slot, column=column, hold=following < STAIRS)
+    hold = is_staircase(column.values[np.isfinite(column.values)])
+    return PlayedRecording(joint=joint, slot=slot, column=column, hold=hold)
 
 
 def _initial(
@@ -309,7 +305,7 @@ def _no_command(recording: Recording, robot: Robot, undriven: Sequence[str]) -> 
     """Error for a recording without a command. undriven: joints without actuator whose command was recorded."""
     if undriven:
         return RecordingError(
-            f"it has a command for {', '.join(undriven)}, which has no actuator in the robot",
+            f"the recording has a command for {', '.join(undriven)}, but the robot has no actuator there",
             file=recording.path,
             hint=f"Add an actuator: --actuator {undriven[0]}=NAME",
             choices=ACTUATORS.names(),

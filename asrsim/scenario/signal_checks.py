@@ -82,7 +82,7 @@ def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
         change = last - first
         off = np.abs(between - first - inside[smooth] * change).max(initial=0.0)
         if 2.0 * off > np.abs(change).max(initial=0.0) + ROUNDING * np.abs(first).max(initial=0.0):
-            message = f"changes faster than the substeps of {length:g} s sample it: the robot follows a slower motion"
+            message = f"changes too fast for substeps of {length:g} s: the robot follows a slower motion"
             hint = "Lower the frequency or the step"
             yield scenario.placed(Problem(message, key=key, hint=hint, code="undersampled"))
 

@@ -38,8 +38,8 @@ class Wrench:
     """Force and torque on a link, given by signals."""
 
     link: str = declare(LINK, doc="the link on which the wrench acts")
-    force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal for each axis, `null` for none", shown="none")
-    torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal for each axis, `null` for none", shown="none")
+    force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal for each axis; `null`: 0", shown="none")
+    torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal for each axis; `null`: 0", shown="none")
     point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
     frame: str = declare(Choice(("world", "link")), default="world", doc="frame of force and torque")
 

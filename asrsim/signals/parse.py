@@ -8,7 +8,7 @@ from asrsim.document.block import Block, declared_keys
 from asrsim.document.kinds import Key, Kind, Schema, attempt, unit_hint
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
-from asrsim.errors import ScenarioError
+from asrsim.errors import ScenarioError, did_you_mean
 from asrsim.signals.base import SIGNALS, Signal
 from asrsim.signals.pieces import Constant
 
@@ -45,7 +45,7 @@ class SignalKind(Kind[Signal]):
                 f"'{kind}' is not a kind of signal",
                 line=node.key_line(kind),
                 choices=SIGNALS.names(),
-                meant=kind,
+                hint=did_you_mean(kind, SIGNALS.names()) or "Your own signals need --plugin FILE",
                 code="unknown-signal",
                 show=False,
             )

@@ -31,7 +31,7 @@ class Sinusoid(Signal):
     def __post_init__(self) -> None:
         given = [self.frequency, self.angular_frequency].count(None)
         require(given != 2, "needs the key frequency (Hz) or angular_frequency (rad/s)", key="")
-        require(given != 0, "excludes the key frequency: give one of both", key="angular_frequency")
+        require(given != 0, "is not allowed with the key frequency: give one of the two", key="angular_frequency")
 
     @property
     def omega(self) -> float:

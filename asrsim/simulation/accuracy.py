@@ -205,13 +205,13 @@ def cross_check(
             sensitivity = float(_differences(own, _nudged(own), "sensitivity", progress)[:, 0].max())
         if difference[worst] <= SENSITIVE * sensitivity:
             note = (
-                f"the motion amplifies small differences: moved by {NUDGE:g} rad at the start, {scenario.engine} differs from "
-                f"itself by {sensitivity:.2g} rad, so that the difference from {other} shows no fault of an engine"
+                f"the motion amplifies small differences: a start that is moved by {NUDGE:g} rad changes the run in "
+                f"{scenario.engine} by {sensitivity:.2g} rad, so the difference from {other} is not a fault of an engine"
             )
         else:
             finding = (
-                f"joint '{names[worst]}': {scenario.engine} and {other} differ by {difference[worst]:.2g} rad though nothing "
-                f"touches (rounding explains at most {LIMIT:g} rad): one of them is wrong"
+                f"joint '{names[worst]}': {scenario.engine} and {other} differ by {difference[worst]:.2g} rad although no "
+                f"bodies touch (rounding explains at most {LIMIT:g} rad): one of the engines is wrong"
             )
     values = {name: map(finite_or_none, row) for name, row in zip(names, found.tolist(), strict=True)}
     joints = {name: dict(zip(MEASURES, row, strict=True)) for name, row in values.items()}

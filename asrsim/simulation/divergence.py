@@ -7,6 +7,7 @@ but is wrong.
 from __future__ import annotations
 
 from asrsim.errors import DivergenceError
+from asrsim.registry.engines import ENGINES
 from asrsim.samples import Array
 from asrsim.simulation.fields import JOINT
 from asrsim.simulation.ledger import SHARE
@@ -28,6 +29,12 @@ def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceErr
     return DivergenceError(f"joint '{joint}' diverged at t = {time:.4f} s: {what}; {cause}", joint=joint, time=time)
 
 
+def _knows_masses(prepared: Prepared) -> bool:
+    """Whether the model has the masses and forces of the engine: those of the robot's file, or of the engine's equations."""
+    model = prepared.model
+    return model is not None and (not model.of_file or ENGINES.get(prepared.scenario.engine).masses_of_file)
+
+
 class EnergyGuard:
     """Checks the energy balances of the links and of each actuator.
 
@@ -43,7 +50,7 @@ class EnergyGuard:
         self._active = model is not None and not prepared.stepping.released
         # The energy balance of the links ignores the work of contacts and wrenches.
         alone = scenario.world.empty and scenario.fixed_base and not scenario.wrenches
-        self._model = model if self._active and alone else None
+        self._model = model if self._active and alone and _knows_masses(prepared) else None
         self._start = self._fastest = 0.0
         if self._model is not None:
             self._start = float(self._model.energy(prepared.initial_positions, prepared.initial_velocities))

@@ -8,6 +8,7 @@ from asrsim.engines import ENGINES
 from asrsim.engines.base import MEMBERS, Engine
 from asrsim.errors import Problem, SimulationError
 from asrsim.registry import result_fault
+from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
 
@@ -38,3 +39,13 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         engine.close()
         raise SimulationError(f"the engine '{scenario.engine}' takes no wrenches: the scenario's would have no effect")
     return engine, warnings
+
+
+def model_of_engine(engine: Engine, model: RobotModel, scenario: Scenario, robot: Robot) -> RobotModel:
+    """Model with the engine's own equations, if it declares them; else `model`, with the masses of the robot's file."""
+    if ENGINES.get(scenario.engine).masses_of_file:
+        return model
+    # Imported only here: the engines of asrsim do not need it.
+    from asrsim.engines.equations import EquationEngine, EquationModel
+
+    return EquationModel(engine, scenario, robot) if isinstance(engine, EquationEngine) else model

@@ -66,7 +66,7 @@ class MotorState:
     kick_parallel: float = value("torque of the stages parallel to the spring at the kick", "N m")
     last_kick_parallel: float = value("torque of the stages parallel to the spring at the previous kick", "N m")
     ground: float = value("torque of the stages between motor and ground", "N m")
-    kick: Kick = record(Kick, "what the stages see of the kick")
+    kick: Kick = record(Kick, "inputs of the stages' laws at the kick")
     limit: float = value("largest torque of the motor, for joints with stages", "N m")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
     read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")

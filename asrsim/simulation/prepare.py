@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from asrsim.engines import ENGINES
-from asrsim.errors import InputError
+from asrsim.engines import ENGINES, Engine
+from asrsim.errors import InputError, Problem
 from asrsim.plugins import blame_plugins
 from asrsim.robot.model import Robot
 from asrsim.scenario.data import Scenario
@@ -16,7 +16,7 @@ from asrsim.scenario.overrides import Overrides
 from asrsim.scenario.signal_checks import undersampled
 from asrsim.simulation.description import describe
 from asrsim.simulation.drives import ranges_of, with_sensors
-from asrsim.simulation.engine import WARP, make_engine
+from asrsim.simulation.engine import WARP, make_engine, model_of_engine
 from asrsim.simulation.equilibrium import at_equilibrium
 from asrsim.simulation.examine import Plan, examine
 from asrsim.simulation.inertia import masses_at_start
@@ -78,7 +78,19 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
     whether callers may set all references within the limits of the robot; the scenario then gets these limits as
     `reference_ranges`.
     """
-    planned, drives = plan.scenario, plan.drives
+    engine, warnings = make_engine(plan.scenario, plan.robot)
+    try:
+        return _built(plan, engine, warnings, settable=settable)
+    except BaseException:
+        engine.close()
+        raise
+
+
+def _built(plan: Plan, engine: Engine, warnings: tuple[Problem, ...], *, settable: bool) -> Prepared:
+    """The plan, built with this engine and its warnings; see `build`."""
+    planned, drives, model, masses = plan.scenario, plan.drives, plan.model, None
+    if model is not None:
+        model = model_of_engine(engine, model, planned, plan.robot)
     if settable:
         # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
         ranges = {
@@ -90,20 +102,13 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
         # Imported only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
 
-        planned = plan_references(planned, plan.robot)
-    model, masses = plan.model, None
+        planned = plan_references(planned, plan.robot, model)
     if model is not None:
         if planned.initial_equilibrium:
             drives = at_equilibrium(planned, drives, model)
         masses = masses_at_start(drives, model)
     resolution = resolution_of(planned, drives, model)
     drives = with_sensors(drives, planned, planned.step / resolution.substeps)
-    engine, engine_warnings = make_engine(planned, plan.robot)
-    try:
-        info = describe(planned, plan, drives, resolution, engine.version)
-    except BaseException:
-        engine.close()
-        raise
     return Prepared(
         plan=plan,
         scenario=planned,
@@ -111,11 +116,11 @@ def build(plan: Plan, *, settable: bool = False) -> Prepared:
         stepping=plan.stepping,
         drives=drives,
         resolution=resolution,
-        info=info,
+        info=describe(planned, plan, drives, resolution, engine.version),
         model=model,
         warnings=(
             *plan.warnings,
-            *engine_warnings,
+            *warnings,
             *undersampled(planned, resolution.substeps),
             *resonance_doubts(planned, drives, masses, resolution),
         ),

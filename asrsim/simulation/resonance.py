@@ -50,8 +50,8 @@ def resonance_doubts(
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
     message = (
         f"its resonance at {frequencies[worst] / math.tau:.3g} Hz has omega h = {frequencies[worst] * h:.2g} with "
-        f"{counted(resolution.substeps, 'substep')}: an oscillation without friction is {errors[worst]:.2g} rad "
-        f"ahead after {times[worst]:.2g} s, {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of its amplitude"
+        f"{counted(resolution.substeps, 'substep')}: without friction, its phase is {errors[worst]:.2g} rad ahead after "
+        f"{times[worst]:.2g} s, an error of {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of the amplitude"
     )
     hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"
     yield Problem(message, key=names[int(np.argmax(share))], hint=hint, code="resonance")

@@ -77,8 +77,8 @@ def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float)
 
 
 def _velocity_at(memory: Any, ring: int, size: int, lag: float, time: float) -> float:
-    """Velocity in rad/s at a time in substeps after the present one, on straight lines through the stored velocities, which
-    belong to times `lag` substeps before those of the positions.
+    """Velocity in rad/s at a time in substeps after the present one, interpolated linearly. A velocity is valid `lag` substeps
+    before the position that is stored with it.
     """
     newest = int(memory[ring + 2 * size])
     back = int(max(-time - lag, 0.0))

@@ -31,7 +31,7 @@ from asrsim.warping.program import loaded_warp
 INERTIALS = ("body_mass", "body_subtreemass", "body_inertia", "body_ipos", "body_iquat", "body_invweight0", "dof_invweight0")
 """Fields of a model that follow from the inertials of the links."""
 NO_STOP = 1e6
-"""Position of a stop that does not exist, rad or m."""
+"""Position that stands for a missing stop, rad or m."""
 
 
 class WarpCore(Core):
@@ -44,7 +44,9 @@ class WarpCore(Core):
         wp = self._wp = loaded_warp()
         self._mjw: Any = import_module("mujoco_warp")
         if not isinstance(engine, MujocoEngine):
-            raise InputError("only links in MuJoCo can move on Warp", key="engine", hint="engine: mujoco", code="warp")
+            raise InputError(
+                "Warp can only simulate robots with the engine 'mujoco'", key="engine", hint="engine: mujoco", code="warp"
+            )
         _check(prepared)
         try:
             self._device = wp.get_device(device)

@@ -31,8 +31,8 @@ from asrsim.simulation.layout import TASK
 from asrsim.simulation.shape import RowShape
 from asrsim.simulation.staged import Composed, StageAccess, compose
 from asrsim.warping import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpProgram
-from asrsim.warping.kinds import number_as
 from asrsim.warping.translate import Call, Translation
+from asrsim.warping.values import number_as
 
 LOAD, ARMATURE, FRICTION, FRACTION = range(4)
 """Columns of the loads of a joint: torque in N m, inertia in kg m^2 by which implicit damping acts, friction in N m, length of

@@ -297,7 +297,7 @@ class Worlds:
         """Set worlds to their states in a snapshot. Raises InputError for a snapshot of other worlds."""
         self.check_open()
         if snapshot.owner is not self._owner:
-            message = "is a snapshot of another simulation, or of this one with other parameters"
+            message = "is a snapshot of another simulation, or of this simulation with other parameters"
             raise InputError(message, key="snapshot", code="snapshot")
         for number, (world, state) in snapshot.states.items():
             self._note(number, world)
@@ -478,7 +478,7 @@ class Worlds:
             numbers = given.astype(np.int64).reshape(-1)
             if len({number for number in numbers.tolist() if 0 <= number < self.count}) == len(numbers):
                 return numbers
-        message = f"are different numbers from 0 to {self.count - 1}, or a mask of {self.count}"
+        message = f"must be different numbers from 0 to {self.count - 1}, or a mask of {self.count} flags"
         raise InputError(message, key="worlds", value=worlds, code="worlds")
 
     def _check_adaptive(self) -> None:

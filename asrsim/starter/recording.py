@@ -371,8 +371,8 @@ def _delays(plan: RecordingPlan) -> list[str]:
 
 
 def _zeros(plan: RecordingPlan) -> Iterator[str]:
-    """Keys for the zeros of torques, voltages and currents: each amplifier has an unknown one, which a joint that nothing holds
-    integrates twice.
+    """Keys for the zeros of torques, voltages and currents. Each amplifier has an unknown zero. If no spring or controller
+    holds the joint, its effect on the position grows with the square of the time.
     """
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:

@@ -408,7 +408,7 @@ def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: b
         verb, them = ("exists", "it") if len(present) == 1 else ("exist", "them")
         raise OutputError(f"{listed(present, 3)} {verb}: use --overwrite to replace {them}, or --out to choose another file")
     with ExitStack() as stack:
-        # Each file replaces an older one when the block ends, so none does if one cannot be written.
+        # The files replace older files when the block ends, so no file is replaced if one cannot be written.
         for path, text in files.items():
             make_folder(path.parent)
             stack.enter_context(written(path, "schema", replace=force)).write(text.encode())

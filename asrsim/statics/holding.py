@@ -44,7 +44,7 @@ SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
 SHORT = 0.01
-"""Travel below which a joint counts as one that cannot move, as a fraction of the scale of its kind."""
+"""Travel below which a joint counts as fixed, as a fraction of the usual scale: 1 rad, or `SLIDING` for a prismatic joint."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -143,7 +143,7 @@ def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf)
         # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
         stiffness = max(1.5 * weight / (ENOUGH * scale_of(robot.joint(block.joint))), moving)
         resolved = fastest**2 * lightest[block.joint] / max(present, 1e-9)
-        # The weight may need a faster joint, but none that a run cannot resolve.
+        # The weight may require a faster joint, up to the highest frequency that a run resolves.
         spring = min(max(stiffness / max(present, 1e-9), min(resolved, 1.0)), CARRYING**2 * resolved)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
         # The last term accelerates the link for a step of its reference at the lowest frequency.

@@ -12,7 +12,8 @@ import numpy as np
 from asrsim.errors import InputError, Problem, ScenarioError, listed
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
-from asrsim.metrics.expect import body_columns, holds, subject_of
+from asrsim.metrics.asked import measure_text
+from asrsim.metrics.expect import body_columns, holds, measure_options, subject_of
 from asrsim.recordings.align import SampleReader
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
@@ -143,7 +144,8 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
     for claim in claims:
         names = [claim.body] if claim.body is not None else []
         names += [joint.name for joint in _joints_of(claim, joints)]
-        found += [f"{name} {claim.quantity}: {claim.measure} {claim.comparison} {claim.value:g}" for name in names]
+        what = measure_text(claim.measure, measure_options(claim))
+        found += [f"{name} {claim.quantity}: {what} {claim.comparison} {claim.value:g}" for name in names]
     return found
 
 

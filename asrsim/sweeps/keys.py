@@ -184,14 +184,14 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
     elif parts[0] == "parameters" and len(parts) > 2:
         found = [name for name in found if parts[2] in blocks[name].names]
     if not found:
-        message = "matches no joint with such a number" if driven else "matches no joint"
+        message = "matches no joint that has this reference or parameter" if driven else "matches no joint"
         raise InputError(message, key=key, choices=names, code="sweep-nothing")
     texts = (".".join(f'"{part}"' if "." in part else part for part in (*parts[:place], n, *parts[place + 1 :])) for n in found)
     return tuple(texts)
 
 
 def _no_effect(key: str, joint: str) -> Problem:
-    message = "changes nothing: the joint has no such number in its mode"
+    message = "changes nothing: the joint does not have it in its operation mode"
     if joint == "*":
         message = "changes nothing: no joint has it, or each joint has a separate entry, which replaces the entry '*'"
     return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")

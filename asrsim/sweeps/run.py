@@ -11,7 +11,7 @@ from typing import Any
 
 from asrsim import __version__
 from asrsim.engines.libraries import numeric_versions
-from asrsim.errors import InputError, Problem, SimulationError
+from asrsim.errors import InputError, SimulationError
 from asrsim.extras import library
 from asrsim.plugins import check_named
 from asrsim.progress import Progress, Stop
@@ -80,7 +80,7 @@ def sweep(
     # Report a missing library before preparing the study, which takes seconds.
     library("pyarrow", "sweep")
     if workers is not None and workers < 1:
-        raise SimulationError(str(Problem("must be at least 1", key="workers", value=workers)))
+        raise InputError("must be at least 1", key="workers", value=workers, code="workers")
     payload = make_payload(study_of(scenario, over, options))
     temporary = None
     if out is None:

@@ -74,11 +74,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError("was changed after asrsim wrote it: the checksum differs", file=path, hint=NEW_STUDY, code="no-study")
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
-        wrong = "a column is not a name, a kind and a unit"
+        wrong = "each column needs a name, a valid type and a unit"
     # A checksum can be forged, so the contents are also checked.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    # Folders keep the old names forever.
+    # Folders written by earlier versions use earlier names of some keys.
     return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 

@@ -55,7 +55,7 @@ def axis_of(name: str, value: Any) -> Axis:
 
 
 def present_name(name: str) -> str:
-    """Name of an axis with the present names of its keys; warns of old ones."""
+    """Name of an axis with the current names of its keys. An old name causes a warning."""
     return " & ".join(new_key(part.strip()) for part in name.split("&"))
 
 

@@ -184,13 +184,13 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
     for drive in ready.drives:
         for slot, reference in enumerate(drive.acting_references):
             if (one := played.get((drive.name, slot))) is None:
-                notes.append(f"{drive.name}: no command {reference} is recorded, so it follows the scenario")
+                notes.append(f"{drive.name}: no command {reference} is recorded, so this reference follows the scenario")
                 continue
             good = np.isfinite(one.column.values)
             stamps, values = one.column.time[good], one.column.values[good]
             if stamps[0] > time[-1] or stamps[-1] < time[0]:
                 text = f"{stamps[0]:g} to {stamps[-1]:g} s, does not overlap the positions, {time[0]:g} to {time[-1]:g} s"
-                notes.append(f"{drive.name}: its command {reference}, {text}, so it follows the scenario")
+                notes.append(f"{drive.name}: its command {reference}, {text}, so this reference follows the scenario")
                 continue
             if one.hold:
                 # Two samples at each time: the values before and after the jump.

@@ -61,7 +61,7 @@ class AlarmLimits(NamedTuple):
     tolerance: float
     """Tolerated error of the model as a fraction of the springs' largest recent torque, after the error was estimated."""
     unlearned: float
-    """Tolerated error of the model, as such a fraction, before the error was estimated."""
+    """Like `tolerance`, before the error was estimated."""
     friction: float
     """Multiple of the friction that is tolerated while the link moves."""
     sticking: float
@@ -188,7 +188,7 @@ def judge(
     the model (n,), N m; external: torques (2, n) after both filters, N m; ready: whether alarms are raised; error: of the
     twin's positions (n,); alarm: of the last step on entry; found: receives external torques and thresholds (2, n), N m.
     """
-    deaf = False
+    too_noisy = False
     joints = len(alarm)
     for j in range(joints):
         spring = 0.0
@@ -207,10 +207,10 @@ def judge(
         threshold = math.hypot(limits.sigmas * t.noise[j], tolerated)
         least = threshold * limits.release if alarm[j] else threshold
         alarm[j] = abs(external[1, j]) > least and ready
-        deaf = deaf or (learned[j] and limits.sigmas * t.noise[j] > t.carried[j])
+        too_noisy = too_noisy or (learned[j] and limits.sigmas * t.noise[j] > t.carried[j])
         found[0, j] = external[0, j] if error[j] == error[j] else math.nan
         found[1, j] = threshold
-    return deaf
+    return too_noisy
 
 
 def _known(value: float) -> float:

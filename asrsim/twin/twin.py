@@ -264,13 +264,13 @@ class Twin:
         own, mismatch, ready = self._tables, self._mismatch, self._steps >= self._settled
         found, alarm = np.empty((2, len(error))), self._alarm.copy()
         rows = self.worlds.latest()
-        deaf = self._loops.judge(
+        too_noisy = self._loops.judge(
             own, self._limits, rows, self._springs, self._stiffness, mismatch.learned, self._friction, self._external, ready,
             error, alarm, found,
         )  # fmt: skip
         self._alarm = alarm
-        if deaf:
-            self._say_deaf(notes)
+        if too_noisy:
+            self._note_noise(notes)
         if ready and self._steps % self._every == 0:
             self._loops.learn(mismatch, own.rows[0], error, alarm)
         return TwinStep(
@@ -283,7 +283,7 @@ class Twin:
             notes=tuple(notes),
         )
 
-    def _say_deaf(self, notes: list[str]) -> None:
+    def _note_noise(self, notes: list[str]) -> None:
         """Note joints whose threshold, due to noise alone, exceeds the largest torque that their springs have carried in
         motion.
         """
@@ -291,9 +291,9 @@ class Twin:
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])
             self._note(
-                f"{self.joints[j]}: its threshold of {threshold[j]:.3g} exceeds the {self._tables.carried[j]:.3g} that its "
-                f"springs have carried: {noise:.2g} mrad (mm) of noise at {1.0 / self._step:.4g} Hz; take a smaller "
-                "bandwidth, or measure more often",
+                f"{self.joints[j]}: noise of {noise:.2g} mrad (mm) at {1.0 / self._step:.4g} Hz raises the alarm threshold "
+                f"to {threshold[j]:.3g}, above the largest torque of its springs so far, {self._tables.carried[j]:.3g}; choose "
+                "a smaller bandwidth, or measure more often",
                 notes,
             )
 

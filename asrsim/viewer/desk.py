@@ -77,7 +77,7 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """Kind of the next run, after a reset or a change: `variant` or `tuned`."""
+        """Arguments of the next run (`variant` or `tuned`) after a reset or a change; None while the present run continues."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
         """References that the user has set, and those that follow the scenario's signals again (None)."""
@@ -347,8 +347,8 @@ class Desk:
             self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
-        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into a field
-        changes the number that a user types there.
+        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into
+        a field would overwrite the number that a user types there.
         """
         for joint, text in self._present.items():
             parts = []

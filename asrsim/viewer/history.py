@@ -56,9 +56,7 @@ class History:
         return float(self._blocks[0].time[0]), float(self._latest.time[-1])
 
     def at(self, time: float) -> Samples | None:
-        """The sample nearest to a time in s; before the first and after the last sample, these are used. None without
-        samples.
-        """
+        """The sample nearest to a time in s; None without samples."""
         blocks = [block for block in tuple(self._blocks) if len(block.time)]
         if not blocks:
             return None

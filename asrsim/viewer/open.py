@@ -239,5 +239,5 @@ def _name_of(log: Path) -> str:
 
 
 def _open(span: tuple[float, float]) -> tuple[float, float]:
-    """Interval that contains both ends of a span."""
+    """Interval that is 1 s longer than a span on both sides, so that samples at its ends are inside."""
     return span[0] - 1.0, span[1] + 1.0

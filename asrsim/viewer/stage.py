@@ -50,7 +50,7 @@ LEAST = 1e-6
 
 @dataclass
 class Look:
-    """Choice of what the scene shows."""
+    """Choice of the parts that the scene shows."""
 
     equilibrium: bool = True
     forces: bool = True

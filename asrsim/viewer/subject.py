@@ -66,7 +66,7 @@ def logged(path: Path) -> Subject:
     samples = reader.read(stride=max(1, round(count / ROWS))).samples
     if not len(samples.time):
         raise LogError("the log contains no samples", file=path, code="empty-log")
-    name = Path(info.scenario_path).stem or info.robot
+    name = info.scenario_name or info.robot
     title = f"{name} / {info.variant}" if info.variant else name
     goal = samples.bodies.get("tip_goal")
     return Subject(

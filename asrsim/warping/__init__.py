@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from asrsim.warping.kinds import BOOL, FLOAT, INT, Row, TranslationError, Value, WarpKind
 from asrsim.warping.program import WarpProgram, warp_available
+from asrsim.warping.values import BOOL, FLOAT, INT, NumberType, Row, TranslationError, Value
 
-__all__ = ["BOOL", "FLOAT", "INT", "Row", "TranslationError", "Value", "WarpKind", "WarpProgram", "warp_available"]
+__all__ = ["BOOL", "FLOAT", "INT", "NumberType", "Row", "TranslationError", "Value", "WarpProgram", "warp_available"]

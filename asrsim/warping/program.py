@@ -10,8 +10,8 @@ from functools import cache
 from typing import Any
 
 from asrsim.extras import library
-from asrsim.warping.kinds import FLOAT, Group, Row, TranslationError, Value, number_as
 from asrsim.warping.translate import Call, Translation
+from asrsim.warping.values import FLOAT, Group, Row, TranslationError, Value, number_as
 
 
 def warp_available() -> bool:
@@ -30,13 +30,13 @@ def loaded_warp() -> Any:
 
 
 class WarpProgram:
-    """Translated functions, each once for each kind of its arguments, and the kernels that call them."""
+    """Translated functions, each once for each combination of argument types, and the kernels that call them."""
 
     def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
         """calls: translations of the calls of certain functions, in place of the translation of their source."""
         self._calls = dict(calls or {})
         self._done: dict[Any, tuple[str, Any]] = {}
-        """Name and kind of the result of each function, by function and kinds of the arguments."""
+        """Name of each translated function and type of its result, by function and types of the arguments."""
         self._texts: list[str] = []
         self._running: list[Any] = []
 
@@ -59,12 +59,12 @@ class WarpProgram:
             return found
         if not isinstance(function, types.FunctionType):
             raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
-        # The number of a row's values is passed on only where the callee needs it: as part of the kind.
+        # The type of a row contains the number of its values, which the callee may need.
         name, returned = self.function(function, [one.kind for one in given])
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
     def function(self, function: Any, kinds: Sequence[Any]) -> tuple[str, Any]:
-        """Name in Warp, and kind of the result, of a function for arguments of these kinds. Raises TranslationError."""
+        """Name in Warp, and type of the result, of a function for arguments of these types. Raises TranslationError."""
         key = function, tuple(kinds)
         if key not in self._done:
             if key in self._running:

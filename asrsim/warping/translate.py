@@ -1,8 +1,8 @@
 """Translation of one Python function of numbers and rows to the source of a Warp function.
 
-Warp is stricter than Python: an expression cannot mix numbers of different kinds (types), a variable keeps its kind, and
-constants that change in loops are declared. Kinds are therefore inferred from the arguments of the call, as in any compiler.
-The translation is repeated until the kinds of all variables no longer change.
+Warp is stricter than Python: an expression cannot mix numbers of different types, a variable keeps its type, and
+constants that change in loops are declared. Types are therefore inferred from the arguments of the call, as in any compiler.
+The translation is repeated until the types of all variables no longer change.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import types
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from asrsim.warping.kinds import (
+from asrsim.warping.values import (
     BOOL,
     FLOAT,
     INT,
@@ -38,7 +38,7 @@ OPERATORS: dict[type, str] = {
     ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "and", ast.Or: "or",
 }  # fmt: skip
 MOST_PASSES = 8
-"""Largest number of passes over a function until the kinds of its variables no longer change."""
+"""Largest number of passes over a function until the types of its variables no longer change."""
 Call = Callable[["Translation", list[Value]], Value]
 """Translation of the call of a function: a function of the translation of the caller and of the arguments."""
 
@@ -55,18 +55,18 @@ def source_of(function: Any) -> ast.FunctionDef:
 
 
 class Translation:
-    """The translation of a function for arguments of certain kinds."""
+    """The translation of a function for arguments of certain types."""
 
     def __init__(
         self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]
     ) -> None:
-        """name: name in Warp; kinds: kinds of the arguments; call: translates the call of another function."""
+        """name: name in Warp; kinds: types of the arguments; call: translates the call of another function."""
         self._function, self._call = function, call
         self._tree = source_of(function)
         self._names: dict[str, Any] = {}
-        """Kinds of the local names."""
+        """Types of the local names."""
         self.returned: Any = None
-        """Kind of the result; None without a result."""
+        """Type of the result; None without a result."""
         arguments = self._tree.args
         given = [*arguments.posonlyargs, *arguments.args]
         if arguments.vararg or arguments.kwarg or arguments.kwonlyargs or len(given) != len(kinds):
@@ -290,7 +290,7 @@ class Translation:
         """Translation of an expression. Calls of functions with several results are moved to lines before it."""
         method = getattr(self, f"_of_{type(node).__name__.lower()}", None)
         if method is None:
-            raise TranslationError(f"an expression of the kind {type(node).__name__} has no translation")
+            raise TranslationError(f"an expression of the type {type(node).__name__} has no translation")
         return method(node)  # type: ignore[no-any-return]
 
     def _of_constant(self, node: ast.Constant) -> Value:

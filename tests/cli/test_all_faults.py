@@ -3,10 +3,16 @@
 import json
 import random
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import asrsim
 from asrsim.cli.app import app
+from asrsim.errors import InputError
+from asrsim.identification import identify
+from asrsim.plots.job import PlotJob, plot
+from asrsim.simulation.start import Start
 
 LINK = '<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
 REQUIRED = "<pub_eltau>true</pub_eltau><pub_state>true</pub_state><sub_ext_tau>false</sub_ext_tau>"
@@ -103,3 +109,96 @@ def test_scenario_may_supply_the_motor_constants_of_a_mode(tmp_path):
     (tmp_path / "s.yaml").write_text(SCENARIO.replace("parameters:", f"parameters:\n  toe: {constants}"))
     outcome = CliRunner().invoke(app, ["check", str(tmp_path / "s.yaml")])
     assert outcome.exit_code == 0, outcome.stdout
+
+
+CALLS = {
+    # Each call has three faults, which its error names by these words.
+    "sweep": (
+        lambda tiny: asrsim.sweep(tiny.scenario, over={f"parameters.elbow.{name}": [1.0] for name in ("springg", "k", "R")}),
+        ("springg", "elbow.k", "elbow.R"),
+    ),
+    "values of a sweep": (
+        lambda tiny: asrsim.sweep(
+            tiny.scenario, over={"duration": [], "step": {"uniform": [2, 1]}, "gravity": {"normal": [0]}}
+        ),
+        ("duration", "step", "gravity"),
+    ),
+    "options of a sweep": (
+        lambda tiny: asrsim.sweep(tiny.scenario, over={"duration": [1], "duration & step": [1]}, samples=0, sampler="dice"),
+        ("duration", "samples", "sampler"),
+    ),
+    "free parameters": (
+        lambda tiny: identify(tiny.scenario, [table(tiny)], free=["elbow.springg", "elbow.damping=-1", "arm.weight"]),
+        ("elbow.springg", "elbow.damping", "arm.weight"),
+    ),
+    "recordings of a fit": (
+        lambda tiny: identify(tiny.scenario, [tiny.folder / f"{k}.csv" for k in "abc"], free=["elbow.damping"]),
+        ("a.csv", "b.csv", "c.csv"),
+    ),
+    "recordings of a plot": (
+        lambda tiny: plotted(tiny, experiments=tuple(str(tiny.folder / f"{k}.csv") for k in "abc")),
+        ("a.csv", "b.csv", "c.csv"),
+    ),
+    "measures of a plot": (
+        lambda tiny: plotted(tiny, experiments=(str(table(tiny)),), measures=("rmss", "peek", "displacement")),
+        ("rmss", "peek", "displacement"),
+    ),
+    "start of worlds": (
+        lambda tiny: rolled(tiny, positions={"elbo": 0.1, "elbow": np.inf}, velocities={"elbow": np.nan}),
+        ("initial.elbo", "initial.elbow", "velocities.elbow"),
+    ),
+    "series of worlds": (lambda tiny: rolled(tiny, names=["a", "link_position", "b", "c"]), ("'a'", "'b'", "'c'")),
+    "options of an environment": (
+        lambda tiny: asrsim.make_env(tiny.scenario, control_rat=10.0, tip=3, pixels="many"),
+        ("control_rat", "tip", "pixels"),
+    ),
+    "observations": (
+        lambda tiny: asrsim.make_env(tiny.scenario, observe=["a", "link_position", "b"], tip=("hand", (0, 0, 0))),
+        ("'a'", "'b'", "'hand'"),
+    ),
+    "random values": (
+        lambda tiny: asrsim.make_env(tiny.scenario, randomise={"duration": [1.0], "step": [1e-3], "seed": [1]}),
+        ("duration", "step", "seed"),
+    ),
+    "laws of random values": (
+        lambda tiny: asrsim.make_env(
+            tiny.scenario,
+            randomise={f"parameters.elbow.{name}": [np.nan] for name in ("spring_stiffness", "damping", "friction")},
+        ),
+        ("spring_stiffness", "damping", "friction"),
+    ),
+    "parameters of a scenario": (
+        lambda tiny: asrsim.prepare(
+            asrsim.make_scenario(tiny.robot, duration=1.0, parameters={"elbow": {"k": 1, "spring_k": -1, "R": 2}})
+        ),
+        ("elbow.k", "elbow.spring_k", "elbow.R"),
+    ),
+}
+
+
+def table(tiny):
+    time = np.linspace(0.0, 1.0, 101)
+    path = tiny.folder / "table.csv"
+    columns = np.column_stack([time, 0.1 * np.sin(6.0 * time)])
+    np.savetxt(path, columns, delimiter=",", header="time [s],elbow.link_position [rad]", comments="")
+    return path
+
+
+def plotted(tiny, **options):
+    asrsim.run(tiny.scenario, overrides=["duration=0.1", "compiled=false"], out=tiny.folder / "out")
+    plot(PlotJob(logs=(tiny.folder / "out" / "log.mcap",), folder=tiny.folder / "plots", **options))
+
+
+def rolled(tiny, names=("link_position",), **start):
+    with asrsim.Worlds(asrsim.load_scenario(tiny.scenario)[0], 1) as worlds:
+        worlds.rollout(names, start=[Start(**start)])
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_function_of_the_library_names_all_faults_of_its_arguments(call, tiny):
+    function, words = CALLS[call]
+    with pytest.raises(InputError) as caught:
+        function(tiny)
+    told = [str(problem) for problem in caught.value.problems]
+    assert [word for word in words if not any(word in text for text in told)] == []
+    assert len(told) == len(words), told

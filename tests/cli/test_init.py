@@ -163,7 +163,7 @@ def test_a_spring_that_overflows_at_rest_is_an_error(tmp_path):
     robot.write_text(plain.replace("<pub_eltau>", "<spring_a1>2000</spring_a1><pub_eltau>"))
     write_starter(robot, tmp_path / "s.yaml")
     robot.write_text(plain.replace("<pub_eltau>", "<spring_a1>5000</spring_a1><pub_eltau>"))
-    with pytest.raises(ScenarioError, match=r"arm\.urdf:.*cannot be worked out"):
+    with pytest.raises(ScenarioError, match=r"arm\.urdf:.*cannot be computed"):
         write_starter(robot, tmp_path / "t.yaml")
 
 

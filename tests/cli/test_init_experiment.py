@@ -282,7 +282,7 @@ class TestRealRecordings:
 
 
 def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path):
-    with pytest.raises(RecordingError, match=r"a command for shoulder, which has no actuator.*--actuator shoulder=NAME"):
+    with pytest.raises(RecordingError, match=r"a command for shoulder, but .* no actuator there.*--actuator shoulder=NAME"):
         make(tmp_path, lab(tmp_path), "plain_arm")
     for unit, mode in (("rad", 6), ("V", 7)):
         experiment = lab(tmp_path, header="time,q1,u,current")

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from asrsim.cli.interrupt import Interruption
 from asrsim.cli.options import lag_of
 from asrsim.designs import design
 from asrsim.errors import InputError
@@ -77,6 +78,39 @@ def test_options_reach_the_library(function, monkeypatch, asrsim_command):
     done = asrsim_command(*line.split())
     plain = json.loads(json.dumps(passed, default=str))
     assert {name: plain.get(name) for name in expected} == expected, done.err
+
+
+LASTING = {
+    "asrsim.runs.execute.execute": "run step.yaml",
+    "asrsim.runs.rerun.rerun": "rerun out",
+    "asrsim.learning.session.learn": "ilc step.yaml",
+    "asrsim.sweeps.sweep": "sweep step.yaml --over parameters.elbow.spring_k=8:12:3",
+    "asrsim.identification.identify": "identify step.yaml -e lab.csv --free elbow.damping",
+    "asrsim.designs.run.design": CALLS["asrsim.designs.run.design"][0],
+    "asrsim.twin.follow.follow_recording": CALLS["asrsim.twin.follow.follow_recording"][0],
+}
+"""Function that may take long, and the command that calls it."""
+
+
+@pytest.mark.parametrize("function", LASTING)
+def test_a_command_that_lasts_shows_its_progress_and_ends_by_ctrl_c(function, tiny, monkeypatch, asrsim_command):
+    learned = "ilc: {trajectory: {elbow: {minimum_jerk: {duration: 1, to: 0.3}}}, tolerance: 1}"
+    tiny.scenario.write_text(f"{tiny.scenario.read_text().replace('1.5', '1.0')}compiled: false\n{learned}\n")
+    (tiny.folder / "lab.csv").write_text("time,elbow_position\n0,0\n1,1\n")
+    if "rerun" in function:
+        asrsim_command("run", "step.yaml", "--set", "duration=0.01", "--no-plot", "--out", "out")
+    passed = {}
+
+    def receive(*given, **options):
+        passed.update(options)
+        raise InputError("received")
+
+    monkeypatch.setattr(function, receive)
+    done = asrsim_command(*LASTING[function].split())
+    assert "received" in done.err
+    assert passed["stop"].__func__ is Interruption.stop
+    assert passed["stop"]() is False
+    assert callable(passed.get("progress", passed.get("on_trial")))
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "asrsim" / "cli").glob("*.py")), ids=lambda path: path.stem)

@@ -208,4 +208,4 @@ def test_too_little_memory_is_said_in_words(tiny, asrsim_command, monkeypatch):
 
     monkeypatch.setattr("asrsim.simulation.examine.read_scenarios", exhausted)
     outcome = no_crash(asrsim_command("run", tiny.scenario))
-    assert (outcome.code, outcome.err) == (1, "asrsim: this needs more memory than there is\n")
+    assert (outcome.code, outcome.err) == (1, "asrsim: the command needs more memory than this machine has\n")

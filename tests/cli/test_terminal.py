@@ -76,6 +76,17 @@ def test_progress_shows_the_speed_since_the_start_of_the_loop(monkeypatch):
     assert shown == [(0.25, "2.00 of 8 s, 0.5 x real time")]
 
 
+def test_progress_of_further_runs_counts_from_their_first_report(monkeypatch):
+    """These runs began before their first report, at an unknown time."""
+    moments, shown = iter([0.0, 10.0, 14.0]), []
+    monkeypatch.setattr("asrsim.cli.progress.clock.perf_counter", lambda: next(moments))
+    bar = RunBar("arm", 8.0, show=False)
+    monkeypatch.setattr(bar, "draw", lambda *drawn: shown.append(drawn[1]))
+    bar.update(Progress(task="finer steps", time=0.5))
+    bar.update(Progress(task="finer steps", time=2.5))
+    assert shown == ["0.50 of 8 s", "2.50 of 8 s, 0.5 x real time"]
+
+
 def test_a_pipe_gets_a_line_of_progress_every_ten_seconds(monkeypatch, capsys):
     now = [0.0]
     monkeypatch.setattr("asrsim.cli.progress.clock.perf_counter", lambda: now[0])

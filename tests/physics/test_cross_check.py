@@ -57,7 +57,7 @@ def test_cross_check_finds_a_relative_error_of_one_millionth():
     scenario = example("step_2dof", "soft", engine="bullet", duration=1.0, gravity=(0.0, -9.81, 0.0))
     result = asrsim.run(scenario, certify=True)
     check = result.summary.cross_check
-    assert "one of them is wrong" in check["finding"]
+    assert "one of the engines is wrong" in check["finding"]
     assert not check["agrees"]
     assert not result.ok
     assert max(joint["position_max"] for joint in check["joints"].values()) > LIMIT

@@ -307,6 +307,27 @@ def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode, ri
         np.testing.assert_array_equal(values, runs[1].samples.values[name], err_msg=name)
 
 
+def test_of_several_stages_each_does_what_its_equation_says_of_the_motion():
+    """Losses and temperature that follow from the logged motion and torque in closed form, in a joint with all of them."""
+    found = Pendulum().simulated({name: value for name, value in ALL.items() if name != "backlash"})
+    step = np.diff(found.samples.time)
+    deflection = column(found, "motor_1_position") - column(found, "link_position")
+    slip = column(found, "motor_1_velocity") - column(found, "link_velocity")
+    burnt = np.cumsum(step * ALL["spring_damping"] * 0.5 * (slip[1:] ** 2 + slip[:-1] ** 2))
+    np.testing.assert_allclose(column(found, "damper_loss")[1:], burnt, rtol=0.02, atol=0.01 * burnt[-1])
+    heat = ALL["winding_heat"] * column(found, "motor_1_torque") ** 2
+    pull, warm, drag, rise = [0.0], [25.0], ALL["hysteresis_torque"], ALL["thermal_resistance"] * ALL["thermal_capacity"]
+    for moved, power, dt in zip(np.diff(deflection), 0.5 * (heat[:-1] + heat[1:]), step, strict=True):
+        end = np.sign(moved) * drag
+        pull.append(end + (pull[-1] - end) * np.exp(-abs(moved) / ALL["hysteresis_deflection"]))
+        warm.append(warm[-1] + dt * (ALL["thermal_resistance"] * power - (warm[-1] - 25.0)) / rise)
+    np.testing.assert_allclose(column(found, "motor_1_temperature"), warm, atol=0.02 * np.ptp(warm))
+    assert np.ptp(warm) > 5.0
+    work = np.cumsum(0.5 * (np.array(pull[1:]) + pull[:-1]) * np.diff(deflection))
+    stored = 0.5 * ALL["hysteresis_deflection"] * np.array(pull[1:]) ** 2 / drag
+    np.testing.assert_allclose(column(found, "hysteresis_loss")[1:], work - stored, atol=0.02 * work[-1])
+
+
 @pytest.mark.parametrize("compiled", [False, True])
 def test_worlds_with_and_without_a_stage_run_side_by_side(compiled):
     """A stage that a later start brings changes neither the worlds that run nor their snapshots."""

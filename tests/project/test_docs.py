@@ -1,5 +1,6 @@
 """Documentation and code agree: generated parts, snippets, links, commands, pictures."""
 
+import ast
 import importlib.util
 import re
 import shlex
@@ -9,6 +10,7 @@ from types import ModuleType
 import pytest
 
 import asrsim
+from asrsim import errors
 from asrsim.actuators import ACTUATORS
 from asrsim.engines import ENGINES
 from asrsim.exports import PROGRAMS
@@ -22,6 +24,7 @@ from asrsim.scenario.data import KEYS
 from asrsim.scenario.schema import schema_text
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
+from support.imports import SOURCES
 from support.paths import ROOT
 from validation.sections import SECTIONS
 
@@ -79,6 +82,28 @@ def test_every_key_signal_and_measure_is_documented():
     assert all(f"`{key.name}`" in parts["scenario-keys"] for key in KEYS)
     assert all(f"### {name}" in parts["signal-keys"] for name in SIGNALS)
     assert all(f"| `{name}` | " in parts["measures"] and len(MEASURES.get(name).doc) > 10 for name in MEASURES)
+
+
+def test_every_message_about_an_input_has_a_code():
+    """The page of messages lists them by code, and programs read it."""
+    kinds = {name for name, kind in vars(errors).items() if isinstance(kind, type) and issubclass(kind, errors.InputError)}
+    without = []
+    for path in SOURCES:
+        calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+        for call in calls:
+            name = getattr(call.func, "id", "")
+            # Other errors take problems, which have codes.
+            says = name == "Problem" or (name in kinds and call.args and is_text(call.args[0]))
+            if says and not {"code", None} & {keyword.arg for keyword in call.keywords}:
+                without.append(f"{path.relative_to(ROOT)}:{call.lineno}")
+    assert not without
+
+
+def is_text(node):
+    """Whether an argument is a message rather than problems: a text, or a variable that is called so."""
+    return (
+        isinstance(node, ast.JoinedStr) or isinstance(getattr(node, "value", None), str) or getattr(node, "id", "") == "message"
+    )
 
 
 def test_the_schema_is_current():

@@ -14,9 +14,11 @@ from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
 from asrsim.metrics.expect import check_expectation
+from asrsim.plots.curves import read_curves
+from asrsim.plots.figures import run_pages
 from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
-from asrsim.registry.steppings import Stepping
+from asrsim.registry.steppings import STEPPINGS, Stepping
 from asrsim.runs.rerun import rerun
 from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
@@ -58,7 +60,11 @@ def test_the_engine_moves_as_the_other_engines_do(own, asrsim_command, tmp_path)
     ("line", "wrong", "said"),
     [
         ("return [[self.inertia]]", "return [self.inertia]", "must have the shape (1, 1)"),
-        ("return [[self.inertia]]", "return [[-self.inertia]]", "not symmetric and positive definite (got"),
+        (
+            "return [[self.inertia]]",
+            "return [[-self.inertia]]",
+            "not symmetric and positive definite, at the positions [0.0] (got",
+        ),
         ("return [[self.inertia]]", "return [[self.inertia], []]", "must be arrays of numbers"),
         (
             "return [[self.inertia]]",
@@ -428,7 +434,7 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
             {"super().__init__(scenario, robot)\n        if len(self.joints) != 1:": "if False:"},
             "its `__init__` must call super().__init__",
         ),
-        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite (got"),
+        ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite, at the positions [0.0] (got"),
         ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite, at the positions"),
     ],
 )
@@ -533,7 +539,7 @@ def test_marks_by_which_no_file_would_be_found_are_refused(wrong, said):
 def test_a_parameter_cannot_have_the_name_of_a_number_of_the_joint(tmp_path):
     code = (EXAMPLES / "plugins" / "my_vsa.py").read_text()
     (tmp_path / "mine.py").write_text(code.replace('"linear"', '"damping"').replace('"my_vsa"', '"own_vsa"'))
-    with pytest.raises(ActuatorError, match=r"parameters\.damping: a joint has a number of this name"):
+    with pytest.raises(ActuatorError, match=r"parameters\.damping: a number of every joint has this name"):
         load_plugin_file(tmp_path / "mine.py")
 
 
@@ -548,7 +554,7 @@ LAW = "    @staticmethod\n    def "
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
         ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
-        ("def remember(", "def remembers(", "remembers: is no law; laws are place, torque"),
+        ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
         (
             'value("largest deflection so far", "rad", log="gauge_{}_reach")',
@@ -556,7 +562,7 @@ LAW = "    @staticmethod\n    def "
             r"Memory\.reach: must be declared by asrsim",
         ),
         ('log="gauge_{}_reach"', 'log="gauge_reach"', "must log 'gauge_reach' with {} for the number of the motor"),
-        (', log="gauge_{}_reach"', "", "quantities: has 'gauge_1_reach', which no number of the memory logs"),
+        (', log="gauge_{}_reach"', "", "quantities: has 'gauge_1_reach', but no value of `Memory` is logged"),
         ("gauge_{}_reach", "motor_{}_position", "must not have 'motor_1_position': another quantity has this name"),
         (
             f"{LAW}remember",
@@ -613,3 +619,84 @@ def test_the_data_of_a_command_may_be_undefined_numbers_and_arrays(capsys):
 def test_a_stepping_with_an_impossible_fraction_is_refused(wrong):
     with pytest.raises(InputError, match=f"stepping mine.{next(iter(wrong))}: must be from 0 to 1"):
         Stepping(name="mine", order=1, doc="mine", **wrong)
+
+
+@pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])
+def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path):
+    text = 'from asrsim.registry.steppings import *\nMINE = Stepping(name="mine", order=1, doc="mine")\n'
+    (tmp_path / "mine.py").write_text(text + attempt)
+    with pytest.raises(InputError, match=r"plugins cannot add a stepping .*docs/architecture\.md, 'A stepping of your own'"):
+        load_plugin_file(tmp_path / "mine.py")
+    assert "mine" not in STEPPINGS
+    assert "### A stepping of your own\n" in (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("engine: mine", "choose from auto, bullet, mujoco, bench.* Your own engines need --plugin FILE"),
+        ("references: {elbow: {equilibrium_position: {tremor: 1}}}", "choose from .* Your own signals need --plugin FILE"),
+        ("stepping: rk4", r"docs/architecture\.md, 'A stepping of your own'"),
+        ("substeps: 1.5", r"must be a whole number >= 1 \(got 1\.5\)\. Or write `auto`"),
+    ],
+)
+def test_a_name_of_a_users_own_part_is_refused_with_the_way_to_give_it(line, said, tiny, asrsim_command):
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{line}\n")
+    assert re.search(said, asrsim_command("check", tiny.scenario).out)
+
+
+def test_quantities_of_a_stage_share_axes_only_with_those_of_their_unit(tiny, asrsim_command, tmp_path):
+    place = 'log="gauge_{}_reach")\n'
+    span = '    span: float = value("reach in other words", "rad", log="gauge_{}_span")\n'
+    logged = '    quantities = (\n        *of_motors("gauge_{}_span", "rad", "$s_{}$", "reach", apart=True),\n'
+    code = METER.replace(place, place + span).replace("    quantities = (\n", logged)
+    (tmp_path / "mine.py").write_text(code)
+    before = STAGES.state()
+    named = ("--set", "name=mine", "--set", "parameters.elbow.gauge=1", "--set", "expect=[]", "--plugin", "mine.py")
+    done = asrsim_command("run", tiny.scenario, *named, "--no-plot", "--out", "run")
+    assert done.code == 0, done.err
+    (page,) = run_pages([read_curves(tmp_path / "run" / "log.mcap")], figures=("joints",))
+    assert page.figure.texts[0].get_text().split(" · ")[1] == "mine"
+    panels = {axes.get_ylabel(): axes for axes in page.figure.axes if "gauge" in axes.get_ylabel()}
+    assert list(panels) == ["gauge (rad)", "gauge (W)"]
+    drawn = panels["gauge (rad)"]
+    assert len({(line.get_color(), line.get_linestyle()) for line in drawn.lines}) == len(drawn.lines) == 2
+    assert {text.get_text() for text in drawn.get_legend().get_texts()} == {"gauge 1 span $s_1$", "gauge 1 reach $r_1$"}
+    STAGES.put(before)
+    done = asrsim_command("plot", "run", "--quantity", "gauge_1_span", "--out", "plots")
+    assert "the units of quantities are not known here: gauge_1_span. The run used mine.py" in done.out
+
+
+def test_the_page_of_three_motors_passes_the_checks_and_runs(own, tiny, asrsim_command, tmp_path):
+    plugin = own("actuators.md", "Three motors")
+    done = asrsim_command("check", "--actuator", "three_springs", "--plugin", plugin)
+    assert done.code == 0, done.out
+    text = tiny.robot.read_text().replace("libsea", "libthree_springs")
+    tiny.robot.write_text(text.replace("<operation_mode>3", "<operation_mode>6"))
+    options = ("--set", "references.elbow.stiffness_preset=0.2", "--set", "expect=[]", "--no-plot", "--out", "run")
+    done = asrsim_command("run", tiny.scenario, *options, "--plugin", plugin)
+    assert done.code == 0, done.err
+    motors = read_log(tmp_path / "run" / "log.mcap").samples.joint("elbow")
+    apart = motors["motor_1_position"][-1] - motors["motor_3_position"][-1]
+    assert apart == pytest.approx(0.4, abs=0.02)
+
+
+def test_an_energy_that_does_not_grow_linearly_beyond_the_limit_fails_its_check(own, asrsim_command):
+    plugin = own("actuators.md", "Three motors")
+    plugin.write_text(plugin.read_text().replace(" * (x - d)\n", " * 0.0\n"))
+    done = asrsim_command("check", "--actuator", "three_springs", "--plugin", plugin)
+    assert done.code == 1
+    assert re.findall(r"^ *(\w+) +FAIL", done.out, re.MULTILINE) == ["energy"]
+
+
+def test_a_signal_refuses_a_combination_of_options_at_its_line(own, tiny, asrsim_command):
+    plugin = own("signals.md", "Your own")
+    refusal = "    def __post_init__(self):\n        if self.period > 9.0:\n            raise ScenarioError('is too slow')\n\n"
+    code = plugin.read_text().replace("    def values(", refusal + "    def values(")
+    plugin.write_text("from asrsim.errors import ScenarioError\n" + code)
+    tiny.scenario.write_text(
+        f"robot: {tiny.robot}\nduration: 0.1\n"
+        "references:\n  elbow: {equilibrium_position: {sawtooth: {amplitude: 1, period: 10}}}\n"
+    )
+    said = asrsim_command("check", tiny.scenario, "--plugin", plugin).out
+    assert "step.yaml:4: references.elbow.equilibrium_position.sawtooth: is too slow" in said

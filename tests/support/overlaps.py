@@ -32,3 +32,13 @@ def overlapping(figure):
         if width > 0 and height > 0 and width * height > PART * min(a.width * a.height, b.width * b.height):
             found.append(f"{one!r} and {other!r}")
     return found
+
+
+def outside(figure):
+    """Texts of a drawn figure that its page cuts off."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer, page = canvas.get_renderer(), figure.bbox
+    texts = [text for text in figure.texts if text.get_visible() and text.get_text().strip()]
+    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in texts]
+    return [text for text, box in boxes if box.x0 < page.x0 or box.x1 > page.x1 or box.y0 < page.y0 or box.y1 > page.y1]

@@ -22,7 +22,12 @@ class Three(Actuator):
 
     @staticmethod
     def elastic_energy(q, theta_1, theta_2, theta_3, parameters):
-        return 0.5 * parameters[0] * ((theta_1 - q) ** 2 + (theta_2 - q) ** 2 + (theta_3 - q) ** 2)
+        k, most = parameters
+        energy = 0.0
+        for x in (theta_1 - q, theta_2 - q, theta_3 - q):
+            d = saturate(x, most)
+            energy += k * (0.5 * d * d + d * (x - d))
+        return energy
 
     @staticmethod
     def motor_references(equilibrium, preset):

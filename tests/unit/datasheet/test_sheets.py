@@ -13,12 +13,15 @@ from scipy.optimize import brentq
 import asrsim
 from asrsim.actuators import ACTUATORS
 from asrsim.datasheet import make_sheet, measured_curve, sources_of, write_sheets
+from asrsim.datasheet.page import common_charts
+from asrsim.datasheet.picture import save_comparison, save_sheet
 from asrsim.datasheet.published import PUBLISHED
 from asrsim.datasheet.statics import Statics
 from asrsim.datasheet.trials import BAND
 from asrsim.errors import InputError, RecordingError
 from asrsim.plots.chart import Line
 from asrsim.robot.tags import tag_parameters
+from support.overlaps import outside, overlapping
 from support.paths import ROOT
 
 SEA = """<?xml version="1.0"?>
@@ -260,7 +263,7 @@ def test_a_sliding_joint_has_newtons_and_metres(tmp_path, qbmove):
     units = [sheet.entry(key).unit for key in ("peak_torque", "top_speed", "stiffness_min", "deflection_soft")]
     assert units == ["N", "m/s", "N/m", "m"]
     assert 'type="prismatic"' in sheet.files["r_j.urdf"]
-    with pytest.raises(InputError, match="different units"):
+    with pytest.raises(InputError, match="their units differ"):
         write_sheets([sheet, qbmove], tmp_path, compare=True)
 
 
@@ -279,6 +282,25 @@ def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_co
     assert asrsim_command("datasheet", "sea").code == 0  # our own files are replaced
     (tmp_path / "datasheet/sea.yaml").write_text("mine: 1\n")
     assert asrsim_command("datasheet", "sea").code != 0
+
+
+@pytest.mark.parametrize("compared", [False, True])
+def test_every_text_of_a_picture_is_on_its_page_and_none_covers_another(compared, qbmove, monkeypatch, tmp_path):
+    """The table stands above the charts."""
+    drawn = []
+    monkeypatch.setattr("asrsim.datasheet.picture.save_figure", lambda figure, *_: drawn.append(figure))
+    if compared:
+        sheets = [qbmove, make_sheet(sources_of(["awas_ii"])[0])]
+        save_comparison(tmp_path / "a.png", sheets, common_charts(sheets))
+    else:
+        save_sheet(tmp_path / "a.png", qbmove)
+    (figure,) = drawn
+    assert overlapping(figure) == []
+    assert outside(figure) == []
+    highest = max(axes.get_window_extent().y1 for axes in figure.axes)
+    for entry in qbmove.entries:
+        (text,) = [text for text in figure.texts if text.get_text() in (entry.words, f"{entry.words} ({entry.unit})")]
+        assert text.get_window_extent().y0 > highest
 
 
 def measured(sheet):
@@ -348,7 +370,7 @@ def test_the_sheet_of_a_scenario_has_its_parameters_and_the_resolution_of_its_en
 
 
 def test_joints_without_a_robot_are_refused():
-    with pytest.raises(InputError, match="needs a robot"):
+    with pytest.raises(InputError, match="requires a robot"):
         sources_of(["sea"], joints=["elbow"])
 
 

@@ -256,6 +256,36 @@ def test_a_longer_recording_is_advised_only_if_noise_makes_intervals_wide(lab):
     assert not any("times as long" in text for text in advised(0.1, ("it diverges",)))
 
 
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("joint_1.friction", "at less than {slow:.2g} rad/s, and reverse often"),
+        ("joint_1.motor_1_friction_torque", "at less than {slow:.2g} rad/s, and reverse often"),
+        ("joint_1.damping", "faster than {fast:.2g} rad/s, and let its oscillation decay"),
+        ("link_1.mass", "Hz (recorded: up to"),
+        ("link_1.izz", "Hz (recorded: up to"),
+        ("joint_1.armature_inertia", "Hz (recorded: up to"),
+        ("joint_1.spring_stiffness", "deflect joint_1 more, by loads, presets or reversals (recorded: {half:.2g} rad at up to"),
+        ("joint_1.hysteresis_torque", "deflect joint_1 more"),
+        ("joint_1.reference_1.delay", ""),
+        ("link_2.mass", ""),
+    ],
+)
+def test_the_advised_motion_shows_what_the_parameter_changes(fitted, key, words):
+    """Friction shows in slow reversals, damping in fast motions, inertia at high frequencies, and a spring in deflections."""
+    lines = fitted.channels[0].lines
+    place, speed = lines["after"], np.abs(np.gradient(lines["after"], lines["time"])).max()
+    one = replace(fitted.estimates[0], key=key, name=key, verdict="unidentifiable")
+    told = [*advice(replace(fitted, estimates=(one,), misfit=(), causes=()))]
+    wanted = words.format(slow=0.1 * speed, fast=speed, half=0.5 * np.ptp(place))
+    assert [text.startswith(f"{key}: ") and wanted in text for text in told] == [True] * bool(words)
+    assert [*advice(replace(fitted, estimates=(one,), causes=("backlash",)))] == []
+    bands = re.findall(r"at ([\d.]+) to ([\d.]+) Hz", told[0]) if told else []
+    # The chirp ends at 6 Hz, and has harmonics.
+    assert all(6.0 <= float(low) < 18.0 for low, _ in bands)
+    assert all(float(high) == pytest.approx(3.0 * float(low), rel=0.05) for low, high in bands)
+
+
 @pytest.mark.parametrize("every", [2, 10])
 def test_a_written_scenario_repeats_the_fit_from_any_folder(tmp_path, every):
     """The scenario contains delays of commands, and the interpolation of commands between coarse samples."""
@@ -303,7 +333,7 @@ def test_a_fit_file_contains_the_whole_task(lab, tmp_path, asrsim_command):
     assert (task.ties[0].to, task.ties[0].factor) == ("joint_1.damping", 0.5)
     checked = asrsim_command("identify", path, "--check")
     assert (checked.code, "check only" in checked.out) == (0, True)
-    with pytest.raises(InputError, match="not allowed beside it: experiments"):
+    with pytest.raises(InputError, match="the option `experiments` is not allowed"):
         task_of(path, [lab / "a.csv"])
     path.write_text("scenario: nothing.yaml\nexperiments: []\nfrree: {}\nfree: [joint_1.damping]\n")
     with pytest.raises(InputError) as found:
@@ -463,7 +493,7 @@ def test_a_channel_that_nothing_explains_may_be_another_quantity(tmp_path):
     recording = save(tmp_path / "a.csv", header, time, np.sin(4.0 * time), walk)
     result = identify(write(tmp_path, "lab", SEA), [recording], free=["joint_1.damping"])
     assert not result.fits
-    assert any("link_position: is hardly explained" in text for text in result.causes), result.causes
+    assert any("link_position: the fit hardly explains it" in text for text in result.causes), result.causes
 
 
 @pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash of joint_1 (0.002")])

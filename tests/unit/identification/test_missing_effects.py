@@ -5,9 +5,10 @@ from contextlib import ExitStack
 import numpy as np
 import pytest
 
-from asrsim.identification import identify
+from asrsim.identification import CAUSES, identify, task_of
 from asrsim.identification.causes import unexplained_drives, wrong_controllers
 from asrsim.identification.flexible import with_elastic_link
+from asrsim.identification.problem import set_up
 from asrsim.robot import load_robot
 from asrsim.robot.dynamics import RobotModel
 from support.identify_files import CHIRP, prepared, save, write
@@ -141,6 +142,35 @@ def test_a_spring_that_saturates_and_a_zero_of_a_command_are_named(tmp_path):
     table = save(tmp_path / "b.csv", heading, time, moved - 0.03, place)
     found = identify(write(tmp_path, "lab", {**LAB, "mode": 0}), [table], free=["joint_1.damping", "link_1.izz"])
     assert found.causes[0].startswith("a zero offset of joint_1.reference_1 (-30"), found.causes
+
+
+def test_the_order_of_two_recordings_does_not_change_what_is_proposed(tmp_path):
+    """The second recording is three times as large and twice as fast, and only one of them shows the spring's torque. A limit
+    begins at what the robot reaches in any recording.
+    """
+    time, tables = np.arange(0.0, 0.5, 0.005), []
+    for name, size, rate, torque in (
+        ("small", 0.1, 9.0, "joint_1.elastic_torque_1 [N m]"),
+        ("large", 0.3, 18.0, "unused [N m]"),
+    ):
+        goal = size * np.sin(rate * time) ** 3
+        heading = f"time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],{torque}"
+        tables.append(save(tmp_path / f"{name}.csv", heading, time, goal, 0.9 * goal, 0.4 * goal))
+    numbers = {**LAB, "tags": "<spring_k>4.0</spring_k><max_def>1.0</max_def>"}
+    scenario = write(tmp_path, "lab", numbers, duration=0.5)
+    scenario.write_text(f"{scenario.read_text()}compiled: false\n")
+    proposed = []
+    for recordings in ([tables[0]], tables, tables[::-1]):
+        with ExitStack() as stack:
+            problem = set_up(task_of(scenario, recordings, free=["joint_1.damping"]), stack).problem
+            x = np.zeros(len(problem.layout))
+            every = [one for name in CAUSES for one in CAUSES.get(name).extensions(problem, x)]
+        proposed.append({one.text: [one.elastic, *((o.key, o.start, o.low, o.high) for o in one.parameters)] for one in every})
+    alone, one_way, other_way = proposed
+    assert one_way == other_way
+    _, (_, first, _, _) = alone["a limit max_deflection of joint_1"]
+    _, (_, both, _, _) = one_way["a limit max_deflection of joint_1"]
+    assert both > 2.0 * first
 
 
 @pytest.mark.slow

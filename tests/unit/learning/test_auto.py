@@ -46,7 +46,7 @@ def test_arms_that_can_follow_do_without_tuning(seed, tmp_path):
 def test_a_motion_out_of_reach_names_joint_and_time(tmp_path):
     arm, *motion = random_arm(5)
     prepared, result = learned(plant_of(tmp_path, weaker(arm, 0.01), *motion, max_iterations=4))
-    assert re.search(r"out of reach: .* off; joint_\d at [\d.]+ s: motor torque", prepared.reach(result))
+    assert re.search(r"out of reach: .* rad; joint_\d at [\d.]+ s: motor torque", prepared.reach(result))
     assert any(line.startswith("beyond its limit: joint_") for line in prepared.before)
 
 

@@ -166,6 +166,13 @@ def test_published_numbers_are_those_of_the_log(tmp_path):
         values = dict(zip(applied.name, applied.position, strict=True))
         assert values["joint_1.equilibrium_position"] == samples.values["reference_1"][row, 0]
         assert values["joint_2.external_torque"] == samples.values["external_torque"][row, 1]
+        # As ros2_control expects, presets are the positions of pseudo-joints with the names of its commands.
+        state = types.deserialize_cdr(said["/ros2_control/joint_states"], "sensor_msgs/msg/JointState")
+        assert state.name == ["joint_1", "joint_2", "joint_1_stiffness", "joint_2_stiffness"]
+        np.testing.assert_array_equal(state.position[:2], samples.values["link_position"][row])
+        np.testing.assert_array_equal(state.position[2:], samples.values["reference_2"][row])
+        np.testing.assert_array_equal(state.velocity[:2], samples.values["link_velocity"][row])
+        np.testing.assert_array_equal(state.effort[:2], samples.values["link_torque"][row])
     assert (values["joint_1.equilibrium_position"], values["joint_2.external_torque"]) == (0.5, 0.2)
     assert script.closed
 

@@ -246,7 +246,7 @@ def test_input_and_output_are_judged_in_units_of_their_own(newtons, metres):
         (np.ones(len(TIME)), {}, "constant"),
         (np.full(len(TIME), np.nan), {}, "no samples in common"),
         (np.where(TIME < 0.02, TIME, np.nan), {}, "too few"),
-        (np.sin(TIME**2), {"band": (2000.0, 3000.0)}, "nothing is resolved"),
+        (np.sin(TIME**2), {"band": (2000.0, 3000.0)}, "resolves no frequency"),
     ],
 )
 def test_unusable_excitations_are_errors(u, options, words):

@@ -196,6 +196,11 @@ def test_differences_weigh_by_time(name, expected):
     assert measure(name, uneven, values, np.zeros_like(values)) == pytest.approx(truth, rel=0.03)
 
 
+def test_r2_of_a_constant_reference_is_undefined():
+    """The mean of equal values differs from them by rounding."""
+    assert np.isnan(measure("r2", TIME, np.full_like(TIME, 0.3), np.full_like(TIME, 0.1)))
+
+
 def test_r2():
     q = np.sin(TIME)
     assert measure("r2", TIME, q, q) == 1.0

@@ -15,3 +15,23 @@ def test_metrics_are_read_as_written_and_infinite_ones_as_undefined(tmp_path, va
     assert [vars(one) for one in found] == [
         vars(row) | {"value": pytest.approx(value if value < 1 else math.nan, nan_ok=True)}
     ] * 2
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda text: text[: text.index('b"')],  # the text ends within quotes
+        lambda text: text.replace("mean,1.5", "mean,much"),
+        lambda text: text.replace(",m\n", "\n"),
+        lambda text: text.replace("measure", "mesure"),
+        lambda text: "",
+    ],
+)
+def test_a_damaged_file_of_metrics_is_refused(tmp_path, damage):
+    path = tmp_path / "metrics.csv"
+    write_metrics(path, [MetricRow(source="a", joint='a, b"c', quantity="deflection", measure="mean", value=1.5, unit="m")])
+    text = path.read_text().replace("\r", "")
+    assert damage(text) != text
+    path.write_text(damage(text))
+    with pytest.raises(ValueError, match=r"metrics\.csv|unpack|much"):
+        read_metrics(path)

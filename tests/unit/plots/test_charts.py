@@ -29,6 +29,21 @@ def test_a_column_without_values_is_left_out_and_an_empty_chart_says_so():
     assert [text.get_text() for text in figure.axes[1].texts] == ["not recorded"]
 
 
+def test_places_behind_the_last_chart_of_a_row_are_empty():
+    with styled():
+        figure = chart_figure([[chart("position"), chart("stiffness"), chart("torque")], [chart("position")]])
+    assert [axes.axison for axes in figure.axes] == [True, True, True, True, False, False]
+
+
+@pytest.mark.parametrize(("highest", "second"), [(3e2, 2.0), (3e4, 10.0)])
+def test_labels_of_a_long_logarithmic_axis_are_powers_of_ten(highest, second):
+    with styled():
+        (axes,) = chart_figure([[chart("stiffness", np.geomspace(1.0, highest, 20), logarithmic="y")]]).axes
+        ticks = [tick for tick in axes.get_yticks() if 1.0 <= tick <= highest]
+    assert ticks[:2] == pytest.approx([1.0, second])
+    assert ticks[-1] > 0.3 * highest
+
+
 def test_a_chart_is_drawn_as_it_is_stated():
     y = np.array([0.5, 2.0, 1.0, np.nan])
     x = np.array([0.1, 0.2, 0.4, 0.8])

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
-from asrsim.metrics import read_metrics
+from asrsim.metrics import MEASURES, Measure, read_metrics
 from asrsim.plots import read_curves
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import comparison_pages, overlay_figure
@@ -70,7 +70,56 @@ def test_a_further_measure_is_shown_of_run_and_recording(tmp_path, asrsim_comman
     assert sizes[1] == pytest.approx(0.9 * sizes[0], rel=0.01)
     assert rows["crest_factor", "lab.csv"]["value"] == pytest.approx(2**0.5, rel=0.01)
     assert "choices" in asrsim_command("plot", log, "-e", recording, "--measure", "rmss", "--json").out
-    assert "requires --experiment" in asrsim_command("plot", log, "--measure", "rms").err
+
+
+def lead(time, values, reference, *, beyond):
+    """Largest amount by which the values exceed the reference, less `beyond`."""
+    return np.nan if reference is None else float(np.max(values - reference)) - beyond
+
+
+@pytest.mark.parametrize("needs", ["pair", "either"])
+def test_a_measure_of_two_series_compares_each_record_with_its_own_reference(tmp_path, needs):
+    """The recording's position is half the run's, and its reference is the run's. A claim gives the run's number."""
+    MEASURES.add("lead", Measure(name="lead", function=lead, unit="series", needs=needs))
+    claim = {"joint": "joint_1", "quantity": "link_position", "measure": "lead", "value": 0, "options": {"beyond": 0.1}}
+    log, recording = made_up_log(tmp_path / "log.mcap", expect=(claim,)), lab(tmp_path / "lab.csv", gain=0.5)
+    done = plot(
+        PlotJob(logs=(log,), folder=tmp_path / "out", experiments=(str(recording),), measures=("lead:beyond=0.1",), lag="off")
+    )
+    found = {row.source: row.value for row in done.rows if (row.quantity, row.measure) == ("link_position", "lead:beyond=0.1")}
+    time = np.arange(0.0, 1.0, 0.004)
+    reference, motion = 0.5 * np.sin(2.0 * np.pi * time), 0.4 * np.sin(2.0 * np.pi * (time - 0.05))
+    assert found["soft"] == pytest.approx(np.max(motion - reference) - 0.1, abs=1e-5)
+    assert found["lab.csv"] == pytest.approx(np.max(0.5 * motion - reference) - 0.1, abs=1e-5)
+    assert done.claims[0][1].measured == pytest.approx(found["soft"], abs=1e-4)
+
+
+def test_measures_of_a_run_alone(tmp_path, asrsim_command):
+    log = made_up_log(tmp_path / "log.mcap", joints=2, expect=[
+        {"joint": "joint_1", "quantity": "link_position", "measure": "at", "comparison": "<", "value": 1, "options": options}
+        for options in ({"when": 0.3}, {"when": 0.55})
+    ])  # fmt: skip
+    words = ("--measure", "at:when=0.3", "--measure", "gain:hertz=1", "--measure", "rmse:start=0.2,end=0.7")
+    done = asrsim_command("plot", log, "--joint", "joint_2", *words)
+    for heading in ("at:when=0.3", "gain:hertz=1", "rmse:start=0.2,end=0.7"):
+        assert heading in done.out
+    assert "at:when=0.3 of link_position" in done.out
+    assert "at:when=0.55 of link_position" in done.out
+    rows = {row.measure: row for row in read_metrics(tmp_path / "metrics.csv")}
+    assert {row.joint for row in rows.values()} == {"joint_2"}
+    assert rows["at:when=0.3"].value == pytest.approx(0.4, abs=1e-6)
+    # The error of half a period is a sinusoid; 0.05 s are 0.1 pi of the period.
+    error = abs(0.5 - 0.4 * np.exp(-0.1j * np.pi))
+    assert rows["rmse:start=0.2,end=0.7"].value == pytest.approx(error / np.sqrt(2.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [("at", "Write at:when=VALUE"), ("at:when=x", "must be a number"), ("rms:foo", "is not OPTION=VALUE"), ("rmss", "'rms'")],
+)
+def test_a_wrong_measure_says_how_to_write_it(tmp_path, asrsim_command, asked, said):
+    log = made_up_log(tmp_path / "log.mcap", count=201)
+    assert said in asrsim_command("plot", log, "--measure", asked).err
 
 
 @pytest.mark.parametrize("header", [("elbow_cmd",), ("elbow_cmd", "elbow_pos")])

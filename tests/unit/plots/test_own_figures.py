@@ -37,7 +37,7 @@ def test_a_figure_gets_the_curves_of_the_runs(tmp_path):
 
 @pytest.mark.parametrize(
     ("more", "said"),
-    [({"figures": ("joint",)}, "no figure is called 'joint'"), ({"figures": ("joints",), "bode": True}, "show runs alone")],
+    [({"figures": ("joint",)}, "no figure is called 'joint'"), ({"figures": ("joints",), "bode": True}, "show runs only")],
 )
 def test_an_unknown_figure_and_figures_of_comparisons_are_refused_before_anything_is_written(tmp_path, more, said):
     log = made_up_log(tmp_path / "log.mcap")

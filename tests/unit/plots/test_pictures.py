@@ -13,9 +13,11 @@ from asrsim.plots.decimate import Curve
 from asrsim.plots.figures import new_figure, run_pages
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.layout import PanelGrid
+from asrsim.plots.output import styled
 from asrsim.plots.panels import PANELS, draw_panel
 from asrsim.plots.view import label_values, show_values
 from support.log_example import INFO, example_samples
+from support.overlaps import outside, overlapping
 from support.plot_example import made_up_log, simulated_log
 
 
@@ -122,6 +124,14 @@ def test_many_joints_take_several_pages_and_an_overview(tmp_path, joints, pages)
     names = [page.name for page in run_pages([run])]
     assert len([name for name in names if name.startswith("joints")]) == pages
     assert ("overview" in names) == (joints >= 5)
+
+
+@pytest.mark.parametrize("joints", [1, 3])
+def test_no_text_of_a_page_covers_another_or_leaves_the_page(tmp_path, joints):
+    logs = [made_up_log(tmp_path / name / "log.mcap", joints=joints, count=50, variant=name) for name in ("soft", "stiff")]
+    with styled():
+        for page in run_pages([read_curves(log) for log in logs]):
+            assert overlapping(page.figure) == outside(page.figure) == []
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,9 @@ def test_joint_states_that_repeat_or_lack_names_are_told(tmp_path):
     recording = read_recording(write_bag(tmp_path / "lab.bag", "ros1", topics, STAMPS), joints=["shoulder", "elbow"])
     doubts = " ".join(recording.doubts)
     assert "/twice: names position[elbow], effort[elbow] several times in one message (40 messages)" in doubts
-    assert "/nameless: no names of joints for position[0], position[1], effort[0], effort[1]: they are assigned" in doubts
+    assert (
+        "/nameless: the message names no joints for position[0], position[1], effort[0], effort[1]: these values are" in doubts
+    )
 
 
 def test_messages_that_lack_velocities_keep_their_positions(tmp_path):

@@ -297,6 +297,40 @@ def test_a_run_that_plays_a_recorded_command_is_aligned_to_its_clock_exactly(tmp
     assert result.find("elbow", "reference_1").metrics["rmse"] < 1e-4
 
 
+def stairs(time):
+    """Three steps, at samples of records of 20, 50, 100 and 250 samples a second."""
+    return np.select([time >= 2.3 - 1e-9, time >= 1.0 - 1e-9], [-0.1, 0.8], 0.0) + 0.3 * (time >= 3.1 - 1e-9)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.02])
+@pytest.mark.parametrize("late", [0.0, 0.0603, -0.0507])
+@pytest.mark.parametrize("rates", [(1000, 20), (1000, 50), (1000, 100), (1000, 250), (100, 1000), (20, 1000), (100, 100)])
+def test_each_value_of_a_staircase_holds_until_the_next_sample(rates, late, gain):
+    """Rates of the simulation and of the recording. With a gain, the values of both records differ. The lags are longer than
+    every sampling interval: a shorter lag would fit as well as none.
+    """
+    ours, theirs = (np.arange(0.0, 5.0, 1.0 / rate) for rate in rates)
+    found = align(ours, stairs(ours), theirs + late, gain * stairs(theirs) + gain - 1.0, name="elbow.reference_1", command=True)
+    assert found.lag == pytest.approx(late, abs=1e-5 if gain == 1.0 else 0.5 / max(rates))
+
+
+def test_a_step_between_two_samples_does_not_move_a_clock(tmp_path):
+    """The run steps 4 ms before the sample that shows the step: lags from -6 to 4 ms fit equally well."""
+    time = np.arange(0.0, 5.0, 0.01)
+    own = Samples(time=TIME, joints=("elbow",), values={"reference_1": reference(TIME + 0.004)[:, None]})
+    result = compare(own, read(write(tmp_path, "time,elbow_cmd", time, reference(time + 0.004))))
+    assert result.alignment.lag == 0.0
+
+
+@pytest.mark.parametrize("rate", [50, 100, 250])
+def test_smooth_commands_are_not_held(rate):
+    ours, theirs = 0.001 * np.arange(5000), np.arange(0.0, 5.0, 1.0 / rate)
+    smooth = [np.sin(2.0 * time) + 0.3 * np.sin(7.1 * time) for time in (ours, theirs)]
+    for command in (True, False):
+        found = align(ours, smooth[0], theirs + 0.0203, smooth[1], name="elbow.reference_1", command=command)
+        assert found.lag == pytest.approx(0.0203, abs=3e-5)
+
+
 @pytest.mark.parametrize("swapped", [False, True])
 def test_columns_of_two_joints_that_are_interchanged_are_told(tmp_path, swapped):
     t, values = TIME[::5], np.column_stack([motion(TIME), 0.4 * reference(TIME)])

@@ -17,7 +17,7 @@ TURNS = np.arange(len(TIME)) % 3
 SUSPECTED = {
     "a velocity in degrees": ("q1,dq1", (Q, V * DEGREES), "dq1: is 57.3 times the slope of 'q1'"),
     "headers that lie": ("q1 [deg],dq1 [rad/s]", (Q, V), r"dq1 \[rad/s\]: is 57.3 times the slope of 'q1 \[deg\]'"),
-    "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1'.*9.55: rpm"),
+    "rounds a minute": ("q1,dq1", (Q, V * 30 / math.pi), "9.55 times the slope of 'q1'.*9.55: velocity in rpm"),
     "before the gear": ("q1,dq1", (Q, V * 30), "30 times the slope of 'q1'.*gear"),
     "a turned axis": ("q1,dq1", (Q, -V), "is negative where 'q1' rises.*--map 'dq1=-joint_1.link_velocity'"),
     "a motor's": ("q1,motor1_pos,motor1_vel", (Q, Q, V * DEGREES), "motor1_vel: is 57.3 times the slope of 'motor1_pos'"),

@@ -13,6 +13,7 @@ from asrsim.cli.app import app
 from asrsim.errors import InputError, LogError
 from asrsim.render import Film, even_times, telling_times, write_gif, write_mp4, write_strip
 from asrsim.render.camera import fit_camera, viewpoint
+from asrsim.render.draw import TILE_DARK, TILE_LIGHT
 from asrsim.render.raster import rasterise
 from asrsim.render.shapes import drawable
 from asrsim.robot import load_robot
@@ -220,3 +221,29 @@ def test_the_ground_stands_still_in_a_film(tmp_path):
     film.samples.bodies["box"][-1, 1] += 3.0
     images = [film.frame(time).image for time in (film.start, film.end)]
     assert np.mean(np.any(images[0] != images[1], axis=2)) < 0.5
+
+
+def test_tiles_of_the_ground_are_where_a_pinhole_camera_sees_them(tiny, asrsim_command):
+    """The middle of each tile has its colour, unless a body or a shadow is there."""
+    upright = ("initial={elbow: 3.0}", "world={ground: true}", "duration=0.01", "compiled=false")
+    asrsim_command("run", tiny.scenario, "--no-plot", "-o", "out", *(word for one in upright for word in ("--set", one)))
+    film = Film(tiny.folder / "out" / "log.mcap", size=300)
+    image = film.frame(film.start).image.astype(float).mean(axis=2)
+    points = film.place
+    size = np.linalg.norm(np.ptp(points, axis=0))
+    tile = 10.0 ** np.floor(np.log10(size / 2.0))
+    numbers = np.stack(np.meshgrid(*[np.arange(-20, 20)] * 2), axis=-1).reshape(-1, 2)
+    places = np.column_stack([tile * (numbers + 0.5), np.full(len(numbers), film.scene.ground)])
+    camera = film.camera
+    right, up, forward = camera.axes
+    away = places - camera.eye
+    scale = 0.5 * len(image) / np.tan(np.radians(0.5 * camera.field)) / (away @ forward)
+    x, y = 0.5 * image.shape[1] + scale * (away @ right), 0.5 * len(image) - scale * (away @ up)
+    near = np.linalg.norm(places[:, :2] - 0.5 * (points.min(axis=0) + points.max(axis=0))[:2], axis=1) < size
+    seen = near & (away @ forward > 0.0) & (x > 1.0) & (x < image.shape[1] - 1.0) & (y > 1.0) & (y < len(image) - 1.0)
+    shown = image[y[seen].astype(int), x[seen].astype(int)]
+    dark = numbers[seen].sum(axis=1) % 2 == 1
+    light_grey, dark_grey = (255.0 * np.mean(colour) for colour in (TILE_LIGHT, TILE_DARK))
+    assert seen.sum() > 30
+    alike = np.abs(shown - np.where(dark, dark_grey, light_grey)) < 0.3 * (light_grey - dark_grey)
+    assert alike.mean() > 0.7

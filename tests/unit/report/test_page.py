@@ -269,6 +269,35 @@ def test_recorded_curves_and_comparisons_are_on_the_page(tmp_path):
     assert page.read_text(encoding="utf-8").count("data:image/png") >= 1
 
 
+@pytest.mark.parametrize("most", [1, 2])
+def test_a_page_of_many_runs_says_that_it_shows_the_first_ones(most, folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("asrsim.report.content.STRIPS", most)
+    page = write_report(folder, tmp_path / "report.html")
+    text = page.read_text(encoding="utf-8")
+    assert ("Of the first 1 runs." in text) == (most == 1)
+    assert [f'alt="film strip of {name}"' in text for name in ("soft", "stiff")] == [True, most > 1]
+    assert len(page_data(page)["runs"]) == 2
+
+
+def test_warnings_of_a_run_are_on_its_page_as_the_command_says_them(tiny, asrsim_command):
+    """With file, line, key, value and remedy, where they have them; the file without its folder."""
+    robot = tiny.robot.read_text().replace('mass value="0.5"', 'mass value="51"').replace('upper="3"', 'upper="90"')
+    tiny.robot.write_text(robot)
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}gravity: [0, 0, 9.81]\ncompiled: false\n")
+    asrsim_command("run", tiny.scenario, "--no-plot", "-o", "out", "--set", "duration=0.2")
+    told = " ".join(asrsim_command("check", tiny.scenario).out.replace(f"{tiny.folder}/", "").split())
+    shown = " ".join(Page(write_report(tiny.folder / "out", film=False)).text.split())
+    for warning in json.loads((tiny.folder / "out" / "summary.json").read_text())["warnings"]:
+        assert warning["message"] in shown
+    for text in (
+        "pendulum.urdf:11: arm: a heavy link for a robot (masses are in kg) (got '51 kg')",
+        "pendulum.urdf:4: elbow: a limit of several turns; limits are in rad (got '-3 to 90'). 180 degrees are 3.14159 rad",
+        "step.yaml:6: gravity: points upwards: z points up, so weight is negative in z (got '9.81')",
+    ):
+        assert text in shown
+        assert text in told
+
+
 @pytest.mark.parametrize("command", ["plot", "report"])
 def test_an_unreadable_log_is_left_out(tmp_path, asrsim_command, command):
     good = made_up_log(tmp_path / "a" / "log.mcap", count=20)

@@ -134,6 +134,7 @@ DOUBTED = {
     "heavy-link": ('mass value="0.5"', 'mass value="51"', 'mass value="49"'),
     "far-centre": ('xyz="0 0 -0.1"', 'xyz="0 0 -2.1"', 'xyz="0 0 -1.9"'),
     "limit-in-degrees": ('lower="-3" upper="3"', 'lower="-90" upper="0"', 'lower="-19" upper="19"'),
+    "limit-in-degrees of two turns": ('lower="-3" upper="3"', 'lower="0" upper="719"', 'lower="0" upper="721"'),
     "rpy-in-degrees": ('xyz="0 0 -0.1"', 'xyz="0 0 -0.1" rpy="90 0 0"', 'xyz="0 0 -0.1" rpy="6.28 0 0"'),
     "repeated-element": ("<limit ", '<limit effort="1" velocity="1"/><limit ', "<limit "),
     "no-spring": (SPRING_K, "<spring_k>0<", SPRING_K),
@@ -257,11 +258,11 @@ def test_a_law_that_divides_by_zero_or_overflows_is_an_error(actuator, tag, valu
     block = f"<{tag}>{value}</{tag}>"
     text = tiny.robot.read_text().replace("libsea", f"lib{actuator}").replace("<spring_k>10</spring_k>", block)
     tiny.robot.write_text(text)
-    with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be worked out"):
+    with pytest.raises(ScenarioError, match=r"pendulum\.urdf.*cannot be computed"):
         with_overrides(load_robot(tiny.robot))
     robot = changed(tiny, (block, ""))
     assert all(law_fault(block) is None for block in robot.actuators)
-    with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be worked out"):
+    with pytest.raises(ScenarioError, match=r"parameters\.elbow.*cannot be computed"):
         with_overrides(robot, parameters={"*": {tag: value}})
 
 

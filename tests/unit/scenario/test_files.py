@@ -176,7 +176,7 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
             "task.poses",
             "either all poses have an orientation",
         ),
-        ("task: {link: a, poses: []}", 3, "task.poses", "has 0 entries"),
+        ("task: {link: a, poses: []}", 3, "task.poses", "of at least 1 value, but has 0 entries"),
         ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),
         ("expect: [{quantity: link_position, measure: x, value: 1}]", 3, "expect.0", "joint or body"),
         ("expect: [{joint: a, quantity: link_positon, measure: x, value: 1}]", 3, "expect.0.quantity", "'link_position'"),

@@ -38,7 +38,7 @@ def test_old_keys_of_a_file_have_the_same_meaning(tmp_path):
 def test_a_key_by_both_names_is_an_error(tmp_path):
     (tmp_path / "arm.urdf").write_text("<robot name='arm'/>")
     (tmp_path / "both.yaml").write_text("robot: arm.urdf\nduration: 1\nsubstep_cap: 5\nmax_substeps: 6\n")
-    with pytest.raises(asrsim.InputError, match=r"both\.yaml:3: substep_cap: unknown key.*'max_substeps' now, and .* given"):
+    with pytest.raises(asrsim.InputError, match=r"both\.yaml:3: substep_cap: unknown key.*'max_substeps', which is given"):
         load_scenario(tmp_path / "both.yaml")
     with pytest.raises(asrsim.InputError, match="substep_cap: unknown key"):
         make_scenario(tmp_path / "arm.urdf", duration=1, substep_cap=5, max_substeps=6)

@@ -116,7 +116,7 @@ BAD = {
         [3.0, -3.0],
         "lower stop of motor 1",
     ),
-    "parameters.joint_2.spring_a_1": (8.0, 9000.0, "is not finite|cannot be worked out"),
+    "parameters.joint_2.spring_a_1": (8.0, 9000.0, "is not finite|cannot be computed"),
     "link_2.mass": (0.3, -0.1, "at least 0"),
     "joint_1.damping": (0.1, -0.1, "at least 0"),
     "modes.joint_1": (6, 99, "whole number >= 0 and <= "),

@@ -107,7 +107,7 @@ def test_a_threshold_above_what_the_springs_carry_is_said(tmp_path):
                 break
     (text,) = found.notes
     assert re.search(
-        r"its threshold of .* exceeds the .* that its springs have carried: .* mrad \(mm\) of noise at 250 Hz", text
+        r"noise of .* mrad \(mm\) at 250 Hz raises the alarm threshold to .*, above the largest torque of its springs", text
     )
 
 
@@ -386,7 +386,7 @@ def test_a_recording_without_commands_is_followed_by_the_scenario(tmp_path):
     path = recorded(tmp_path)
     path.write_text(path.read_text().replace("joint_1.reference_1 [rad]", "temperature"))
     notes = follow_recording(SEA.write(tmp_path), path).notes
-    assert notes[0] == "joint_1: no command equilibrium_position is recorded, so it follows the scenario"
+    assert notes[0] == "joint_1: no command equilibrium_position is recorded, so this reference follows the scenario"
 
 
 def test_a_recording_without_positions_is_an_error(tmp_path):

@@ -1,7 +1,9 @@
 """What a page shows comes from logs, recordings, twins and robot files alike."""
 
 import time
+from contextlib import nullcontext
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,6 +21,7 @@ from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
 from asrsim.simulation.prepare import prepare
 from asrsim.twin.follow import Followed, follow_recording
+from asrsim.viewer.colours import words_of
 from asrsim.viewer.events import events_of, limit_events
 from asrsim.viewer.figure import frames_of
 from asrsim.viewer.history import History
@@ -26,7 +29,7 @@ from asrsim.viewer.page import Page
 from asrsim.viewer.recorded import recorded
 from asrsim.viewer.server import PageServer
 from asrsim.viewer.stage import Pull, ViewerStage
-from asrsim.viewer.subject import logged
+from asrsim.viewer.subject import as_companion, logged
 from asrsim.viewer.twin import FollowView, followed_player
 from support.paths import EXAMPLES
 from support.plot_example import made_up_log
@@ -58,6 +61,53 @@ def test_a_history_keeps_the_newest_samples_and_the_rate_of_the_page(result):
     np.testing.assert_array_equal(values, np.interp(time, samples.time, samples.values["link_position"][:, 0]))
     _, deflection = history.curve("joint_1", "deflection", 0.1, 0.5)
     np.testing.assert_array_equal(deflection, np.interp(time, samples.time, result["joint_1"].deflection))
+
+
+def test_a_history_in_pieces_is_that_of_the_whole(result):
+    """The nearest sample to a time is the same, whatever pieces the samples came in."""
+    samples = result.samples
+    whole, pieces = History(result.run.info.joints, samples), History(result.run.info.joints)
+    for first, last in pairwise((0, 100, 110, 350, len(samples.time))):
+        pieces.write(whole.rows(samples.time[first], samples.time[last - 1] + 1e-6))
+    assert pieces.span == pytest.approx(whole.span, abs=0.006)
+    for wanted in (-1.0, 0.0, 0.0502, 0.2, 0.333, 0.45, 0.6, 2.0):
+        (near,) = pieces.at(wanted).time
+        assert near == pytest.approx(min(max(wanted, 0.0), samples.time[-1]), abs=0.006), wanted
+        np.testing.assert_array_equal(
+            pieces.at(wanted).values["link_position"][0], samples.values["link_position"][np.abs(samples.time - near).argmin()]
+        )
+
+
+def test_the_trace_is_the_way_of_the_tip_in_the_last_seconds(result, server):
+    stage = ViewerStage(server.viser, logged(result.log))
+    (link, point), model = stage.tip, stage.subject.scene.model
+    stage.draw_trace(0.5)
+    assert "trace" not in stage._lines
+    stage.look.trace = True
+    stage.draw_trace(0.5)
+    segments = np.asarray(stage._lines["trace"].points)
+    np.testing.assert_allclose(segments[1:, 0], segments[:-1, 1], atol=1e-6)
+    for end, moment in ((segments[0, 0], 0.0), (segments[-1, 1], 0.5)):
+        frame = model.poses(stage.subject.history.at(moment).values["link_position"][0])[link]
+        np.testing.assert_allclose(end, frame[:3, :3] @ point + frame[:3, 3], atol=5e-3)
+    stage.look.trace = False
+    stage.draw_trace(0.5)
+    assert "trace" not in stage._lines
+
+
+def test_in_a_narrow_window_the_robot_stands_above_the_controls(server):
+    """The camera sinks across its view by a fifth of the height that it sees at the robot, and turns nowhere."""
+    page = Page(server)
+    start = server.viser.initial_camera
+    for width, share in ((1200, 0.0), (400, 0.2)):
+        camera = SimpleNamespace(image_width=width, position=np.array(start.position), look_at=np.array(start.look_at))
+        page._make_room(SimpleNamespace(camera=camera, atomic=nullcontext))
+        way, moved = np.subtract(start.look_at, start.position), camera.position - start.position
+        np.testing.assert_allclose(np.subtract(camera.look_at, camera.position), way, atol=1e-9)
+        seen = 2.0 * np.linalg.norm(way) * np.tan(0.5 * start.fov)
+        assert np.linalg.norm(moved) == pytest.approx(share * seen)
+        assert moved @ way == pytest.approx(0.0, abs=1e-9)
+        assert moved[2] <= 0.0
 
 
 def stands_where_the_model_puts_it(stage, sample):
@@ -97,6 +147,20 @@ def test_links_stand_where_the_model_puts_them_and_are_coloured_by_deflection(re
     stage.look.colour = ""
     stage.draw(sample)
     assert (tuple(mesh.color), stage.legend()) == (own, "")
+
+
+def test_objects_of_the_world_fall_on_the_page_and_ghosts_have_none(tiny, server):
+    """A ball in free fall; only the robot has ghosts."""
+    ball = {"shape": "sphere", "size": 0.05, "mass": 0.5, "position": [1.0, 0.0, 2.0], "rpy": [0.3, 0.0, 0.0]}
+    keys = {"gravity": [0, 0, -9.81], "compiled": False, "world": {"objects": {"ball": ball}}}
+    scenario = asrsim.make_scenario(tiny.robot, duration=0.3, **keys)
+    stage = ViewerStage(server.viser, logged(asrsim.run(scenario, out=tiny.folder / "run").log))
+    stage.draw(stage.subject.history.at(0.2))
+    node = stage.figure.nodes["ball"]
+    np.testing.assert_allclose(node.position, [1.0, 0.0, 2.0 - 0.5 * 9.81 * 0.2**2], atol=2e-3)
+    np.testing.assert_allclose(node.wxyz, Rotation.from_rotvec([0.3, 0.0, 0.0]).as_quat(scalar_first=True), atol=1e-6)
+    assert len(stage.figure.meshes["ball"]) == 1
+    assert "ball" not in stage._equilibrium.nodes
 
 
 def test_a_motion_too_slow_for_one_picture_is_shown_after_many(result, server):
@@ -236,6 +300,40 @@ def test_a_twin_s_torques_are_played_with_jumps_to_its_alarms(tmp_path, server):
         found.external_torque[np.abs(found.time - start).argmin()], nan_ok=True
     )
     assert player._page.stage._arrows["torque"].visible
+
+
+def test_each_control_changes_what_its_label_says(result, server, monkeypatch):
+    """Boxes begin with what is shown."""
+    controls = {}
+    monkeypatch.setattr("asrsim.viewer.page.by_hand", lambda one, act: controls.setdefault(one.label, (one, []))[1].append(act))
+    page, subject = Page(server), logged(result.log)
+    page.show(subject, companions=[as_companion(subject, "other run")])
+    page.finish()
+    look, stage = page.stage.look, page.stage
+    labels = {
+        "Equilibrium (faint)": "equilibrium", "Forces and torques": "forces", "Trace of the tip": "trace",
+        "Collision shapes": "collisions",
+    }  # fmt: skip
+    names = {f"{words_of(name)}": name for name in ("deflection", "stiffness")}
+    for control, acts in controls.values():
+        before = dict(vars(look))
+        if control.label in labels:
+            changed = labels[control.label]
+            assert control.value == before[changed]
+            for act in acts:
+                act(not control.value)
+            assert vars(look) == before | {changed: not before[changed]}
+        elif control.label == "Colour of the links":
+            assert {*names} <= {*control.options}
+            for option in control.options:
+                acts[0](option)
+                assert look.colour == names.get(option, look.colour)
+                assert bool(look.colour) == (option != control.value)
+        elif control.label == "other run":
+            assert stage.ghosts["other run"][1].visible is control.value is True
+            acts[0](False)
+            assert not stage.ghosts["other run"][1].visible
+    assert {*labels, "Colour of the links", "other run"} <= {*controls}
 
 
 def test_a_twin_s_torques_are_shown_as_they_are_found_and_then_played(server):

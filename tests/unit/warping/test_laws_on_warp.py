@@ -11,7 +11,7 @@ from asrsim.actuators.motor import velocity_bounds
 from asrsim.actuators.vectorised import energy_law
 from asrsim.plugins import load_plugin_file
 from asrsim.warping import FLOAT, TranslationError, WarpProgram
-from asrsim.warping.kinds import constant
+from asrsim.warping.values import constant
 from support.paths import EXAMPLES
 
 SHIPPED = ("sea", "qbmove", "bavs", "awas_ii")

@@ -1,4 +1,4 @@
-"""Kinds of values in translated code, and the text of expressions of a kind."""
+"""Values in translated code: their types, and the text of their expressions."""
 
 from __future__ import annotations
 
@@ -16,48 +16,48 @@ class TranslationError(SimulationError):
 
 
 @dataclass(frozen=True)
-class WarpKind:
-    """Kind of a number: `float`, `int` or `bool`, as Warp names it."""
+class NumberType:
+    """Type of a number: `float`, `int` or `bool`, as Warp names it."""
 
     name: str
 
     @property
     def annotation(self) -> str:
-        """Type of an argument of this kind."""
+        """Annotation of an argument of this type."""
         return self.name
 
 
-FLOAT, INT, BOOL = WarpKind("float"), WarpKind("int"), WarpKind("bool")
+FLOAT, INT, BOOL = NumberType("float"), NumberType("int"), NumberType("bool")
 ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
-"""A name that takes values of several kinds has the last one of these."""
+"""Types in order: a name that is assigned values of several types has the last of these types."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Kind of a row of numbers in a table: an array and the place in it at which the row begins. size: number of its numbers,
-    if it is known; record: class of the record whose numbers these are (`asrsim.records`)."""
+    """Type of a row of numbers in a table: an array, and the index in it at which the row begins. size: number of the row's
+    numbers, if it is known; record: class of the record whose numbers the row has (`asrsim.records`)."""
 
-    number: WarpKind
+    number: NumberType
     size: int | None = None
     record: Any = None
 
     @property
     def annotation(self) -> str:
-        """Type of the array."""
+        """Annotation of the array."""
         return f"wp.array(dtype={self.number.name})"
 
 
 @dataclass(frozen=True)
 class Group:
-    """Kind of several values: a tuple."""
+    """Type of a tuple of values."""
 
     kinds: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
 class Value:
-    """A value in translated code. text: expression; of a row, the name of its array; `at`: expression of the place at which the
-    row begins; items: members of a tuple; known: constant value, or function, that is known without running the code."""
+    """A value in translated code. text: its expression; for a row, the name of its array; `at`: expression of the index at
+    which the row begins; items: members of a tuple; known: a constant or function that is known without running the code."""
 
     kind: Any
     text: str = ""
@@ -66,7 +66,7 @@ class Value:
     known: Any = None
 
     def part(self, index: str) -> Value:
-        """Number of a row."""
+        """Number of the row at an index."""
         return Value(self.kind.number, f"{self.text}[{summed(self.at, index)}]")
 
     def from_place(self, index: str, record: Any = None) -> Value:
@@ -95,7 +95,7 @@ class Value:
 
 
 def summed(first: str, second: str) -> str:
-    """Sum of two expressions of places in an array."""
+    """Sum of two expressions of indices in an array."""
     return second if first == "0" else first if second == "0" else f"{first} + {second}"
 
 
@@ -130,7 +130,7 @@ def group(items: Sequence[Value]) -> Value:
 
 
 def joined(first: Any, second: Any) -> Any:
-    """Common kind (type) for a variable that is assigned values of two kinds. Raises TranslationError."""
+    """Common type for a variable that is assigned values of two types. Raises TranslationError."""
     if first is None or first == second:
         return second
     if isinstance(first, Group) and isinstance(second, Group) and len(first.kinds) == len(second.kinds):
@@ -143,7 +143,7 @@ def joined(first: Any, second: Any) -> Any:
 
 
 def number_as(value: Value, kind: Any) -> Value:
-    """The value as a number, or a tuple of numbers, of this kind. Raises TranslationError."""
+    """The value converted to a number, or to a tuple of numbers, of this type. Raises TranslationError."""
     if isinstance(kind, Group) and isinstance(value.kind, Group) and len(kind.kinds) == len(value.items):
         return group([number_as(item, own) for item, own in zip(value.items, kind.kinds, strict=True)])
     if value.kind == kind:
