@@ -16,7 +16,9 @@ from asrsim.tables import TableColumn
 @command()
 def export(
     scenario: Scenario,
-    program: Annotated[str, option("Program that the file is made for.", "--for", metavar="mujoco|warp|mjx|mjlab")] = "mujoco",
+    program: Annotated[
+        str, option("Program that the file is made for, or your own.", "--for", metavar="mujoco|warp|mjx|mjlab")
+    ] = "mujoco",
     file_format: Annotated[str, option("Format of the file.", "--format", metavar="mjcf")] = "mjcf",
     out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(
         "soft.xml"

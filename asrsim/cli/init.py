@@ -75,7 +75,8 @@ def init(
         document = out or experiment.with_name(experiment.name + ENDING)
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
-        hints = [f"wrote {document}: check this file; every command reads {experiment.name} as it states"]
+        asked = "answer the questions, marked `# ?`" if "  # ?" in text else "check this file"
+        hints = [f"wrote {document}: {asked}; every command reads {experiment.name} as it states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

@@ -58,31 +58,39 @@ CLEAR = 0.4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase."""
+    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+
+    Attributes:
+        text: Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause.
+        parameters: Parameters that become free, of `problem.fixed`; they stand at the end of the extended parameter vector.
+        size: Function that returns the size of the effect in words, such as `0.29 N m`, from the values of `parameters`, in
+            their order. None: the value of the last parameter.
+        begins: Start values of the new entries of the parameter vector, at which the effect of the extension is simulated;
+            empty: the start is the optimum of the linearised problem.
+        ties: Further parameters that are multiples of free ones, such as `Tie(key="joint_1.motor_2_damping",
+            to="joint_1.motor_1_damping")` (`asrsim.identification.task.Tie`).
+        untied: Tie that is removed.
+        elastic: Joint whose link becomes elastic, and the frequency of its second mode, rad/s. `parameters` are then those of
+            the second body.
+        staircase: Key of the command whose samples are held.
+        restepped: Whether the extension changes the required number of substeps.
+        share: Largest fraction of the mean square error that may remain with the extension. An extension that leaves more is
+            refused.
+        excess: Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a
+            badly fitting model any additional parameter reduces the misfit. 1: no limit.
+    """
 
     text: str = ""
-    """Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause."""
     parameters: tuple[FitParameter, ...] = ()
-    """Parameters at the end of the extended parameter vector."""
+    size: Callable[..., str] | None = None
+    begins: Sequence[float | Sequence[float]] = ()
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
-    """Tie that is removed."""
     elastic: tuple[str, float] | None = None
-    """Joint whose link becomes elastic, and the frequency of its second mode, rad/s."""
     staircase: str = ""
-    """Key of the command whose samples are held."""
-    begins: Sequence[float | Sequence[float]] = ()
-    """Start values of the new entries of the parameter vector, at which the effect of the extension is simulated; empty: the
-    start is the optimum of the linearised problem.
-    """
     restepped: bool = False
-    """Whether the extension changes the required number of substeps."""
     share: float = FURTHER
-    """Largest fraction of the mean square error that may remain with the extension."""
     excess: float = 1.0
-    """Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a badly
-    fitting model any additional parameter reduces the misfit.
-    """
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""

@@ -26,8 +26,8 @@ def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Metrics that a table shows. Left out are references that are equal in run and recording, and measures of a step response
-    if the motion does not settle."""
+    """Metrics that a table shows. Left out of a comparison are references that are equal in run and recording, and measures of
+    a step response if neither motion settles."""
     from asrsim.metrics.measures import STEP_MEASURES
 
     same = {
@@ -35,11 +35,13 @@ def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
         for row in rows
         if row.quantity.startswith("reference") and row.measure == "nrmse" and not row.value > 0.01
     }
-    settled = {(row.joint, row.quantity) for row in rows if row.measure == "settling" and math.isfinite(row.value)}
+    compared = {(row.joint, row.quantity) for row in rows if row.measure == "nrmse"}
+    restless = compared - {(row.joint, row.quantity) for row in rows if row.measure == "settling" and math.isfinite(row.value)}
     return [
         row
         for row in rows
-        if (row.joint, row.quantity) not in same and (row.measure not in STEP_MEASURES or (row.joint, row.quantity) in settled)
+        if (row.joint, row.quantity) not in same
+        and (row.measure not in STEP_MEASURES or (row.joint, row.quantity) not in restless)
     ]
 
 

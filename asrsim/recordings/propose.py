@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from asrsim.recordings.data import Column, Recording
-from asrsim.recordings.read import read_tables
+from asrsim.recordings.read import ASKED, read_tables
 from asrsim.recordings.reading import Reading, resolve_reading
 
 
@@ -23,6 +24,8 @@ def propose(
         rate: Sampling rate that replaces the file's time, Hz.
         joints: Joints of the simulation.
         called: The recording's path in the document; "": the recording's file name.
+
+    The document contains the questions about columns, so the recording's findings do not.
 
     Raises RecordingError if the file cannot be read.
     """
@@ -43,7 +46,8 @@ def propose(
         doubt = next((one.message for one in recording.findings if one.hint and one.key == clock["column"]), "")
         lines.append(_line(f"time: {_yaml(clock, flow=True)}", f"? {doubt}" if doubt else "its name and unit"))
     lines += _map(recording, reading)
-    return "\n".join(lines) + "\n", recording
+    findings = tuple(one for one in recording.findings if one.code not in ASKED)
+    return "\n".join(lines) + "\n", replace(recording, findings=findings)
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
@@ -60,8 +64,14 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
     for column in recording.asked:
         target = f"{column.joint or 'JOINT'}.{column.target}".replace("[unit]", f"[{_unit(column) or 'unit'}]")
         yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
-    if others := [column.source for column in columns if not (column.quantity or column.question)]:
-        yield f"# not used: {', '.join(others)}"
+    others = [column for column in columns if not (column.quantity or column.question)]
+    if len(others) == len(columns):
+        # No name means anything, so the user states each meaning.
+        for one in others:
+            target = f"JOINT.QUANTITY [{_unit(one) or 'unit'}]"
+            yield _line(f"  # {_yaml({one.source: target})}", "?")
+    elif others:
+        yield f"# not used: {', '.join(one.source for one in others)}"
 
 
 def _unit(column: Column) -> str:

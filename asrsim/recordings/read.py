@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -16,11 +17,12 @@ import numpy as np
 from asrsim.document.file import DOCUMENTS, mistaken
 from asrsim.errors import Problem, RecordingError, did_you_mean, listed
 from asrsim.plain import one_or_more
+from asrsim.plugins import plugin_options
 from asrsim.quantities import each_motor, unit_of
 from asrsim.recordings.commands import command_unit
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.folders import require_one_recording
-from asrsim.recordings.formats import content_of
+from asrsim.recordings.formats import READERS, content_of
 from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import check_path, find_raw, meaning_of, stated_unit, within_joint
 from asrsim.recordings.owners import find_joint, joint_of
@@ -118,7 +120,10 @@ def _recording(
         columns = [in_si(column, time, meaning) for column, time, meaning in zip(raw, times, meanings, strict=True)]
     require_one_recording(raw, columns)
     columns = _without_repeats(columns, findings)
-    findings += [*suspicions(columns, [column.values for column in raw]), *_questions(path, columns)]
+    findings += [
+        *suspicions(columns, [column.values for column in raw]),
+        *_questions(path, columns, READERS.file_of(content.format)),
+    ]
     return Recording(
         path=path,
         format=content.format,
@@ -314,11 +319,16 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     return list(result.values())
 
 
-def _questions(path: Path, columns: Sequence[Column]) -> list[Problem]:
-    """Questions about ambiguous columns, each with the option that answers it."""
+ASKED = ("asked", "nothing-mapped")
+"""Codes of the questions about ambiguous columns."""
+
+
+def _questions(path: Path, columns: Sequence[Column], plugin: str) -> list[Problem]:
+    """Questions about ambiguous columns, each with the option that answers it. plugin: plugin file of the file's reader."""
     asked = [column for column in columns if column.question]
     commands = [column for column in asked if "command" in column.question]
-    propose = f"`asrsim init --experiment {path.name}` writes a document with all questions, for you to complete"
+    command = shlex.join(["asrsim", "init", "--experiment", path.name, *plugin_options([plugin] if plugin else [])])
+    propose = f"`{command}` writes a document with all questions, for you to complete"
     if asked:
         first = (commands or asked)[0]
         reasons = dict.fromkeys(one.question for one in commands or asked[:1])

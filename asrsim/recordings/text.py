@@ -370,7 +370,11 @@ def _encoding(path: Path) -> str:
         return "utf-16"
     if b"\0" in start.rstrip(b"\0"):
         message = "is not a text file (it contains zero bytes)"
-        raise RecordingError(message, code="binary", hint="Rename the file: its ending must state its format")
+        raise RecordingError(
+            message,
+            code="binary",
+            hint="Rename the file: its ending must state its format. A reader of your own needs --plugin FILE",
+        )
     try:
         getincrementaldecoder("utf-8")().decode(start)  # the sample may end within a character
     except UnicodeDecodeError:

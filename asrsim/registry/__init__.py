@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 from weakref import WeakSet
 
-from asrsim.errors import InputError
+from asrsim.errors import InputError, did_you_mean
 
 T = TypeVar("T")
 
@@ -156,8 +156,16 @@ class Registry(Generic[T]):
                 raise InputError(message, code=f"broken-{self.noun}") from None
             known = self.names()
             raise InputError(
-                f"no {self.noun} is called '{name}'", choices=known, meant=name, code=f"unknown-{self.noun}"
+                f"no {self.noun} is called '{name}'",
+                choices=known,
+                hint=did_you_mean(name, known) or self.remedy,
+                code=f"unknown-{self.noun}",
             ) from None
+
+    @property
+    def remedy(self) -> str:
+        """Hint for an unknown name."""
+        return f"Your own {self.noun}s need --plugin FILE" if self.entry_point_group else ""
 
     def loaded(self) -> tuple[T, ...]:
         """Entries in the order of registration, without a search for installed packages."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from asrsim.actuators import ACTUATORS, Parameter
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError
 from asrsim.robot.inertia import tensor_of
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
@@ -63,7 +64,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             elif owner in blocks and name in blocks[owner].parameters:
                 of_block[name] = replace(blocks[owner].parameters[name], value=float(value), origin="scenario")
                 actuator: Any = ACTUATORS.get(blocks[owner].actuator)
-                fault = parameter_fault(_declared(actuator)[name], value)
+                fault = parameter_fault(_declared(actuator, STAGES.loaded())[name], value)
             elif owner in links and name in LINK_NAMES:
                 of_link[name] = float(value)
                 if value < 0.0 and name in ("mass", "ixx", "iyy", "izz"):
@@ -106,9 +107,11 @@ def names_of(
     return names
 
 
-@cache
-def _declared(actuator: Any) -> dict[str, Parameter]:
-    """Parameters of the actuator by name; cached, as each evaluation of a fit needs them."""
+@lru_cache
+def _declared(actuator: Any, stages: tuple[Any, ...]) -> dict[str, Parameter]:
+    """Parameters of the actuator by name; cached, as each evaluation of a fit needs them. stages: all stages, whose parameters
+    are among them.
+    """
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
 

@@ -23,6 +23,7 @@ from asrsim.simulation.examine import examine
 from asrsim.summary import RunSummary
 from asrsim.sweeps.cases import Payload, make_payload
 from asrsim.sweeps.rows import Runner, StudyRow, row_of
+from asrsim.sweeps.samplers import SAMPLERS
 from asrsim.sweeps.store import open_store
 from asrsim.sweeps.study import Study, is_study, make_study, present_name, read_study
 from asrsim.sweeps.table import Table
@@ -145,6 +146,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
         "inputs": _input_hashes(payload),
         "versions": numeric_versions(),
         "runs": len(study),
+        "blocks": SAMPLERS.get(study.sampler).blocks,
         "columns": payload.columns,
         "claims": {name: case.claims for name, case in payload.cases.items()},
         "substeps": {name: dict(case.substeps) for name, case in payload.cases.items()},

@@ -104,11 +104,13 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
     but only for a power of two of samples: a study in which one run has no value would have no indices.
     """
     study = table.study
-    if study.groups and study.sampler not in SAMPLERS:
+    if not study.groups or not table.manifest.get("blocks", True):
+        return None
+    if study.sampler not in SAMPLERS:
         files = ", ".join(map(str, study.plugins))
         where = f". The study used {files}: name your copy with --plugin" if files else ""
         return SobolIndices({}, samples=0, left_out=0, reason=f"the sampler '{study.sampler}' is not known here{where}")
-    if not study.groups or not SAMPLERS.get(study.sampler).blocks:
+    if not SAMPLERS.get(study.sampler).blocks:
         return None
     n, d = study.base_samples, len(study.groups)
     values = np.full(table.manifest["runs"], np.nan)

@@ -17,7 +17,7 @@ from asrsim.document.file import kind_of, read_document, read_file
 from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
-from asrsim.errors import InputError, Problem
+from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.plain import one_or_more
 from asrsim.plugins import check_named, plugin_fault
 from asrsim.registry import result_fault
@@ -85,7 +85,9 @@ class Study:
     overrides: Mapping[str, Any] | Sequence[str] = declare(
         MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
     )
-    sampler: str = declare(Choice(SAMPLERS.names), default="random", doc="sampler that places the draws")
+    sampler: str = declare(
+        Choice(SAMPLERS.names, missing=SAMPLERS.remedy), default="random", doc="sampler that places the draws"
+    )
     samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
@@ -286,10 +288,16 @@ def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> 
         message = f"must be 1 to {MOST_RUNS}" if drawn else "is given, but no key has a distribution"
         problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
     if study.sampler not in SAMPLERS:
-        choices = SAMPLERS.names()
-        message = "is not one of the choices"
+        sampler = study.sampler
         problems.append(
-            Problem(message, key="sampler", value=study.sampler, choices=choices, meant=study.sampler, code="choice")
+            Problem(
+                "is not one of the choices",
+                key="sampler",
+                value=sampler,
+                choices=SAMPLERS.names(),
+                code="choice",
+                hint=did_you_mean(sampler, SAMPLERS.names()) or SAMPLERS.remedy,
+            )
         )
     elif SAMPLERS.get(study.sampler).blocks and (joint or study.listed):
         message = f"Sobol indices need independent draws: the sampler {study.sampler} allows neither a fit nor listed values"

@@ -100,6 +100,9 @@ def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
         registry.get("nothing")
     with pytest.raises(InputError, match=r"no engine is called 'mising'.*missing.*Did you mean 'missing'"):
         registry.get("mising")
+    with pytest.raises(InputError, match=r"Your own engines need --plugin FILE"):
+        registry.get("my_own")
+    assert Registry("sampler").remedy == ""
 
 
 def test_entries_of_asrsim_are_its_own_also_if_a_plugin_file_is_the_first_to_import_them():

@@ -86,3 +86,16 @@ def test_equations_that_create_energy_are_found(engine):
     )
     with pytest.raises(DivergenceError, match=r"the links have gained .* J without a source"):
         asrsim.run(falling)
+
+
+def test_a_planned_motion_needs_the_torques_of_the_equations(engine):
+    """The references of a spring of constant stiffness rise in proportion to the masses."""
+    motion = {"equilibrium_position": {"minimum_jerk": {"to": 0.5, "duration": 0.2}}}
+    planned = []
+    for factor in (1.0, 2.0, 3.0):
+        engine(lambda known, q, f=factor: f * known.mass_matrix(q), lambda known, q, v, f=factor: f * of_file(known, q, v))
+        keys = {"engine": "own", "duration": 0.2, "expect": [], "inverse_dynamics": True, "references": {"joint_1": motion}}
+        prepared = prepare(SOFT, variant="soft", overrides=keys)
+        planned.append(prepared.scenario.references_of("joint_1")["equilibrium_position"].values(np.linspace(0.0, 0.2, 41)))
+    assert np.ptp(planned[1] - planned[0]) > 1e-5
+    np.testing.assert_allclose(planned[2] - planned[1], planned[1] - planned[0], rtol=1e-6, atol=1e-12)

@@ -142,6 +142,23 @@ def test_a_contradicted_tie_may_have_the_value_0():
     assert list(contradicted_ties(tied, np.zeros(1))) == ["b is not a, to which it is tied: they differ by 100 %"]
 
 
+@pytest.mark.parametrize("apart", [0.0, 1.0])
+def test_a_tie_is_contradicted_only_if_the_fit_is_better_without_it(apart):
+    """The effect of a difference is linear up to 0.1 and vanishes beyond, as that of friction that keeps a joint at rest."""
+    generator = np.random.default_rng(0)
+    slopes, effect = generator.normal(size=(400, 1)), generator.normal(size=400)
+    noise = generator.normal(size=400) - 0.3 * effect
+
+    def left(x):
+        free, other = x
+        vanishing = effect * np.clip(other - free, -0.1, 0.1) * (abs(other - free) < 0.2)
+        return slopes[:, 0] * free + (1.0 - apart) * vanishing + apart * effect * (other - free) + noise
+
+    a, b = (FitParameter(key=key, unit="", start=1.0) for key in "ab")
+    tied = replace(modelled(left, [a, b], 400), layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}], [{}]))
+    assert bool(list(contradicted_ties(tied, np.zeros(1)))) == bool(apart)
+
+
 def test_a_tenth_does_not_identify_what_nothing_distinguishes():
     slopes = np.tile(np.random.default_rng(0).normal(size=(400, 1)), 2)
     assert np.isnan(uncertainty(linear(slopes, slopes[::-1, 0]), np.zeros(2)).of_a_block.deviation).all()

@@ -1,5 +1,7 @@
 """A cause of a user's own: the recipe of the documentation, and a cause whose parameter does not exist."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -43,6 +45,44 @@ def test_the_cause_of_the_page_is_named_with_its_size(tmp_path):
     assert not found.fits
     assert found.causes[0].startswith("a damper of joint_1 (0.03"), found.causes
     assert "--free joint_1.spring_damping=0.03" in found.causes[0]
+
+
+def cogging(folder, sine=0.25, cosine=0.15, *, periods=75.0, inertia=0.02, damping=0.3):
+    """A motor with cogging that drives a link by a spring, solved without asrsim: its recording, and the scenario without."""
+
+    def rate(time, state):
+        link, speed, motor, motor_speed = state
+        pull, angle = SPRING * (motor - link), periods / (2.0 * np.pi) * motor
+        resisted = damping * motor_speed + sine * np.sin(angle) + cosine * np.cos(angle)
+        return speed, (pull - DAMPING * speed) / INERTIA, motor_speed, (drive(time) - resisted - pull) / inertia
+
+    def drive(time):
+        return 1.5 * np.sin(5.0 * time) + 0.8 * np.sin(13.0 * time)
+
+    time = np.arange(0.0, 1.2, 0.005)
+    found = solve_ivp(rate, (0.0, time[-1]), np.zeros(4), t_eval=time, rtol=1e-9, atol=1e-11, max_step=1e-3).y
+    noisy = found[[0, 2]] + 1e-3 * np.random.default_rng(3).normal(size=(2, len(time)))
+    heading = "time [s],joint_1.reference_1 [N m],joint_1.link_position [rad],joint_1.motor_1_position [rad]"
+    scenario = write(folder, "lab", {**SEA, "mode": 4}, duration=float(time[-1]))
+    numbers = f"motor_1_inertia: {inertia}, motor_1_damping: {damping}, motor_1_friction_torque: 0"
+    limits = "motor_1_max_torque: 100, motor_1_max_velocity: 100, max_deflection: 10"
+    scenario.write_text(f"{scenario.read_text()}parameters: {{joint_1: {{{numbers}, {limits}}}}}\n")
+    return scenario, save(folder / "a.csv", heading, time, drive(time), *noisy)
+
+
+def test_the_stage_and_its_cause_on_the_page_are_tried_and_named_with_their_size(tmp_path, asrsim_command):
+    page = (ROOT / "docs" / "identify.md").read_text(encoding="utf-8")
+    code = page.partition("### An effect that asrsim lacks")[2].partition("```python\n")[2].partition("```")[0]
+    (tmp_path / "my_cogging.py").write_text(code)
+    checked = asrsim_command("check", "--stage", "cogging", "--plugin", "my_cogging.py")
+    assert checked.code == 0, checked.err
+    load_plugin_files(tmp_path / "my_cogging.py")
+    scenario, recording = cogging(tmp_path)
+    found = identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.motor_1_damping"])
+    assert not found.fits
+    assert found.causes[0].startswith("cogging of the motors of joint_1 (0.29"), found.causes
+    (sine, cosine) = re.search(r"cogging_sine=(\S+) --free joint_1.cogging_cosine=([\d.]+)", found.causes[0]).groups()
+    assert (float(sine), float(cosine)) == pytest.approx((0.25, 0.15), rel=0.05)
 
 
 def test_a_start_without_a_number_for_each_parameter_is_refused_with_the_line_of_the_cause(tmp_path):

@@ -95,13 +95,21 @@ def test_a_measure_of_two_series_compares_each_record_with_its_own_reference(tmp
 
 
 def test_measures_of_a_run_alone(tmp_path, asrsim_command):
-    log = made_up_log(tmp_path / "log.mcap", joints=2, expect=[
-        {"joint": "joint_1", "quantity": "link_position", "measure": "at", "comparison": "<", "value": 1, "options": options}
-        for options in ({"when": 0.3}, {"when": 0.55})
-    ])  # fmt: skip
-    words = ("--measure", "at:when=0.3", "--measure", "gain:hertz=1", "--measure", "rmse:start=0.2,end=0.7")
+    claim = {"joint": "joint_1", "quantity": "link_position", "measure": "at", "comparison": "<", "value": 1}
+    claims = [{**claim, "options": {"when": when}} for when in (0.3, 0.55)]
+    log = made_up_log(tmp_path / "log.mcap", joints=2, expect=claims)
+    words = (
+        "--measure",
+        "at:when=0.3",
+        "--measure",
+        "gain:hertz=1",
+        "--measure",
+        "rmse:start=0.2,end=0.7",
+        "--measure",
+        "overshoot",
+    )
     done = asrsim_command("plot", log, "--joint", "joint_2", *words)
-    for heading in ("at:when=0.3", "gain:hertz=1", "rmse:start=0.2,end=0.7"):
+    for heading in ("at:when=0.3", "gain:hertz=1", "rmse:start=0.2,end=0.7", "overshoot"):
         assert heading in done.out
     assert "at:when=0.3 of link_position" in done.out
     assert "at:when=0.55 of link_position" in done.out

@@ -1,6 +1,7 @@
 """One simulation: start, inputs that jump or are set from outside, observation, and release of the engine."""
 
 import gc
+import time as clock
 import weakref
 from dataclasses import replace
 from pathlib import Path
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 
 import asrsim
+from asrsim.compiled.compiling import compile_function, time_spent
 from asrsim.scenario import Scenario
 from asrsim.signals import Sinusoid
 from asrsim.simulation.prepare import prepare
+from asrsim.simulation.run import simulate
 from asrsim.simulation.simulation import Simulation
 from support.hanging_chain import INERTIA, MASS, NEVER, REACH, joint, plan, samples, truth
 from support.paths import EXAMPLES
@@ -161,3 +164,17 @@ def test_samples_may_be_read_after_the_first_substep_of_a_hard_start():
     with asrsim.Simulation(arm, record=True) as simulation:
         simulation.advance_to(1)
         assert len(simulation.samples.time) == 1
+
+
+def _doubled(number):
+    return 2.0 * number
+
+
+def test_the_time_of_a_run_excludes_what_is_compiled_in_it(tiny, tmp_path, monkeypatch):
+    pytest.importorskip("numba")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    before, began = time_spent(), clock.perf_counter()
+    result = simulate(str(tiny.scenario), progress=lambda _: compile_function(_doubled, (1.0,)))
+    lasted, spent = clock.perf_counter() - began, time_spent() - before
+    assert spent > 1e-3
+    assert 0.0 < result.wall_time <= lasted - spent

@@ -93,12 +93,14 @@ def test_the_help_names_every_sampler():
     assert [name for name in SAMPLERS if name not in sampler.help] == []
 
 
-def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tiny, asrsim_command, tmp_path):
+@pytest.mark.parametrize("blocks", [False, True])
+def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tiny, asrsim_command, tmp_path, blocks):
+    """Only a study in blocks has Sobol indices, which the sampler must confirm."""
     plugin = tmp_path / "my_sampler.py"
     plugin.write_text(
         "import numpy as np\nfrom asrsim.sweeps.samplers import SAMPLERS, Sampler\n\n\n"
-        "class Even(Sampler):\n    title = 'even'\n\n    def points(self, samples, dimensions, seed):\n"
-        "        return np.linspace(0.1, 0.9, samples)[:, None]\n\n\nSAMPLERS.add('even', Even())\n"
+        f"class Even(Sampler):\n    title, blocks = 'even', {blocks}\n\n    def points(self, samples, dimensions, seed):\n"
+        f"        return np.linspace(0.1, 0.9, {3 if blocks else 1} * samples)[:, None]\n\n\nSAMPLERS.add('even', Even())\n"
     )
     before = SAMPLERS.state()
     done = asrsim_command(
@@ -109,6 +111,6 @@ def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tin
     SAMPLERS.put(before)
     shown = asrsim_command("sweep", "study", "--no-plot")
     assert shown.code == 0, shown.err
-    assert "2 of 2 runs" in shown.out
-    assert "the sampler 'even' is not known here" in shown.out
-    assert "my_sampler.py: name your copy with --plugin" in shown.out
+    assert ("6 of 6 runs" if blocks else "2 of 2 runs") in shown.out
+    assert ("the sampler 'even' is not known here" in shown.out) == blocks
+    assert ("my_sampler.py: name your copy with --plugin" in shown.out) == blocks
