@@ -66,6 +66,33 @@ def test_json_output_equals_the_summary_file(tiny, asrsim_command):
     assert json.loads(Path(run["files"]["summary"]).read_text()) == run
 
 
+def test_the_summary_and_the_log_state_what_ran_with_which_settings(tiny, asrsim_command):
+    tiny.scenario.write_text(tiny.scenario.read_text() + "variants: {soft: {parameters: {elbow: {spring_k: 8}}}, stiff: {}}\n")
+    settings = {
+        "duration": 0.2, "step": 0.002, "log_rate": 100, "seed": 7, "substeps": 3, "compiled": "false", "engine": "mujoco",
+        "gravity": "[0, 0, -1.5]",
+    }  # fmt: skip
+    words = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
+    outcome = asrsim_command("run", tiny.scenario, "--no-plot", "--json", "--variant", "soft", *words)
+    (run,) = json.loads(outcome.out)["runs"]
+    stated = {
+        "scenario": "step", "scenario_path": str(tiny.scenario), "variant": "soft", "robot": "pendulum",
+        "robot_path": str(tiny.robot), "duration": 0.2, "step": 0.002, "log_every": 5, "substeps": 3,
+        "samples": 21, "stepping": "leapfrog", "engine": "mujoco", "loop": "plain", "seed": 7,
+    }  # fmt: skip
+    assert {key: run[key] for key in stated} == stated
+    assert run["simulated_time"] == pytest.approx(0.2)
+    assert run["total_substeps"] == pytest.approx(300, abs=3)
+    info = read_log(Path(run["files"]["log"])).info
+    assert (info.urdf_path, info.scenario_path) == (str(tiny.robot), str(tiny.scenario))
+    assert (info.urdf, info.scenario) == (tiny.robot.read_text(), tiny.scenario.read_text())
+    assert info.resolved["parameters"]["elbow"]["spring_stiffness"] == 8.0
+    told = {key: info.metadata[key] for key in ("engine", "stepping", "order", "substeps", "seed", "gravity")}
+    assert told == {
+        "engine": "mujoco", "stepping": "leapfrog", "order": "2", "substeps": "3", "seed": "7", "gravity": "(0.0, 0.0, -1.5)",
+    }  # fmt: skip
+
+
 def test_run_draws_pictures_by_default(tiny, asrsim_command):
     assert asrsim_command("run", tiny.scenario, "--set", "duration=0.2").code == 0
     pictures = list(log_of(tiny).parent.glob("*.png"))
