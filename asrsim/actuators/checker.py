@@ -233,4 +233,5 @@ CHECKS = (
         INSIDE,
     ),
 )
-"""Name, condition, largest allowed value and function of each check, and the reach of its points."""
+"""Name, condition, largest allowed value and function of each check, and the largest deflection of its points as a fraction of
+the limit."""

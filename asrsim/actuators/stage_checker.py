@@ -31,8 +31,8 @@ SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
 STEPS, STEP = 4000, 1e-4
 """Number of kicks of a motion, and the largest time between them in s."""
 REACH, HERTZ = 0.3, 4.0
-"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. Motions go further and faster if
-parameters of the stage say that it acts only there."""
+"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. Motions are larger and
+faster if, by its parameters, the stage acts only on such motions."""
 BEYOND = 2.0
 """Deflection and speed that a motion exceeds, relative to the largest parameter in rad and in rad/s."""
 LARGEST = 5.0

@@ -105,7 +105,7 @@ def identify(
 
     Verdicts: identified (95 % interval within 5 %), weak, only as ratio, no effect, at bound. The fit is tested on data that
     were held out, and the robot is written with the identified numbers. --duration and Ctrl-C keep the best fit so far. Exit
-    code: 0, 1 if nothing could be fitted, the model does not fit, or --duration ended the search, 130 after Ctrl-C.
+    code: 0; 1 if nothing could be fitted, the model does not fit, or --duration ended the search; 130 after Ctrl-C.
 
     `asrsim init ROBOT --experiment FILE --out lab.yaml` writes a fit file. Options beside a fit file add to its `free` and
     `ties` and to the `map` of each recording; they replace the other values of the file.

@@ -52,7 +52,7 @@ def live(
     """Run a scenario in real time; references follow its signals until a topic overrides them.
 
     Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
-    Listens on this machine only. Ctrl-C ends the run. Exit code: 0, 1 if the run failed or diverged.
+    Listens on this machine only. Ctrl-C ends the run. Exit code: 0; 1 if the run failed or diverged.
 
     Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
     """

@@ -33,8 +33,8 @@ def rerun(
 ) -> Done:
     """Repeat a run from its log alone and compare every sample, bit for bit.
 
-    The log of an interrupted or killed run is compared up to its last sample. Exit code: 0 if all samples are the same, 1 if
-    some differ, 130 after Ctrl-C.
+    The log of an interrupted or killed run is compared up to its last sample. Exit code: 0 if all samples are the same; 1 if
+    some differ; 130 after Ctrl-C.
 
     Example: asrsim rerun out/step_2dof/soft/log.mcap
     """

@@ -53,8 +53,8 @@ def run(
     """Simulate a scenario: write a log, a summary and plots of every variant, and check the scenario's claims.
 
     Results of an earlier run of the same scenario are replaced, with a message; results of another scenario are kept
-    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0, 1 if a run failed, diverged, did not
-    satisfy a claim of the scenario, or is contradicted by a cross-check, 130 after Ctrl-C.
+    unless --overwrite is given. Ctrl-C ends the run with a readable log. Exit code: 0; 1 if a run failed, diverged, did not
+    satisfy a claim of the scenario, or is contradicted by a cross-check; 130 after Ctrl-C.
 
     Example: asrsim run examples/scenarios/step_2dof.yaml
 

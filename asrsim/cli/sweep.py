@@ -65,7 +65,7 @@ def sweep(
     """Vary keys of a scenario, run it on all cores, and show how much each key influences each result.
 
     Each run is a row of rows.parquet, written when the run ends. Ctrl-C keeps the rows so far; --resume continues. The rows do
-    not depend on the number of cores or on the cluster. Exit code: 0, 1 if nothing could be run or written, 130 after Ctrl-C. A
+    not depend on the number of cores or on the cluster. Exit code: 0; 1 if nothing could be run or written; 130 after Ctrl-C. A
     run that diverges is a row, not a failure of the command.
 
     Example: asrsim sweep examples/scenarios/step_2dof.yaml --variant soft --over references.joint_1.stiffness_preset=0.2:0.6:20

@@ -21,7 +21,7 @@ class Published:
     text: str
     source: str
     why: str = ""
-    """Reason why it differs from the sheet, or a remark that it agrees."""
+    """Reason why the statement differs from the sheet, or a remark that both agree."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -432,7 +432,9 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
 
     @property
     def text(self) -> str:
-        return (f"{self.of.text}, or " if self.bare else "") + f"mapping from {self.noun} to {self.of.text}"
+        if self.bare:
+            return f"{self.of.text}, or mapping from {self.noun} to such values"
+        return f"mapping from {self.noun} to {self.of.text}"
 
     def fits(self, node: Node) -> bool:
         return isinstance(node.value, dict)

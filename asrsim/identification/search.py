@@ -5,11 +5,11 @@ With a fast observer the residuals are errors of short predictions, which have h
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
 fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. A level then counts only if a
-free simulation with its estimates explains 50, 90 and 95 % of the variance of as many channels as the free simulation with its
-own estimates. Of these levels, the level is kept whose estimates differ least between tenths of the recordings. If several
-levels differ equally, within chance, the level with the best predictions is kept. If this is the first level, the bandwidth
-rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher one, predictions are so
-short that they show mostly noise. If no level is kept by these rules, the free simulation is kept.
+free simulation with that level's estimates explains as many channels as the fitted free simulation does, at each of three
+limits: 50, 90 and 95 % of a channel's variance. Of these levels, the level is kept whose estimates differ least between tenths
+of the recordings. If several levels differ equally, within chance, the level with the best predictions is kept. If this is the
+first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher
+one, predictions are so short that they show mostly noise. If no level is kept by these rules, the free simulation is kept.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ class PreparedLearning:
     @property
     def before(self) -> list[str]:
         """Lines that are printed before the first trial."""
-        lines = ["law auto: norm-optimal over three models"]
+        lines = ["law auto: norm-optimal learning, with three models of the robot"]
         raw = self.plant.scenario.resolved.get("ilc") or {}
         idle = [key for key in FIXED_GAIN_KEYS if key in raw]
         if self.settings.law != "auto":

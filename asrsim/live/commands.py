@@ -127,7 +127,7 @@ class CommandInput:
             velocities = [row[j] for *_, row in points if len(row) == len(targets)]
             if target is None:
                 if names is not None:
-                    self._refuse(topic, "a joint without commands on this topic")
+                    self._refuse(topic, "a command for a joint that takes none on this topic")
             elif names is not None and not received.points and math.isnan(values[0]):
                 # Controllers send NaN for joints that they do not command.
                 continue

@@ -271,6 +271,6 @@ def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band |
     known = np.isfinite(runs)
     within = np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
     runs[:, ~within.all(axis=0)] = np.nan
-    with np.errstate(invalid="ignore"):  # no run may have a value
+    with np.errstate(invalid="ignore"):  # it is possible that no run has a value
         mean = np.nansum(runs, axis=0) / np.isfinite(runs).sum(axis=0)
     return Band(time=time, mean=mean, low=np.fmin.reduce(runs), high=np.fmax.reduce(runs), count=len(found))

@@ -113,7 +113,7 @@ class TimeKeys:
             raise _error("unit", f"{self.unit} is not a unit of time", choices=("s", "ms", "us", "ns"))
 
 
-TIME = block_of(TimeKeys, "time", main="column")
+TIME = block_of(TimeKeys, "mapping that describes the time", main="column")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -103,7 +103,7 @@ class Scenario:
     fixed_base: bool = declare(Boolean(), key="base.fixed", default=True, doc="false: the robot floats")
     gravity: Vector = declare(POSITION, default=(0.0, 0.0, -9.81), unit="m/s^2", doc="gravity in the world's frame")
     actuators: Mapping[str, GivenActuator] = declare(
-        MapOf(of=block_of(GivenActuator, "actuator", main="type"), bare=True),
+        MapOf(of=block_of(GivenActuator, "mapping that describes an actuator", main="type"), bare=True),
         default={},
         doc="actuators of joints, in place of the actuators in the robot file",
         shown="the robot file's",

@@ -254,7 +254,7 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             damping = values[f"controller_{i}_derivative"] + values[f"motor_{i}_damping"]
             gain = scenario.step * damping / values[f"motor_{i}_inertia"]
             if gain > UNSTABLE:
-                message = f"the controller of motor {i} of '{block.joint}' diverges: h (ctrl_D + mot_D) / mot_J is above 2"
+                message = f"the controller of motor {i} of '{block.joint}' diverges: step * (ctrl_D + mot_D) / mot_J is above 2"
                 yield Problem(message, key="step", value=f"{gain:.3g} at {scenario.step * 1e3:g} ms", code="motor-gains")
 
 

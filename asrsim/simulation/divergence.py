@@ -21,10 +21,10 @@ FLOOR = 5e-3
 def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
     """DivergenceError with the likely cause and a remedy. what: description of the fault."""
     cause = (
-        f"omega h is {omega_h:.2g} for the stiffest spring: too large a step is likely. Lower the step or raise substeps"
+        f"the step is probably too large for the stiffest spring (omega h = {omega_h:.2g}). Lower the step or raise substeps"
         if omega_h > COARSE
-        else "likely an input or gain that drives the joint away, or a contact that cannot be resolved. Look at the last "
-        "samples of the log; lower gains, or the step"
+        else "probably an input or gain drives the joint away, or a contact cannot be resolved. Look at the last samples of "
+        "the log; lower gains, or the step"
     )
     return DivergenceError(f"joint '{joint}' diverged at t = {time:.4f} s: {what}; {cause}", joint=joint, time=time)
 

@@ -33,11 +33,15 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
         if inspect.getattr_static(engine, name, MEMBERS) is MEMBERS:
             message = f"the engine '{scenario.engine}' must have the member `{name}`; {type(engine).__name__} lacks it"
             if type(engine).__mro__[1] is not object and "__init__" in vars(type(engine)):
-                message += "; its `__init__` must call super().__init__(scenario, robot), if the base class gives this member"
+                message += (
+                    ". If a base class sets this member, `__init__` of the engine must call super().__init__(scenario, robot)"
+                )
             raise result_fault(entry.make, message)
     if scenario.wrenches and not engine.takes_wrenches:
         engine.close()
-        raise SimulationError(f"the engine '{scenario.engine}' takes no wrenches: the scenario's would have no effect")
+        raise SimulationError(
+            f"the engine '{scenario.engine}' takes no wrenches: the wrenches of the scenario would have no effect"
+        )
     return engine, warnings
 
 

@@ -49,8 +49,9 @@ def resonance_doubts(
     share = np.abs(vectors[: len(drives), np.abs(values - resonance).argmin()])
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
     message = (
-        f"its resonance at {frequencies[worst] / math.tau:.3g} Hz has omega h = {frequencies[worst] * h:.2g} with "
-        f"{counted(resolution.substeps, 'substep')}: without friction, its phase is {errors[worst]:.2g} rad ahead after "
+        f"its resonance at {frequencies[worst] / math.tau:.3g} Hz is resolved coarsely by "
+        f"{counted(resolution.substeps, 'substep')} (omega h = {frequencies[worst] * h:.2g}): without "
+        f"friction, its phase is {errors[worst]:.2g} rad ahead after "
         f"{times[worst]:.2g} s, an error of {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of the amplitude"
     )
     hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"

@@ -189,8 +189,8 @@ def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> Iterator[Probl
         omega_h = resolution.omega_h * math.sqrt(seen / foreseen)
         if omega_h > COARSE:
             yield Problem(
-                f"the spring reached a stiffness of {seen:.4g} N m/rad, more than the expected {foreseen:.4g}: omega h may "
-                f"have been {omega_h:.2g}, which is coarse",
+                f"the spring reached a stiffness of {seen:.4g} N m/rad, more than the expected {foreseen:.4g}: the substeps "
+                f"may have been too coarse (omega h up to {omega_h:.2g})",
                 key=drive.name,
                 hint=f"Set substeps to {math.ceil(resolution.substeps * omega_h / TARGET)} or more.",
                 code="spring-stiffer-than-foreseen",

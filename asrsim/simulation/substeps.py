@@ -175,14 +175,15 @@ def _resolve(
     h = step / substeps
     if rate * h >= DAMPED:
         raise UnresolvedSpringError(
-            f"the dampers of the springs are unstable with {substeps} substeps of {h:g} s: damping times substep by inertia is "
+            f"the dampers of the springs are unstable with {substeps} substeps of {h:g} s: damping * substep / inertia is "
             f"{rate * h:.3g}, the limit is {DAMPED:g}. Use at least {_count(rate * step / FADING):.12g} substeps (or leave the "
             "number automatic)"
         )
     if frequency * h >= UNSTABLE and not stepping.released:
         raise UnresolvedSpringError(
-            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: omega h = "
-            f"{frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the number automatic)"
+            f"the spring of joint '{stiffest}' is unstable with {substeps} substeps of {h:g} s: angular frequency times "
+            f"substep is omega h = {frequency * h:.3g}, the limit is 2. Use at least {needed:.12g} substeps (or leave the "
+            "number automatic)"
         )
     dampings = [link_damping(drive, k) for drive, k in zip(drives, limited, strict=True)]
     decay = h * _fastest(masses, couplings.fold_gains(dampings, places))[0]

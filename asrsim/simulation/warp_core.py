@@ -354,10 +354,10 @@ def _check(prepared: Prepared) -> None:
         message = f"the stepping '{prepared.stepping.name}' advances joints by a function that has no translation to Warp"
         raise InputError(message, key="stepping", hint="stepping: leapfrog", code="warp")
     if any(joint.mimic or joint.armature for joint in prepared.robot.moving_joints):
-        raise InputError("coupled joints and rotors do not move on Warp yet", key="engine", code="warp")
+        raise InputError("Warp cannot simulate coupled joints and rotors yet", key="engine", code="warp")
     if prepared.robot.loops:
-        raise InputError("closed chains do not move on Warp yet", key="engine", code="warp")
+        raise InputError("Warp cannot simulate closed chains yet", key="engine", code="warp")
     if any(link.weightless[0] for link in prepared.robot.links):
-        raise InputError("links without gravity do not move on Warp yet", key="engine", code="warp")
+        raise InputError("Warp cannot simulate links without gravity yet", key="engine", code="warp")
     if prepared.scenario.wrenches:
-        raise InputError("forces on links do not act on Warp", key="wrenches", code="warp")
+        raise InputError("Warp cannot simulate external forces on links", key="wrenches", code="warp")

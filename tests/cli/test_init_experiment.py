@@ -1,5 +1,6 @@
 """`asrsim init --experiment`: recorded commands are played, and the motion is compared with the recording."""
 
+import json
 import shutil
 from contextlib import ExitStack
 from dataclasses import replace
@@ -235,6 +236,18 @@ def test_a_scenario_reads_the_recording_as_the_given_document_states(tmp_path, m
     assert np.isnan(first).sum() == 2
     # The first sample of the window is missing.
     assert scenario.initial_positions["joint_1"] == pytest.approx(first[1])
+
+
+def test_findings_about_a_recording_name_its_file(tmp_path, asrsim_command):
+    """Those of the reader, and those about the starter."""
+    recording = lab(tmp_path, header="time,q1,motor_pos1,current")
+    robot = EXAMPLES / "dof1_sea.urdf"
+    done = asrsim_command("init", robot, "--experiment", recording, "--out", "s.yaml", "--json")
+    findings = json.loads(done.out)["findings"]
+    assert "starter" in {one["code"] for one in findings}
+    assert {one["file"] for one in findings} == {str(recording)}
+    done = asrsim_command("init", robot, "--experiment", recording, "--out", "s.yaml", "--overwrite")
+    assert done.out.count(str(recording)) >= len(findings)
 
 
 def test_a_command_without_unit_is_stated_as_assumed(tmp_path):

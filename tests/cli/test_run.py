@@ -385,5 +385,6 @@ def test_an_unexpected_error_is_one_line_unless_debugging(asrsim_command, monkey
     monkeypatch.setattr("asrsim.simulation.examine.read_scenarios", fail)
     outcome = asrsim_command("run", "any.yaml")
     assert outcome.code == 1
-    assert "ZeroDivisionError" in outcome.err
+    line = fail.__code__.co_firstlineno + 1
+    assert f"unexpected error: ZeroDivisionError: by zero ({__file__}:{line})" in outcome.err.replace("\n", "")
     assert "Traceback" not in outcome.err

@@ -475,7 +475,7 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
         ({"def bias": "def torque"}, "abstract method"),
         (
             {"super().__init__(scenario, robot)\n        if len(self.joints) != 1:": "if False:"},
-            "its `__init__` must call super().__init__",
+            "`__init__` of the engine must call super().__init__",
         ),
         ({"return [np.cos(q)": "return [np.nan * np.cos(q)"}, "the engine's bias is not finite, at the positions [0.0] (got"),
         ({"return [np.cos(q)": "return [(np.nan if q > 0.1 else 1.0)"}, "is not finite, at the positions"),

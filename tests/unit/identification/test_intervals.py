@@ -227,6 +227,18 @@ def test_an_identifiable_product_of_three_parameters_is_found(values, powers):
     assert np.prod(np.array(values) ** found) == pytest.approx(one.value)
 
 
+def test_the_combination_with_the_narrowest_interval_is_told_although_a_simpler_one_is_also_known():
+    """a^2 b^3 is known within a few thousandths, and a b only within some tenths, since each parameter is hardly known."""
+    parameters = [positive("a", 2.0, "kg"), positive("b", 3.0, "m")]
+    wave = np.linspace(0.0, 9.0, 200)
+    shape = 1e3 * np.outer(np.sin(wave), (2.0, 3.0)) + 0.1 * np.outer(np.cos(wave), (3.0, -2.0))
+    problem = modelled(lambda there: shape @ there, parameters, 200)
+    x = np.zeros(2)
+    (one,) = combinations(problem, x, uncertainty(problem, x, foreseen=True), range(2))
+    assert sorted(one.text.split(" * ")) == ["a^2", "b^3"]
+    assert one.margin / one.size < 0.01
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.2])
 def test_a_parameter_that_another_imitates_is_not_without_effect(angle):
     """Unit noise and columns of norm 3 at an angle: the half width is 1.96 / (3 sin(angle)) > 1 if both are free, and 1.96 / 3

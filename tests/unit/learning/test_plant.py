@@ -164,4 +164,4 @@ def test_a_sliding_joint_is_learned_in_metres(tmp_path):
     units = {item.what: item.unit for item in session.prepared.demands}
     assert units["motor torque"] == units["spring torque"] == "N"
     assert (units["motor speed"], units["spring deflection"]) == ("m/s", "m")
-    assert re.search(r"the largest error .* is [\d.]+ mm .*; tolerance 10 µm$", session.result.reason)
+    assert re.search(r"the largest error .* is [\d.]+ mm .* tolerance 10 µm$", session.result.reason)

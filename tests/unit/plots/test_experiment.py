@@ -233,6 +233,18 @@ def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path):
     np.testing.assert_allclose(np.radians(phases[0] - phases[1]), -2 * np.pi * f * 0.02, atol=0.02)
 
 
+@pytest.mark.parametrize("recorded", [True, False])
+def test_a_recording_without_a_reference_is_said_to_have_that_of_the_simulation(tmp_path, recorded):
+    log, file = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv")
+    if not recorded:
+        file.write_text(file.read_text().replace("joint_1_reference", "spare"))
+    result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(file),), bode=True, band=(0.9, 3.0)))
+    simulated, measured = (one.findings for one in result.responses)
+    assert "reference-of-simulation" not in {one.code for one in simulated}
+    said = [one for one in measured if one.code == "reference-of-simulation"]
+    assert [(one.file, one.key) for one in said] == ([] if recorded else [(file, "joint_1")])
+
+
 def test_the_response_of_each_joint_is_its_own_from_the_joint_that_is_named(tmp_path):
     """Both joints follow the chirp of joint_1, with gains of 0.5 and 0.25; the recording has half of that."""
     whole = read_log(made_up_log(tmp_path / "whole.mcap", joints=2, count=4001)).samples

@@ -291,7 +291,8 @@ def test_warnings_of_a_run_are_on_its_page_as_the_command_says_them(tiny, asrsim
         assert warning["message"] in shown
     for text in (
         "pendulum.urdf:11: arm: a heavy link for a robot (masses are in kg) (got '51 kg')",
-        "pendulum.urdf:4: elbow: a limit of several turns; limits are in rad (got '-3 to 90'). 180 degrees are 3.14159 rad",
+        "pendulum.urdf:4: elbow: the limits allow several turns: are they in degrees? Limits are in rad (got '-3 to 90').",
+        "180 degrees are 3.14159 rad",
         "step.yaml:6: gravity: points upwards: z points up, so weight is negative in z (got '9.81')",
     ):
         assert text in shown
