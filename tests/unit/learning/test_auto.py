@@ -128,9 +128,11 @@ def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
     assert steps[-300:].max() < 2.0 * steps[1000:-300].max()
 
 
-def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
-    """The twin is the robot, and not only closer to it."""
+@pytest.mark.parametrize("initial", ["equilibrium", {}])
+def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path, initial):
+    """The twin is the robot, and not only closer to it; the arm starts at rest, or falls at once."""
     plant = plant_of(tmp_path, *random_arm(6))
+    plant = make_plant(examine(replace(plant.scenario, initial_equilibrium=bool(initial))))
     links = [plant.robot.joint(joint).child for joint in plant.joints]
     masses = {link.name: link.mass for link in plant.robot.links}
     robot = plant.varied({links[0]: {"mass": 1.2 * masses[links[0]]}, links[1]: {"mass": 0.8 * masses[links[1]]}}, 0.02)
