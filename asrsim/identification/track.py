@@ -121,8 +121,10 @@ class Playing:
 class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = ()) -> None:
-        """freed: keys of the parameters that the user frees."""
+    def __init__(
+        self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = (), *, stated: bool = False
+    ) -> None:
+        """freed: keys of the parameters that the user frees; stated: whether the recording begins as the scenario states."""
         self.data, self.channels = data, data.channels
         self._made_from, self._elastic = (scenario, robot, frozenset(freed)), dict[str, Track | None]()
         self.scenario = _scenario(scenario, data)
@@ -144,8 +146,10 @@ class Track:
         self._following: dict[str, float] = {}
         """Mean start of the motors in the scenario, by joint, for links that are not recorded and start with their motors."""
         for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
-            seen = self._begin_link(drive, position, velocity, freed)
-            self._begin_motors(drive, freed, seen=seen)
+            keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
+            self.initial |= dict(zip(keys, (position, velocity), strict=True))
+            if not stated:
+                self._begin_motors(drive, freed, seen=self._begin_link(drive, position, freed))
         self.onset = min(float(c.time[min(onset(c, MOVES), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
         self.jumps = sorted({time for command in data.commands for time in command.curve.jumps.tolist() if time > 0.0})
@@ -155,13 +159,12 @@ class Track:
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin_link(self, drive: SteppedJoint, position: float, velocity: float, freed: Collection[str]) -> bool:
+    def _begin_link(self, drive: SteppedJoint, position: float, freed: Collection[str]) -> bool:
         """Set the start of a link: that of the scenario, or that of the recording if it contradicts the scenario. A link whose
         sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor. Return whether
-        the link is recorded. position, velocity: those of the scenario.
+        the link is recorded. position: that of the scenario.
         """
         keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
-        self.initial |= dict(zip(keys, (position, velocity), strict=True))
         series = self._series
         if (recorded := link_channel(drive, series)) is None:
             return False

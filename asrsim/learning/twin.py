@@ -150,7 +150,7 @@ def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGr
     ties += [Tie(key=one, to=first_delay) for one in delays]
     # Model errors are correlated over several samples, so the number of independent samples is smaller.
     noise = NOISE * (len(plant.time) / INDEPENDENT) ** 0.5
-    tracks = [Track(prepared.scenario, plant.robot, _recorded(plant, trial, noise)) for trial in trials]
+    tracks = [Track(prepared.scenario, plant.robot, _recorded(plant, trial, noise), stated=True) for trial in trials]
     for track in tracks:
         stack.callback(track.close)
     count = len(tracks)
