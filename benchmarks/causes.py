@@ -67,7 +67,7 @@ def main() -> None:
         if options.adopt:
             print(f"{effect}: {fitted} of {options.seeds} fit; {held} of {intervals} intervals contain the truth")
         else:
-            print(f"{effect}: {named} of {options.seeds} named first")
+            print(f"{effect}: {named} of {options.seeds} named first; {held} of {intervals} intervals contain the truth")
 
 
 if __name__ == "__main__":

@@ -108,17 +108,18 @@ CAUSES: Registry[Cause] = Registry("cause", "asrsim.causes", instance=Cause)
 class Suspicion:
     """Effects that the model may lack."""
 
-    text: str
+    text: str = ""
+    """Sentence on the effects; empty if none is suspected although models with effects reduce the error."""
     trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates of the models that were tried and that reduce the error, by name; models with the suspected effects come
-    last.
-    """
+    """Estimates, by name, of models with effects that reduce the error; models with the suspected effects come last."""
     model: tuple[FitProblem, Array] | None = None
     """Problem with the suspected effects, and its estimate; None if no parameters of the robot or of a recording describe these
     effects.
     """
     added: tuple[str, ...] = ()
     """Names of the parameters of the suspected effects."""
+    rivals: tuple[Mapping[str, float], ...] = ()
+    """Estimates, by name, of models with equally likely effects."""
 
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
@@ -130,7 +131,8 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     # Residuals below the estimated noise may be correlated nevertheless.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
-    found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
+    found, trials = Extended((), problem, x, least), list[Extended]()
+    alone = found
     # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, start):
         there = extended(
@@ -142,18 +144,20 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         found = min((found, there), key=lambda one: mean_square(one.problem, one.x))
         if mean_square(found.problem, found.x) < NOISE:
             break
-    explained = problem, x
-    if found.chosen:
-        rest = mean_square(found.problem, found.x)
-        if rest <= base - MUCH * excess:
-            more = "" if rest <= target else "; more is missing"
-            explained = found.problem, found.x
-            yield Suspicion(
-                text=_suspected(found, percent((rest / base) ** 0.5)) + more,
-                trials=(*trials, found.problem.layout.named(found.x)),
-                model=None if any(cause.elastic for cause in found.chosen) else explained,
-                added=tuple(one.name for cause in found.chosen for one in cause.parameters),
-            )
+    explained, rest = (problem, x), mean_square(found.problem, found.x)
+    if found.chosen and rest <= base - MUCH * excess:
+        more = "" if rest <= target else "; more is missing"
+        explained = found.problem, found.x
+        yield Suspicion(
+            text=_suspected(found, percent((rest / base) ** 0.5)) + more,
+            trials=(*(one.estimates for one in trials), found.estimates),
+            model=None if any(cause.elastic for cause in found.chosen) else explained,
+            added=tuple(one.name for cause in found.chosen for one in cause.parameters),
+            rivals=tuple(one.estimates for one in found.rivals),
+        )
+    # Without a cause, only those count that are more likely in spite of their further parameters.
+    elif likely := [one.estimates for one in trials if one.criterion(one.samples) < alone.criterion(one.samples)]:
+        yield Suspicion(trials=tuple(likely))
     for text in chain(_oscillations(*explained), _varying_springs(*explained)):
         yield Suspicion(text=text)
 
@@ -293,7 +297,15 @@ def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
     commands = dict.fromkeys(f"{one.key}.delay" for own in data for one in own.commands)
     if commands and not any(key.endswith(".delay") or key == CLOCK for key in free):
         first, *others = commands
-        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=tied_to(first, others), begins=(2.0,))
+        ties = tied_to(first, others)
+        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=ties, begins=(2.0,))
+        # Without the other, each may explain less than friction that imitates both.
+        zeros = {one.key: _zero_and_scale(one)[0] for own in data for one in own.commands}
+        for key, zero in zeros.items():
+            if zero.key not in free:
+                yield Extension(
+                    text=f"a zero of {key} and a delay of the commands", parameters=(zero, _delay(first)), ties=ties
+                )
     channels = dict.fromkeys(one.key for own in data for one in own.channels)
     for key in channels if len(channels) > 1 else ():
         if f"{key}.delay" not in free:

@@ -4,7 +4,7 @@ reduce the error significantly.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from math import inf
@@ -15,6 +15,7 @@ from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import INITIAL, JUMP, FitParameter, parameters_of
 from asrsim.identification.problem import (
     FitProblem,
+    differences,
     huber,
     jacobian,
     mean_square,
@@ -192,10 +193,15 @@ class Extended:
     """Mean of the Huber loss of the residuals."""
     samples: float = 1.0
     """Number of independent samples to which the residuals are equivalent."""
-    trials: tuple[Mapping[str, float], ...] = ()
-    """Estimates, by name, of the extended problems that were tried and that have smaller errors."""
+    trials: tuple[Extended, ...] = ()
+    """Extended problems that were tried and that have smaller errors."""
     rivals: tuple[Extended, ...] = ()
     """Extended problems whose last extension explains the recordings as well as the one that was adopted in its place."""
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimates by name."""
+        return self.problem.layout.named(self.x)
 
     def criterion(self, samples: float) -> float:
         """Schwarz's criterion (BIC) without a constant, from a number of independent samples; the smallest is the best."""
@@ -219,25 +225,24 @@ def extended(
     is true or no further extension is significant. kinds: functions that propose extensions of a problem; least: smallest
     known mean Huber loss of the problem without extensions, which they must reduce.
     """
-    found, named = Extended((), problem, x, huber(residuals(problem, x))), list[Mapping[str, float]]()
+    found, better = Extended((), problem, x, huber(residuals(problem, x))), list[Extended]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
-        optimum, trials = Optimum(found.problem, found.x), list[Extended]()
+        optimum = Optimum(found.problem, found.x)
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
-        for one in sorted(promises, key=lambda promise: -promise.share)[:TRIED]:
-            if one.share:
-                trial = _trial((*found.chosen, one.extension), one.problem, one.start, rounds)
-                if trial.cost < found.cost:
-                    named.append(one.problem.layout.named(trial.x))
-                if one.extension.accepts(min(found.cost, least), trial.cost, trial.samples):
-                    trials.append(trial)
+        likely = sorted((one for one in promises if one.share), key=lambda one: -one.share)[:TRIED]
+        trials = [_trial((*found.chosen, one.extension), one.problem, one.start, rounds) for one in likely]
+        before = min(found.cost, least)
+        better += [one for one in trials if one.cost < before]
+        trials = [one for one in trials if one.chosen[-1].accepts(before, one.cost, one.samples)]
         if not trials:
             break
-        likely = _most_likely(trials, NEAR * DECISIVE)
-        if len(likely) > 1:
-            # The best of these trials is not known yet: their searches may not have ended.
-            likely = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in likely], DECISIVE)
-        found = replace(likely[0], rivals=(*found.rivals, *likely[1:]))
-    return replace(found, trials=tuple(named))
+        best = _most_likely(trials, NEAR * DECISIVE)
+        if len(best) > 1:
+            # Which of them is best is not yet known: their searches may not have ended.
+            best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
+            best = _best_predictions(_simplest(best))
+        found = replace(best[0], rivals=(*found.rivals, *best[1:]))
+    return replace(found, trials=tuple(better))
 
 
 def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rounds: int) -> Extended:
@@ -245,6 +250,32 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
     x = solve(problem, start, rounds=rounds, tolerance=1e-5)
     left = residuals(problem, x)
     return Extended(chosen, problem, x, huber(left), max(independent_samples(left), 2.0))
+
+
+def _simplest(trials: Sequence[Extended]) -> list[Extended]:
+    """Trials without those that free the parameters of another one, and more."""
+    keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
+    return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
+
+
+def _best_predictions(trials: list[Extended]) -> list[Extended]:
+    """Trials that are equally likely; the first one is clearly better in the held-out parts than the most likely one."""
+    errors = [_held_out(one) for one in trials]
+    best = int(np.argmin(errors))
+    best = best if errors[best] <= FURTHER * errors[0] else 0
+    return [trials[best], *trials[:best], *trials[best + 1 :]]
+
+
+def _held_out(found: Extended) -> float:
+    """Mean Huber loss of the predictions that were not fitted; 0 if everything was fitted."""
+    problem = found.problem
+    firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
+    left = [
+        part.weighted(values)[first:]
+        for first, (part, values) in zip(firsts, differences(problem.everything, found.x), strict=True)
+    ]
+    held = np.concatenate(left)
+    return huber(held) if len(held) else 0.0
 
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:

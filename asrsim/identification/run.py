@@ -176,20 +176,30 @@ def identify(
         watch.stop = stop
         watch.best = Best(problem, start)
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
-        rounds = MOST if adopt else 0
+        rounds, rivals = MOST if adopt else 0, list[Mapping[str, float]]()
         while rounds and suspected is not None and suspected.model is not None:
             # The search begins again, since the effects change the other parameters, too; and other effects may show then.
             wider, start = suspected.model
+            rivals += suspected.rivals
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
             setup, rounds = replace(setup, adopted=(*setup.adopted, *suspected.added)), rounds - 1
-            result, suspected = _fitted(setup, watch.best, before, watch, check=False, accept=accept)
+            result, suspected = _fitted(setup, watch.best, before, watch, check=False, accept=accept, rivals=rivals)
         return result
 
 
 def _fitted(
-    setup: Setup, best: Best, before: Differences, watch: FitWatch, *, check: bool, accept: bool
+    setup: Setup,
+    best: Best,
+    before: Differences,
+    watch: FitWatch,
+    *,
+    check: bool,
+    accept: bool,
+    rivals: Sequence[Mapping[str, float]] = (),
 ) -> tuple[FitResult, Suspicion | None]:
-    """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack."""
+    """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack.
+    rivals: estimates, by name, of models with effects that were as likely as those of the problem.
+    """
     status = CHECKED if check else COMPLETE
     try:
         with watch.in_time():
@@ -202,14 +212,21 @@ def _fitted(
     except Stopped:
         status = INTERRUPTED
     try:
-        return _judged(setup, best, before, status, watch, accept=accept)
+        return _judged(setup, best, before, status, watch, accept=accept, rivals=rivals)
     except Stopped:
         # The user interrupts the judgement after the search is complete.
-        return _judged(setup, best, before, INTERRUPTED, watch, accept=accept)
+        return _judged(setup, best, before, INTERRUPTED, watch, accept=accept, rivals=rivals)
 
 
 def _judged(
-    setup: Setup, best: Best, before: Differences, status: str, watch: FitWatch, *, accept: bool
+    setup: Setup,
+    best: Best,
+    before: Differences,
+    status: str,
+    watch: FitWatch,
+    *,
+    accept: bool,
+    rivals: Sequence[Mapping[str, float]],
 ) -> tuple[FitResult, Suspicion | None]:
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
@@ -228,6 +245,7 @@ def _judged(
         others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
         watch.stage("what may be missing")
+        others += rivals
         predicted = channel_fits(problem, before, trained) if observed else fits
         causes += foreign(predicted)
         causes += wrong_controllers(*slow[0])
@@ -238,11 +256,11 @@ def _judged(
                     # Causes that are found without a trial fit are equal at all levels: each is reported once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
-                        causes.append(one.text)
+                        causes += filter(None, [one.text])
                         others += one.trials
-                if any(one.trials for one in suspected):
+                if any(one.added for one in suspected):
                     break
-            if not any(one.trials for one in suspected):
+            if not any(one.added for one in suspected):
                 causes += [text for text in foreign(fits) if observed and text not in causes]
                 causes += unexplained_drives(*slow[0]) if read else ()
             causes += failed_predictions(*slow[0])
@@ -273,7 +291,7 @@ def _judged(
         replay=replay_of(problem.tracks[0], final.layout.table(x, 0), replace(final.playing, bandwidth=0.0)),
         played=problem.tracks[0].data.commands,
     )  # fmt: skip
-    return result, next((one for one in suspected if one.trials), None)
+    return result, next((one for one in suspected if one.added), None)
 
 
 def _causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:

@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.identification.curves import CURVES, channel_charts, channel_curves, write_curves
 from asrsim.identification.parameters import numbers_of, tied
 from asrsim.identification.replay import as_plain
-from asrsim.identification.result import AT_BOUND, IDENTIFIED, RATIO, WEAK, FitResult
+from asrsim.identification.result import AT_BOUND, NO_EFFECT, RATIO, FitResult
 from asrsim.identification.resume import Resumed
 from asrsim.identification.scenario import rotors_of_scenario, write_scenario
 from asrsim.outfile import written
@@ -77,18 +77,14 @@ def _correlations(covariance: Array) -> list[list[float]]:
 
 
 def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str, float]:
-    """Values, by key, of the identified parameters or of all parameters, and of the parameters tied to them. If a model was
-    accepted, all its parameters are written, since only together they explain the recordings.
+    """Values, by key, of the parameters that have an effect, or of all parameters, and of the parameters tied to them. Weak and
+    ambiguous values are included, since only together the values explain the recordings.
     """
     values = {
-        one.key: one.value for one in result.estimates
-        # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
-        if one.track is None
-        and (
-            everything or result.accepted or one.verdict == IDENTIFIED
-            or (one.verdict == WEAK and one.key.endswith("friction_stiffness"))
-        )
-    }  # fmt: skip
+        one.key: one.value
+        for one in result.estimates
+        if one.track is None and (everything or result.accepted or one.verdict != NO_EFFECT)
+    }
     return tied(values, result.ties)
 
 
@@ -97,10 +93,10 @@ def write_robot(result: FitResult | Resumed, folder: Path, *, everything: bool =
     chosen = chosen_values(result, everything=everything)
     changes = physical(result.robot, numbers_of(chosen))
     if not changes:
-        return [], ["no parameter of the robot is identified, so no robot file is written (--all writes all estimates)"]
+        return [], ["no free parameter of the robot has an effect, so no robot file is written (--all writes all estimates)"]
     said, source = [], result.robot.path
     if left := [one.key for one in result.estimates if one.track is None and one.key not in chosen]:
-        said.append(f"not written, since not identified: {', '.join(left)} (--all writes all estimates)")
+        said.append(f"not written, since without effect: {', '.join(left)} (--all writes all estimates)")
     data, name = source.read_bytes(), source.name
     if source.suffix != ".urdf" or b"xacro" in data[:4000]:
         data, name = result.robot.text.encode(), f"{source.name.partition('.')[0]}.urdf"

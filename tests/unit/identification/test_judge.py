@@ -231,9 +231,9 @@ def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
     channels = (*found.channels, replace(found.channels[0], track=1))
     paths = draw_recordings(replace(found, ends=found.ends * 2, channels=channels), tmp_path)
     assert [path.name for path in paths] == ["overlay_1_a.png", "overlay_2_a.png"]
-    # Only together do the parameters of an accepted model explain the recording.
+    # Only together do the parameters explain the recording; a parameter without effect keeps its start.
     (one,) = found.estimates
-    both = one, replace(one, key="joint_1.friction", verdict="weak")
-    for accepted, left in ((True, []), (False, ["joint_1.friction"])):
-        _, said = write_robot(replace(found, estimates=both, accepted=accepted), tmp_path / "fits")
-        assert re.findall("not written, since not identified: (.*) \\(", "".join(said)) == left
+    for word, left in (("weak", []), ("only as ratio", []), ("no effect", ["joint_1.friction"])):
+        both = one, replace(one, key="joint_1.friction", verdict=word)
+        _, said = write_robot(replace(found, estimates=both), tmp_path / "fits")
+        assert re.findall("not written, since without effect: (.*) \\(", "".join(said)) == left
