@@ -23,10 +23,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from math import copysign, exp
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from asrsim.actuators.parameters import Parameter, numbered
 from asrsim.actuators.stages import STAGES
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Actuator:
@@ -43,6 +47,10 @@ class Actuator:
     motors: ClassVar[int] = 2
     """Number of motors with dynamics. With three or more motors, laws also take `theta_3` and so on, and the class must define
     `elastic_energy`."""
+    housed: ClassVar[int] = 0
+    """Number of motors, the last ones, that are mounted on the housing of the actuator, such as a motor that preloads springs:
+    their angles are relative to the housing, and the torques of the springs on them do not act on the link. The class must
+    define `elastic_energy`."""
     adjuster: ClassVar[bool] = False
     """Whether the second reference directly sets the position of an adjuster (`theta_2` of the laws), which has no motor (paper
     section 2.3)."""
@@ -57,7 +65,8 @@ class Actuator:
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
-        """Torques of the springs on motors 1 and 2 in N m; their sum acts on the link. With one spring, the second torque is 0.
+        """Torques of the springs on motors 1 and 2 in N m; their sum, without those on `housed` motors, acts on the link. With
+        one spring, the second torque is 0.
 
         q: link position in rad; theta_1, theta_2: motor positions in rad (position of an adjuster: in `reference_2_unit`). A
         spring between the motors, the term g(theta_1, theta_2) below eq. 6 of the paper, adds g to one torque and takes it from
@@ -87,6 +96,17 @@ class Actuator:
     def equilibrium_position(theta_1: float, theta_2: float) -> float:
         """Position in rad at which the unloaded link rests: the inverse of the reference map."""
         return theta_1
+
+    @classmethod
+    def is_housed(cls, index: int) -> bool:
+        """Whether motor 0, 1, ... is mounted on the housing."""
+        return cls.motors - cls.housed <= index < cls.motors
+
+    @classmethod
+    def on_link(cls, torques: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Torque (...) on the link in N m, from the torques (springs, ...) of the springs."""
+        total: NDArray[np.float64] = torques[: len(torques) - cls.housed].sum(axis=0)
+        return total
 
     @classmethod
     def positions(cls) -> int:

@@ -121,7 +121,11 @@ class Points:
         q = source.uniform(-2.0, 2.0, count)
         self.moving = 1 + actuator.positions() - actuator.adjuster
         """Number of positions of link and motors."""
-        motors = q + reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
+        offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
+        # Deflections of springs between link and housing are sums of several angles.
+        offsets /= 1.0 + actuator.housed
+        # A motor on the housing does not turn with the link.
+        motors = np.array([[float(not actuator.is_housed(i))] for i in range(self.moving - 1)]) * q + offsets
         adjuster = actuator.typical_preset * source.uniform(0.5, 1.5, (int(actuator.adjuster), count))
         self.positions = np.vstack([q, motors, adjuster])
         """Positions (1 + positions, n) of the link (rad), the motors (rad) and an adjuster (in the unit of the second
@@ -134,7 +138,7 @@ class Points:
     def forces(self, shift: Array | float = 0.0) -> Array:
         """Torques (moving, n) of the springs on the link and the motors. An adjuster does not move."""
         springs = self.apply(self.actuator.elastic_torques, shift)
-        return np.vstack([springs.sum(axis=0), -springs])[: self.moving]
+        return np.vstack([self.actuator.on_link(springs), -springs])[: self.moving]
 
     def stiffness(self) -> Array:
         """Stiffness (n,), N m/rad."""

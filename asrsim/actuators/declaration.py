@@ -27,6 +27,9 @@ def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
     ]
     if wrong:
         return tuple(wrong)
+    if actuator.housed >= actuator.motors:
+        message = f"must be less than the number of motors, {actuator.motors}: a motor must drive the link"
+        return (declaration_problem(actuator, message, "bad-declaration", key="housed", value=actuator.housed),)
     names = [parameter.name for parameter in actuator.all_parameters()]
     twice = [
         declaration_problem(actuator, "another parameter has this name", "bad-parameter", key=f"parameters.{parameter.name}")
@@ -44,6 +47,7 @@ ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "title": ("a text", lambda value: isinstance(value, str)),
     "source": ("a text", lambda value: isinstance(value, str)),
     "motors": (f"1 to {MOST_MOTORS}", range(1, MOST_MOTORS + 1).__contains__),
+    "housed": (f"0 to {MOST_MOTORS - 1}", range(MOST_MOTORS).__contains__),
     "typical_preset": ("a finite number", lambda value: isinstance(value, int | float) and math.isfinite(value)),
     "parameters": (
         "a tuple of Parameter(...)",
@@ -67,6 +71,7 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
     }
     why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
     why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
+    why |= {"elastic_energy": "motors on the housing need it"} if actuator.housed else {}
     for law, (arguments, count) in taken.items():
         own, problem = inspect.getattr_static(actuator, law), partial(declaration_problem, actuator, key=law)
         if arguments is spring and own is inspect.getattr_static(Actuator, law):

@@ -13,7 +13,7 @@ import numpy as np
 from asrsim.actuators.electric import Electric, electric_of
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import MOTOR_PARAMETERS
-from asrsim.actuators.stages import STAGES
+from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.vectorised import Array, over_arrays
 
 if TYPE_CHECKING:
@@ -50,8 +50,16 @@ class Drive:
     def stages(self) -> Mapping[str, tuple[Any, ...]]:
         """Constants at each motor of the stages that act, by name of the stage; None at motors where a stage does not act."""
         motors = range(1, self.actuator.motors + 1) if self.mode.spring else ()
-        found = {one.name: tuple(one.constants(self.values, i, self.mode) for i in motors) for one in STAGES.loaded()}
+        found = {one.name: tuple(self._constants(one, i) for i in motors) for one in STAGES.loaded()}
         return {name: own for name, own in found.items() if any(one is not None for one in own)}
+
+    def _constants(self, stage: type[Stage], motor: int) -> Any:
+        """Constants of a stage at motor 1, 2, ...; None if the stage does not act there. Between link and a motor on the
+        housing there is no spring, to which a stage could be parallel or in series.
+        """
+        if self.actuator.is_housed(motor - 1) and (stage.has("torque") or stage.has("place")):
+            return None
+        return stage.constants(self.values, motor, self.mode)
 
     def placed(self, motor: int, deflection: Array) -> Array:
         """Deflections (...) of the spring of motor 1, 2, ... in rad at rest, for deflections (...) of the joint: behind the

@@ -42,7 +42,8 @@ def spring_torques(drives: Sequence[Drive], position: Array, references: Sequenc
     torques = np.zeros_like(position)
     for rows in alike(drives):
         goals = np.stack([references[row] for row in rows], axis=1)
-        torques[rows] = resting_motors([drives[row] for row in rows], position[rows], goals)[1].sum(axis=0)
+        own = [drives[row] for row in rows]
+        torques[rows] = own[0].actuator.on_link(resting_motors(own, position[rows], goals)[1])
     return torques
 
 
@@ -70,7 +71,7 @@ class MotorsAtRest:
         """drives: drives with the same actuator and mode. references: references (positions, joints, n) after the reference
         map, rad. limited: whether the motors' largest torques and position stops apply."""
         self._references = references
-        self._springs = over_arrays(drives[0].actuator.elastic_torques)
+        self._springs, self._on_link = over_arrays(drives[0].actuator.elastic_torques), drives[0].actuator.on_link
         self._motors = drives[0].dynamic_motors if drives[0].mode.controller else 0
         self._elastic = tuple(np.array(values)[:, None] for values in zip(*(drive.elastic for drive in drives), strict=True))
         self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
@@ -169,8 +170,8 @@ class MotorsAtRest:
         # A motor that is pressed onto its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
-        of_link, of_motors = changes[:, :, 0].sum(axis=0), changes[:, :, 1:].sum(axis=0).swapaxes(0, 1)
-        pull = pulls.sum(axis=0) + np.sum(of_motors * moved, axis=0)
+        of_link, of_motors = self._on_link(changes[:, :, 0]), self._on_link(changes[:, :, 1:]).swapaxes(0, 1)
+        pull = self._on_link(pulls) + np.sum(of_motors * moved, axis=0)
         return pull, of_link + np.sum(of_motors * rates, axis=0)
 
     @cached_property

@@ -44,7 +44,8 @@ def measured_curve(
     channels = [one for one in recording.channels.values() if one.quantity and one.joint in (None, source.drive.joint)]
     columns = {str(one.quantity): one for one in channels}
     motors = [f"motor_{i}_position" for i in range(1, source.drive.actuator.motors + 1)]
-    torques = ["link_torque"] if "link_torque" in columns else [name for name in columns if name.startswith("elastic_torque")]
+    springs = [f"elastic_torque_{i}" for i in range(1, len(motors) + 1 - source.drive.actuator.housed)]
+    torques = ["link_torque"] if "link_torque" in columns else [name for name in springs if name in columns]
     needed = ["deflection"] if "deflection" in columns else ["link_position", *motors]
     if locked and "link_position" not in columns:
         needed = [name for name in needed if name != "link_position"]

@@ -45,8 +45,8 @@ def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
         s = 2j * np.pi * frequency[:, None, None]
         matrix = np.zeros((len(frequency), count + 1, count + 1), complex)
         control, free = _motors(drive, s[:, 0, 0])
-        matrix[:, 0, 0] = load.inertia * s[:, 0, 0] ** 2 + load.damping * s[:, 0, 0] - by_q.sum()
-        matrix[:, 0, 1:] = -by_motor[:, :count].sum(axis=0)
+        matrix[:, 0, 0] = load.inertia * s[:, 0, 0] ** 2 + load.damping * s[:, 0, 0] - drive.actuator.on_link(by_q)
+        matrix[:, 0, 1:] = -drive.actuator.on_link(by_motor[:, :count])
         matrix[:, 1:, 0] = by_q[:count]
         matrix[:, 1:, 1:] = by_motor[:count, :count]
         matrix[:, range(1, count + 1), range(1, count + 1)] += free.T

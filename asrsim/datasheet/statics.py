@@ -93,7 +93,7 @@ class Statics:
 
     def torque(self, deflection: Array, preset: Array) -> Array:
         """Torque (n,) on the link, N m."""
-        return np.asarray(self.torques(deflection, preset).sum(axis=0))
+        return self.drive.actuator.on_link(self.torques(deflection, preset))
 
     def stiffness(self, deflection: Array, preset: Array) -> Array:
         """Stiffness (n,), N m/rad."""
@@ -114,7 +114,8 @@ class Statics:
         limits = np.array([*drive.max_torque, *[np.inf] * len(torques)][: len(torques)])[:, None]
         turns = np.abs(positions[: drive.actuator.motors]) <= drive.max_deflection * (1.0 + ROUNDING)
         held = np.abs(torques) <= limits * (1.0 + ROUNDING)
-        return np.asarray(turns.all(axis=0) & held.all(axis=0) & (np.abs(torques.sum(axis=0)) <= self.effort))
+        carried = np.abs(drive.actuator.on_link(torques)) <= self.effort
+        return np.asarray(turns.all(axis=0) & held.all(axis=0) & carried)
 
     def reach(self, preset: float) -> float:
         """Largest deflection at a preset up to which no limit is exceeded, rad."""

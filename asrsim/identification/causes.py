@@ -71,6 +71,8 @@ SMALL = float(np.log(0.2))
 """Logarithm of the size of the second body at the start of a trial, relative to its default fraction of the link: with
 6 % of the link, the first mode hardly changes.
 """
+VANISHED = 0.02
+"""Damping of a motor, as a fraction of the derivative gain of its controller, below which the damping counts as 0."""
 MASSES = (float(np.log(1.3)), float(np.log(0.75)))
 """Logarithms of the factors of a link's mass that are tried: a load, or a link that is lighter than its file states."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
@@ -385,7 +387,7 @@ def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free fixed springs, friction, damping, hysteresis, and limits of motors and springs."""
-    track, free = problem.tracks[0], problem.layout.keys
+    track, values, free = problem.tracks[0], problem.layout.table(x, 0), problem.layout.keys
     known, moves = parameters_of(track.door.robot, (), {}), track.scenario.engine != "bench"
     for j, drive in enumerate(track.door.drives):
         joint, mode = drive.name, drive.mode
@@ -409,6 +411,13 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 # If the friction is so large that the joint does not move, the search starts without friction.
                 begins = tuple((*(0.0 for _ in more), begin) for begin in (1.0, parameter.place(0.0)))
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
+        gain, damping = known.get(f"{joint}.controller_1_derivative"), f"{joint}.motor_1_damping"
+        if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
+            # The damping acts like the derivative gain. It has vanished, so the gain is too large.
+            ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
+            text = f"a smaller derivative gain of the controller of {joint}"
+            starts = gain.place(0.0), gain.place(0.5 * gain.start)
+            yield Extension(text=text, parameters=(gain,), ties=ties, begins=starts)
         limited = [(f"motor_1_{name}", f"motor_1_max_{name}") for name in ("torque", "velocity") if drive.dynamic_motors]
         for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
             key, reached = f"{joint}.{name}", _largest(problem, x, (j, quantity))
@@ -499,7 +508,7 @@ for name, cause in {
     "commands": Cause(title="zeros of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
         title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
-        "motors and of deflections, masses of links",
+        "motors and of deflections, derivative gains of controllers, masses of links",
         extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),

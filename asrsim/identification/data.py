@@ -155,7 +155,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
             code="no-command",
             hint=f"Name the column: --map COLUMN={missing[0]}.reference_1, or write references into the scenario",
         )
-    remarks = [*recording.doubts, *plan.remarks]
+    exceeded = [one for one in plan.exceeded if f"{one.joint}.{one.parameter}" not in task.free]
+    remarks = [*recording.doubts, *plan.remarks, *map(str, exceeded)]
     channels = tuple(_channels(task, plan, remarks))
     if not channels:
         known = ", ".join(f"{joint}.{column.quantity}" for joint, column in plan.compared) or "no channel"

@@ -58,6 +58,7 @@ def equilibria_for_loads(
     cannot hold a load.
     """
     law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
+    on_link = drive.actuator.on_link
 
     def torques(equilibria: Array) -> Array:
         motors = references(equilibria, presets)
@@ -65,9 +66,9 @@ def equilibria_for_loads(
             return resting_motors([drive], positions[None], motors[:, None], limited=False)[1][:, 0]
         return law(positions, *motors, drive.elastic)
 
-    found = increasing_roots(lambda equilibria: torques(equilibria).sum(axis=0) - loads, positions, farthest=SEARCH)
+    found = increasing_roots(lambda equilibria: on_link(torques(equilibria)) - loads, positions, farthest=SEARCH)
     springs = torques(found)
-    missing = np.abs(springs.sum(axis=0) - loads) > EXACT * np.maximum(1.0, np.abs(loads))
+    missing = np.abs(on_link(springs) - loads) > EXACT * np.maximum(1.0, np.abs(loads))
     limits = np.array([*drive.max_torque, *[np.inf] * len(springs)][: len(springs)])
     overloaded = np.abs(springs) > limits[:, None]
     if not (missing.any() or overloaded.any()):
@@ -76,7 +77,7 @@ def equilibria_for_loads(
     when = "" if time is None else f" at {time[row]:.4g} s"
     where = f"at position {positions[row]:.4g} rad"
     if missing[row]:
-        largest = springs[:, row].sum()
+        largest = on_link(springs)[row]
         message = (
             f"the spring cannot hold {loads[row]:.4g} N m {where}: its largest torque in this direction is {largest:.4g} N m"
         )
@@ -160,7 +161,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     rho, offsets = reference_map(drive, preset)
     moved = drive.actuator.motors
     across = np.linalg.svd(rho[None, :moved])[2][1:].T
-    law = over_arrays(drive.actuator.elastic_torques)
+    law, on_link = over_arrays(drive.actuator.elastic_torques), drive.actuator.on_link
 
     def places(s: Array, d: Array) -> Array:
         return np.concatenate([rho[:moved, None] * s + across @ d, offsets[moved:]])
@@ -171,12 +172,12 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     centre = position / max(rho.max(), 1e-9)
     d = across.T @ offsets[:moved]
     with np.errstate(all="ignore"):
-        least, most = (torques(centre + side * SEARCH, d).sum(axis=0) for side in (-1.0, 1.0))
+        least, most = (on_link(torques(centre + side * SEARCH, d)) for side in (-1.0, 1.0))
     # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
     given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
-        return increasing_roots(lambda s: torques(s, d).sum(axis=0) - given, centre, farthest=SEARCH)
+        return increasing_roots(lambda s: on_link(torques(s, d)) - given, centre, farthest=SEARCH)
 
     s = along(d)
     if len(drive.proportional) > 1:

@@ -190,7 +190,8 @@ def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
 
 
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
-    """Stiffnesses d tau_i / d theta_i (n, positions) at positions (n, positions) of the motors, N m/rad; 0 for an adjuster.
+    """Stiffnesses d tau_i / d theta_i (n, positions) at positions (n, positions) of the motors, N m/rad; 0 for an adjuster, and
+    for motors on the housing.
 
     Springs beyond their deflection limit are evaluated just before the limit, since at the limit their slope is 0.
     """
@@ -198,11 +199,11 @@ def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
     most = CLIP * drive.max_deflection
     deflections = np.clip(motors - position[:, None], -most, most)
     found = np.zeros_like(motors)
-    for motor in range(drive.actuator.motors):
+    for motor in range(drive.actuator.motors - drive.actuator.housed):
         ends = []
         for nudge in (-NUDGE, NUDGE):
             at = motors.copy()
             at[:, motor] = position + deflections[:, motor] + nudge
-            ends.append(law(position, *at.T, drive.elastic).sum(axis=0))
+            ends.append(drive.actuator.on_link(law(position, *at.T, drive.elastic)))
         found[:, motor] = (ends[1] - ends[0]) / (2.0 * NUDGE)
     return found

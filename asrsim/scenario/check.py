@@ -21,7 +21,7 @@ from asrsim.robot.loops import Assembly, Loop, assembled, assembly_of, linkages_
 from asrsim.robot.model import UNREAD, is_locked
 from asrsim.robot.mounting import equipped, reference_names
 from asrsim.scenario.data import SCENARIO, Scenario
-from asrsim.scenario.kinds import prescribes_motion, released_order
+from asrsim.scenario.kinds import RELEASED_MOTORS, prescribes_motion, released_order
 from asrsim.scenario.names import unknown_names
 from asrsim.scenario.signal_checks import over_run, reference_key, signal_faults
 from asrsim.scenario.starts import stated_start
@@ -152,9 +152,14 @@ def nothing_moves(robot: Robot) -> Problem:
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors in toolbox stepping: modes that the toolbox does not have, such as voltage and current references."""
+    """Errors in toolbox stepping: modes that the toolbox does not have, such as voltage and current references, and actuators
+    with more motors than those of the toolbox.
+    """
     for block in robot.actuators if released_order(scenario.stepping) else ():
-        mode = MODES[block.mode]
+        mode, motors = MODES[block.mode], ACTUATORS.get(block.actuator).motors
+        if motors > RELEASED_MOTORS:
+            message = f"'{block.joint}' has {motors} motors; the toolbox moves only {RELEASED_MOTORS}"
+            yield Problem(message, key="stepping", value=scenario.stepping, code="released-motors")
         if mode.command != "torque":
             message = f"'{block.joint}' is in mode {mode.number} ({mode.name}), which the toolbox does not have"
             yield Problem(message, key="stepping", value=scenario.stepping, code="released-mode")

@@ -64,6 +64,10 @@ def prescribes_motion(engine: str) -> bool:
     return ENGINES.get(engine).prescribed
 
 
+RELEASED_MOTORS = 2
+"""Number of motors that every actuator of the released toolbox integrates."""
+
+
 def released_order(stepping: str) -> bool:
     """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
     return stepping_called(stepping).released

@@ -17,6 +17,7 @@ from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.values import overridden
 from asrsim.samples import is_staircase
+from asrsim.scenario.recorded_limits import Exceeded, exceeded_limits
 
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
@@ -68,6 +69,8 @@ class RecordingPlan:
     """First recorded positions other than 0, by joint."""
     initial_motors: Mapping[str, tuple[float, ...]]
     """First recorded positions of motors with dynamics, by joint; only for joints whose motors were all recorded."""
+    exceeded: tuple[Exceeded, ...] = ()
+    """Limits of springs and motors that the recorded motion exceeds."""
     remarks: tuple[str, ...] = ()
 
     @property
@@ -139,6 +142,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
         initial=_initial(robot, columns, played, remarks),
         initial_motors=_initial_motors(changed, columns, remarks),
+        exceeded=tuple(one for block in changed.actuators for one in exceeded_limits(block, columns)),
         remarks=tuple(remarks),
     )
 

@@ -144,16 +144,23 @@ class SteppedJoint:
         return self.actuator.motors + self.actuator.adjuster if self.actuator and self.mode and self.mode.spring else 0
 
     @property
+    def pulling(self) -> int:
+        """Number of torques of the spring's law that act on the link."""
+        return max(2, self.actuator.motors) - self.actuator.housed if self.placed and self.actuator else 0
+
+    @property
     def positions(self) -> int:
         """Number of motor positions that the spring's law takes: at least two."""
         return self.actuator.positions() if self.actuator else 2
 
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
         """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
-        of the controller (in units of the command). Motors start at the link's position; in the released order, at 0.
+        of the controller (in units of the command). Motors start at the link's position; on the housing, and in the released
+        order, at 0.
         """
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
-        positions = (*self.motor_positions, *[at] * count)[:count]
+        usual = [0.0 if self.actuator and self.actuator.is_housed(index) else at for index in range(count)]
+        positions = (*self.motor_positions, *usual[len(self.motor_positions) :])[:count]
         velocities = (*self.motor_velocities, *[0.0] * count)[:count]
         units = [electric.gain or 1.0 for electric in self.drive.electric] if self.drive else []
         integrals = [*(torque / unit for torque, unit in zip(self.integrals, units, strict=False)), *[0.0] * count][:count]
@@ -268,6 +275,8 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
     high = TURN if joint.upper is None else joint.upper
     if mode.mapped or not mode.spring:
         return low, high
+    if actuator.is_housed(slot):
+        low = high = 0.0
     # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
     least, most = (values[f"motor_{slot + 1}_{end}_position"] for end in ("min", "max"))
     return max(low - spread, least), min(high + spread, most)

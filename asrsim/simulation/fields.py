@@ -184,6 +184,9 @@ class JointKind:
     positions: int = constant("number of positions that the laws of the spring take", "", integer=True)
     dynamic: int = constant("number of positions with motor dynamics; other positions equal their references", "", integer=True)
     springs: int = constant("number of springs, one for each motor", "", integer=True)
+    pulling: int = constant(
+        "number of torques of the springs that act on the link; the others act on the housing", "", integer=True
+    )
     placed: int = constant("number of positions that change the springs' energy", "", integer=True)
     controllers: int = constant("number of controllers with sensors", "", integer=True)
     on_link: int = constant("flag: 1 if the sensors measure the link", "", integer=True)

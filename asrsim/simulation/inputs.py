@@ -291,7 +291,7 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     if own is None or slot >= len(names):
         return REST
     # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
-    mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster)
+    mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster or own.actuator.is_housed(slot))
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=drive.stated_position) if moved else REST
     signal = scenario.references_of(drive.name).get(names[slot], rest)

@@ -104,8 +104,8 @@ def _placed_springs(actuator: Any, motors: int, place: Callable[..., None]) -> C
             return torques(position, *map(end, own), link.law)
 
         if task == TASK.whole:
-            least = sum(torques_at(q + SLOPE))
-            joint.stiffness = 0.5 / SLOPE * (sum(torques_at(q - SLOPE)) - least)
+            least = sum(torques_at(q + SLOPE)[: kind.pulling])
+            joint.stiffness = 0.5 / SLOPE * (sum(torques_at(q - SLOPE)[: kind.pulling]) - least)
         found = torques_at(q)
         if task == TASK.whole:
             joint.law_energy = energy(q, *map(end, own), link.law)

@@ -193,7 +193,7 @@ def _advance_springs(
     During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
     torque bounded.
     """
-    motors, dynamic = kind.positions, kind.dynamic
+    motors, dynamic, pulling = kind.positions, kind.dynamic, kind.pulling
     turns, step = 1, h
     if link.substeps > 1.0:
         turns = math.ceil(link.substeps * h / scheme.step)
@@ -216,7 +216,8 @@ def _advance_springs(
         spring_law(kind.spring_law, joint, link, kind, q, int(whole and turn == turns // 2))
         for i in range(motors):
             motor = motor_of(joint, i)
-            total += motor.pull
+            if i < pulling:
+                total += motor.pull
             if i < dynamic:
                 drive = drive_of(link, i)
                 most = motor.limit if kind.stages else drive.limit

@@ -100,7 +100,7 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
     for i in range(kind.positions):
         motor, drive = motor_of(joint, i), drive_of(link, i)
         theta, speed = motor.kick_position, motor.mean_velocity
-        if i < kind.springs and abs(theta - joint.position) > link.max_deflection:
+        if i < kind.springs and i < kind.pulling and abs(theta - joint.position) > link.max_deflection:
             bent = True
         if i >= kind.dynamic:
             continue

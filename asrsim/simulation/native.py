@@ -130,9 +130,10 @@ def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
     joint, link = joint_at(s), link_at(p)
     if task == TASK.whole:
         place(joint, link, kind, q + SLOPE)
-        least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)))
+        least = _sum(torques(q + SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)), kind.pulling)
         place(joint, link, kind, q - SLOPE)
-        joint.stiffness = 0.5 / SLOPE * (_sum(torques(q - SLOPE, *positions(row(s), 0), parameters(row(p), kind.law))) - least)
+        most = _sum(torques(q - SLOPE, *positions(row(s), 0), parameters(row(p), kind.law)), kind.pulling)
+        joint.stiffness = 0.5 / SLOPE * (most - least)
     place(joint, link, kind, q)
     given = q, *positions(row(s), 0), parameters(row(p), kind.law)
     values = torques(*given)
@@ -142,9 +143,9 @@ def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
         motor_of(joint, i).pull = values[i]
 
 
-def _sum(values: Any) -> Any:
+def _sum(values: Any, count: int) -> Any:
     total = 0.0
-    for i in range(len(values)):
+    for i in range(count):
         total += values[i]
     return total
 

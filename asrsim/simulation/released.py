@@ -18,6 +18,7 @@ from typing import Any
 
 from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.parameters import FRICTION_STIFFNESS
+from asrsim.scenario.kinds import RELEASED_MOTORS
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState
 from asrsim.simulation.laws import drive_of, motor_of, spring_law
 from asrsim.simulation.layout import GOALS, TASK
@@ -34,8 +35,6 @@ PHANTOM_AWAS_II = {"coulomb": 0.5, "proportional": 164.0, "integral": 0.0, "deri
 """Constants of the second motor that the released AwAS-II plugin updates: friction in N m, PID gains in N m/rad, N m/(rad s)
 and N m s/rad.
 """
-MOTORS = 2
-"""Number of motors that every released actuator integrates."""
 
 
 def released_step(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h: float, note: int) -> None:
@@ -55,11 +54,11 @@ def released_step(joint: JointState, link: JointConstants, kind: JointKind, u: A
 def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h: float) -> None:
     moving = kind.dynamic > 0
     controlled = moving and drive_of(link, 0).hold != 0.0
-    for i in range(MOTORS):
+    for i in range(RELEASED_MOTORS):
         motor = motor_of(joint, i)
         motor.theta = motor.position if moving else u[GOALS + i]
     spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
-    for i in range(MOTORS):
+    for i in range(RELEASED_MOTORS):
         motor = motor_of(joint, i)
         if moving:
             _move(motor, drive_of(link, i), u[GOALS + i], motor.pull, controlled, h)
@@ -67,7 +66,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
         motor.kick_position = motor.theta
     if controlled:
         spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.torques)
-    for i in range(MOTORS):
+    for i in range(RELEASED_MOTORS):
         motor = motor_of(joint, i)
         motor.load = motor.pull
     joint.now.torque = motor_of(joint, 0).pull + motor_of(joint, 1).pull

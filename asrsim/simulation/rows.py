@@ -12,11 +12,11 @@ from asrsim.actuators.motor import MotorConstants
 from asrsim.actuators.stages import Stage
 from asrsim.records import columns, numbers
 from asrsim.samples import Array
+from asrsim.scenario.kinds import RELEASED_MOTORS
 from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, MotorState, Scheme, StageState, row_of_link
 from asrsim.simulation.ledger import AT_STOP
 from asrsim.simulation.prepared import Prepared
-from asrsim.simulation.released import MOTORS as RELEASED_MOTORS
 from asrsim.simulation.released import PHANTOM, PHANTOM_AWAS_II, PHANTOM_SEA
 from asrsim.simulation.shape import RowShape
 
@@ -32,6 +32,7 @@ def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]])
     return JointKind(
         sprung=int(sprung), controlled=int(controlled), direct=int(mode is not None and not (sprung or controlled)),
         positions=drive.positions, dynamic=drive.dynamic_motors, springs=drive.motors if drive.placed else 0,
+        pulling=drive.pulling,
         placed=drive.placed, controllers=sensor.count if sensor else 0, on_link=int(sensor.on_link) if sensor else 0,
         ring=shape.ring, memory=shape.memory, law=shape.law, spring_law=0, joint_step=0, stages=len(stages),
         places=[shape.kept.index(stage) for stage in stages],

@@ -217,7 +217,7 @@ def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[S
             sums.append(
                 " + ".join(
                     number_as(Value(kind, f"{name}_{side}"), FLOAT).text
-                    for name, kind in zip(results, found.kinds, strict=True)
+                    for name, kind in zip(results[: len(results) - actuator.housed], found.kinds, strict=False)
                 )
             )
         yield f"    s[s_at + {JOINT['stiffness']}] = (({sums[0]}) - ({sums[1]})) / {2.0 * SLOPE_ON_WARP}"

@@ -43,6 +43,8 @@ from asrsim.starter.robot import (
 
 WIDE = 1e4
 """Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
+ROOM = 2.0
+"""Largest deflection of the springs, as a multiple of the largest recorded one."""
 FIT = ".fit.yaml"
 """Ending of the file for `asrsim identify`, beside the scenario."""
 
@@ -121,8 +123,9 @@ def write_from_recording(
         named = relative_path(experiment, proposed.parent)
         documents[proposed], _ = propose(experiment, mapping=mapping, rate=rate, joints=joints, called=named)
     commands = {path: command_text(plan, members) for path, members in tables.items()}
-    parameters = open_parameters(plan.robot, given_to)
-    plan = replace(plan, robot=with_overrides(plan.robot, parameters=parameters))
+    parameters = open_parameters(plan, given_to)
+    left = tuple(str(one) for one in plan.exceeded if one.parameter not in parameters.get(one.joint, {}))
+    plan = replace(plan, robot=with_overrides(plan.robot, parameters=parameters), remarks=(*plan.remarks, *left))
     if given_to:
         data, _ = recording_data(plan, files, mode=mode, joints=given_to, parameters=parameters)
         with TemporaryDirectory(prefix="asrsim-") as temporary:
@@ -168,20 +171,25 @@ def command_text(plan: RecordingPlan, members: Sequence[PlayedRecording]) -> str
     return csv_text(["time [s]", *(one.label for one in members)], values)
 
 
-def open_parameters(robot: Robot, joints: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Values by joint for parameters of motors and controllers that are unknown.
+def open_parameters(plan: RecordingPlan, joints: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Values by joint for parameters of springs, motors and controllers that are unknown.
 
-    Limits are so wide that no motor reaches them. Constants that the mode needs are 1. Derivative gains are 0, since they act
-    like damping, which is fitted.
+    Limits are so wide that no motor and no recorded deflection reaches them. Constants that the mode needs are 1. Derivative
+    gains are 0, since they act like damping, which is fitted.
     """
     found: dict[str, dict[str, float]] = {}
-    for block in robot.actuators:
+    for block in plan.robot.actuators:
         motors, mode = range(1, ACTUATORS.get(block.actuator).motors + 1), MODES[block.mode]
         if block.joint in joints:
             limits = [f"motor_{i}_max_{what}" for i in motors for what in ("torque", "velocity") if mode.motor]
             constants = missing_constants(block.values(), len(motors), mode) if mode.motor else ()
             gains = [f"controller_{i}_derivative" for i in motors if mode.controller and (mode.motor or i == 1)]
             found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
+            found[block.joint] |= {
+                one.parameter: float(f"{ROOM * one.reached:.2g}")
+                for one in plan.exceeded
+                if one.joint == block.joint and one.parameter == "max_deflection"
+            }
     return found
 
 

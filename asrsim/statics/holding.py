@@ -182,7 +182,7 @@ def goals_of(scenario: Scenario, block: ActuatorBlock, time: Array) -> tuple[Arr
     rest = np.full(len(time), float(for_joint(scenario.initial_positions, block.joint, 0.0)))
     goals = []
     for slot, name in enumerate(mode.references_of(actuator.motors)):
-        idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster) else rest
+        idle = np.zeros(len(time)) if slot and (mode.mapped or actuator.adjuster or actuator.is_housed(slot)) else rest
         goals.append(np.asarray(given[name].values(time), dtype=float) if name in given else idle)
     if mode.mapped:
         return over_arrays(actuator.motor_references)(goals[0], goals[1]), goals[0]

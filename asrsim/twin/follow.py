@@ -141,7 +141,7 @@ def follow_recording(
     measured = np.full((len(time), len(names)), np.nan)
     for joint, column in positions.items():
         measured[:, names.index(joint)] = resample(column.time - clock_offset, column.values, time)
-    notes = [*read.doubts, *plan.remarks]
+    notes = [*read.doubts, *plan.remarks, *map(str, plan.exceeded)]
     notes += [
         (f"{joint}: no position is recorded, so the twin of this joint is not corrected")
         for joint in names

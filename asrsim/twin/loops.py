@@ -183,17 +183,18 @@ def judge(
     """Compute the external torques, thresholds and alarms of each joint. Returns whether a joint's threshold, from noise alone,
     exceeds the largest torque that its springs have carried in motion.
 
-    rows: recorded values of the simulations (w, n, columns); springs: columns with the torques of the springs, N m; stiffness:
-    column with the joints' stiffness, -1 without springs; learned: whether the model's errors are estimated (n,); friction: of
-    the model (n,), N m; external: torques (2, n) after both filters, N m; ready: whether alarms are raised; error: of the
-    twin's positions (n,); alarm: of the last step on entry; found: receives external torques and thresholds (2, n), N m.
+    rows: recorded values of the simulations (w, n, columns); springs: columns (n, k) with the torques of the springs on each
+    link, N m, -1 without spring; stiffness: column with the joints' stiffness, -1 without springs; learned: whether the model's
+    errors are estimated (n,); friction: of the model (n,), N m; external: torques (2, n) after both filters, N m; ready:
+    whether alarms are raised; error: of the twin's positions (n,); alarm: of the last step on entry; found: receives external
+    torques and thresholds (2, n), N m.
     """
     too_noisy = False
     joints = len(alarm)
     for j in range(joints):
         spring = 0.0
-        for k in springs:
-            spring += _known(rows[0, j, k])
+        for k in springs[j]:
+            spring += _known(rows[0, j, k]) if k >= 0 else 0.0
         t.stiffness[j] = rows[0, j, stiffness] if stiffness >= 0 else math.nan
         t.peak[j] = max(abs(spring), t.peak[j] * (1.0 - limits.forgotten))
         t.carried[j] = max(t.carried[j], t.peak[j])
@@ -228,7 +229,7 @@ class TwinLoops(NamedTuple):
 
 def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: JointWatch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
     """The loops, compiled for arrays of any size."""
-    one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros(1, dtype=np.int64)
+    one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros((1, 1), dtype=np.int64)
     examples = (
         (t, watch, one, two, flags, two, two),
         (t, gains, two, one, two, one, two),

@@ -123,8 +123,12 @@ class Twin:
         self.joints, self._drives = self.worlds.joints, ready.drives
         n = len(self.joints)
         place = self.worlds.columns.place
-        self._springs = np.array([place[name] for name in place if name.startswith("elastic_torque_")], dtype=np.int64)
-        self._stiffness = place["stiffness"] if len(self._springs) else -1
+        motors = range(1, 1 + max(drive.motors for drive in ready.drives))
+        self._springs = np.array(
+            [[place.get(f"elastic_torque_{i}", -1) if i <= own.pulling else -1 for i in motors] for own in ready.drives],
+            dtype=np.int64,
+        )
+        self._stiffness = place.get("stiffness", -1)
         self._friction = np.array(
             [drive.joint.friction + sum(drive.drive.motor_friction if drive.drive else ()) for drive in ready.drives]
         )

@@ -14,7 +14,8 @@ import asrsim
 from asrsim.cli.app import app
 from asrsim.errors import OutputError, RecordingError
 from asrsim.identification import task_of
-from asrsim.identification.problem import set_up
+from asrsim.identification.data import read_data
+from asrsim.identification.problem import read_scenario, set_up
 from asrsim.log import open_log
 from asrsim.plots.claims import judge
 from asrsim.recordings import read_recording
@@ -305,6 +306,42 @@ def test_actuators_of_a_plain_robot_get_the_recorded_mode(tmp_path):
         assert (mounted.type, mounted.mode) == ("sea", mode)
         assert mounted.parameters.get("motor_1_torque_constant") == (1.0 if mode > 6 else None)
         assert made.fit is not None
+
+
+def deflected(folder, most, frequency=2.0):
+    """Recording of a motor that swings by `most` rad about a link at rest, with two outliers."""
+    motor = most * np.sin(2 * np.pi * frequency * TIME)
+    motor[[10, 50]] = 1.9
+    table = np.column_stack([TIME, 0.0 * TIME, motor, motor])
+    names = ("link_position", "motor_1_position", "reference_1")
+    header = ",".join(["time", *(f"joint_1.{name} [rad]" for name in names)])
+    np.savetxt(folder / "lab.csv", table, delimiter=",", header=header, comments="", fmt="%.12g")
+    return folder / "lab.csv"
+
+
+def test_limits_that_a_recording_exceeds_are_named(tmp_path):
+    """Springs clipped at 0.8 rad and motors of 6 rad/s, the defaults, cannot follow 1 rad at 2 Hz (12.6 rad/s)."""
+    made = write_from_recording(EXAMPLES / "dof1_sea.urdf", deflected(tmp_path, 1.0), tmp_path / "s.yaml", mode=5)
+    (velocity, deflection) = [text for text in made.remarks if "recording reaches" in text]
+    assert "joint_1: the recording reaches 12.4 rad/s, but motor_1_max_velocity is " in velocity
+    assert "reaches 0.998 rad, but max_deflection is 0.8 rad: raise it, as in parameters: {joint_1: {" in deflection
+    task = task_of(tmp_path / "s.fit.yaml")
+    scenario, _, robot = read_scenario(task)
+    (data,) = read_data(task, scenario, robot)
+    assert {velocity, deflection} <= {*data.remarks}
+
+
+def test_the_springs_of_a_chosen_actuator_can_follow_the_recorded_deflection(tmp_path):
+    recording = deflected(tmp_path, 1.0)
+    mapping = [f"joint_1.{name}=shoulder.{name}" for name in ("link_position", "motor_1_position", "reference_1")]
+    made, scenario = make(tmp_path, recording, "plain_arm", actuators={"shoulder": "sea"}, mapping=mapping, mode=5)
+    assert scenario.actuators["shoulder"].parameters["max_deflection"] == 2.0
+    assert not [text for text in made.remarks if "recording reaches" in text]
+
+
+def test_a_motion_within_the_limits_changes_no_limit(tmp_path):
+    made = write_from_recording(EXAMPLES / "dof1_sea.urdf", deflected(tmp_path, 0.4), tmp_path / "s.yaml", mode=5)
+    assert not [text for text in made.remarks if "recording reaches" in text]
 
 
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])

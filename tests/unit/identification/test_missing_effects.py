@@ -52,6 +52,17 @@ def test_nothing_is_named_in_right_models(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [20, 21])
+def test_a_derivative_gain_that_is_larger_than_the_robot_s_is_named(tmp_path, seed):
+    """The motor's damping acts like the gain, and cannot be negative."""
+    scenario, recording, truth = record("", seed, tmp_path)
+    given = {"parameters.joint_1.controller_1_derivative": 1.5}
+    found = identify(scenario, [recording], free=list(truth), overrides=given)
+    assert not found.fits
+    assert found.causes[0].startswith("a smaller derivative gain of the controller of joint_1")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "key"), [("backlash", "backlash"), ("cubic spring", "spring_cubic")])
 def test_a_free_effect_is_identified(tmp_path, effect, key):
     """The intervals of the effect and of the spring contain the truth."""
