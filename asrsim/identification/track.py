@@ -87,6 +87,10 @@ FARTHEST = 10.0
 """Number of standard errors by which a fit may change a measured initial position: larger changes would hide errors of the
 model.
 """
+RESTED = 0.1
+"""Error of a motor's start, in standard deviations of its noise, below which the start is fixed: the mean of a hundred samples
+at rest.
+"""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
@@ -206,6 +210,9 @@ class Track:
         if len(starts) < len(names) or not (unknown or any(start.contradicts(stated) for start, stated in pairs)):
             return
         for key, channel, start in zip(keys, channels, starts, strict=True):
+            if not moves and not start.moves and start.error <= RESTED * channel.noise:
+                self.initial[key[0]] = start.position
+                continue
             self._free(key, replace(start, moves=start.moves or moves), freed)
             if f"{channel.key}.gain" in freed:
                 self.within.pop(key[0], None)
