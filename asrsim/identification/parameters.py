@@ -65,6 +65,8 @@ class FitParameter:
     """
     own: bool = False
     """Whether each recording has a separate value."""
+    spread: float = math.inf
+    """Standard deviation of x that is known before the fit, a normal prior about the start value; infinite: no prior."""
     track: int | None = None
     """Index of the recording to which this value belongs; None: all recordings share the value."""
     recording: str = ""
@@ -115,6 +117,11 @@ class Layout:
         """Lower and upper bounds of the vector, (n,) each."""
         low, high = np.array([(one.place(one.low), one.place(one.high)) for one in self.entries]).T
         return low, high
+
+    @cached_property
+    def priors(self) -> Array:
+        """Inverse standard deviations (n,) of the priors of the vector; 0: no prior."""
+        return np.array([1.0 / one.spread for one in self.entries])
 
     def at_bound(self, x: Array) -> NDArray[np.bool_]:
         """Whether each entry (n,) of the vector is at its lower or upper bound."""

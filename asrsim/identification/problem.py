@@ -396,21 +396,24 @@ def weighed(problem: FitProblem, x: Array) -> FitProblem:
 
 
 def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Solution of bounded least squares by a trust-region method that starts at x; robust: use the Huber loss."""
+    """Solution of bounded least squares by a trust-region method that starts at x. A prior of a parameter is one more residual.
+    robust: use the Huber loss.
+    """
     from scipy.optimize import least_squares
 
-    low, high = problem.layout.bounds
+    (low, high), priors = problem.layout.bounds, problem.layout.priors
     # The start must lie inside the bounds. The first trust region around it has the width REACH.
     span = np.minimum(high - low, 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
     # A parameter that is searched without a logarithm may have grown far beyond its start value.
     grown = [not entry.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
+    rows = np.diag(priors)[priors > 0.0]
 
     def left(move: Array) -> Array:
         found = residuals(problem, inside + move)
         problem.meter.cost = min(problem.meter.cost, huber(found))
-        return np.append(found, RIDGE * move)
+        return np.concatenate([found, rows @ (inside + move), RIDGE * move])
 
     def slopes(move: Array) -> Array:
         there = inside + move
@@ -419,7 +422,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         # The search ends after a step that hardly reduces the error: it needs no new derivatives.
         ends = costs[-2] - costs[-1] < tolerance * costs[-1]
         matrix = jacobian(problem, there, np.inf if ends else LINEAR, base=at)
-        return np.vstack([matrix, RIDGE * np.eye(len(x))])
+        return np.vstack([matrix, rows, RIDGE * np.eye(len(x))])
 
     costs = [np.inf]
     found = least_squares(
@@ -428,3 +431,12 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         ftol=tolerance, xtol=tolerance, gtol=1e-12, max_nfev=rounds,
     )  # fmt: skip
     return np.asarray(inside + found.x, dtype=np.float64)
+
+
+def posterior_draws(problem: FitProblem, x: Array, count: int) -> Array:
+    """Vectors (count, n) drawn from the normal distribution that approximates the posterior at the solution x, within the
+    bounds. Parameters without effect need priors.
+    """
+    slopes, priors = jacobian(problem, x), problem.layout.priors
+    root = np.linalg.inv(np.linalg.cholesky(np.asarray(slopes.T @ slopes + np.diag(priors**2 + RIDGE**2))))
+    return np.clip(x + np.random.default_rng(0).standard_normal((count, len(x))) @ root, *problem.layout.bounds)

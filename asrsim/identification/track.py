@@ -87,6 +87,10 @@ FARTHEST = 10.0
 """Number of standard errors by which a fit may change a measured initial position: larger changes would hide errors of the
 model.
 """
+RESTED = 0.1
+"""Error of a motor's start, in standard deviations of its noise, below which the start is fixed: the mean of a hundred samples
+at rest.
+"""
 BENT = 0.4
 """Error of an initial slope, relative to the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
@@ -121,8 +125,10 @@ class Playing:
 class Track:
     """A recording with the simulation that is fitted to it; immutable."""
 
-    def __init__(self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = ()) -> None:
-        """freed: keys of the parameters that the user frees."""
+    def __init__(
+        self, scenario: Scenario, robot: Robot, data: Data, freed: Collection[str] = (), *, stated: bool = False
+    ) -> None:
+        """freed: keys of the parameters that the user frees; stated: whether the recording begins as the scenario states."""
         self.data, self.channels = data, data.channels
         self._made_from, self._elastic = (scenario, robot, frozenset(freed)), dict[str, Track | None]()
         self.scenario = _scenario(scenario, data)
@@ -144,8 +150,10 @@ class Track:
         self._following: dict[str, float] = {}
         """Mean start of the motors in the scenario, by joint, for links that are not recorded and start with their motors."""
         for drive, position, velocity in zip(self.door.drives, self.door.positions, self.door.velocities, strict=True):
-            seen = self._begin_link(drive, position, velocity, freed)
-            self._begin_motors(drive, freed, seen=seen)
+            keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
+            self.initial |= dict(zip(keys, (position, velocity), strict=True))
+            if not stated:
+                self._begin_motors(drive, freed, seen=self._begin_link(drive, position, freed))
         self.onset = min(float(c.time[min(onset(c, MOVES), len(c.time) - 1)]) for c in self.channels)
         """Time of the first motion, s."""
         self.jumps = sorted({time for command in data.commands for time in command.curve.jumps.tolist() if time > 0.0})
@@ -155,13 +163,12 @@ class Track:
 
     # -- initial state -------------------------------------------------------------------------------------------------
 
-    def _begin_link(self, drive: SteppedJoint, position: float, velocity: float, freed: Collection[str]) -> bool:
+    def _begin_link(self, drive: SteppedJoint, position: float, freed: Collection[str]) -> bool:
         """Set the start of a link: that of the scenario, or that of the recording if it contradicts the scenario. A link whose
         sensor has a free zero starts at the scenario's position, which is free if it was copied from the sensor. Return whether
-        the link is recorded. position, velocity: those of the scenario.
+        the link is recorded. position: that of the scenario.
         """
         keys = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
-        self.initial |= dict(zip(keys, (position, velocity), strict=True))
         series = self._series
         if (recorded := link_channel(drive, series)) is None:
             return False
@@ -203,6 +210,9 @@ class Track:
         if len(starts) < len(names) or not (unknown or any(start.contradicts(stated) for start, stated in pairs)):
             return
         for key, channel, start in zip(keys, channels, starts, strict=True):
+            if not moves and not start.moves and start.error <= RESTED * channel.noise:
+                self.initial[key[0]] = start.position
+                continue
             self._free(key, replace(start, moves=start.moves or moves), freed)
             if f"{channel.key}.gain" in freed:
                 self.within.pop(key[0], None)
@@ -294,6 +304,10 @@ class Track:
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
         starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
         positions, velocities = ({joint: start[i] for joint, start in starts.items()} for i in range(2))
+        if self.scenario.initial_equilibrium:
+            # Each set of parameters has its own equilibrium, at which links start if the recording does not contradict it.
+            shown = {*self.within, *self.uncertain, *values}
+            positions = {joint: place for joint, place in positions.items() if f"{joint}.initial_position" in shown}
         motors = {drive.name: self.motor_starts(drive, values) for drive in self.door.drives}
         commands = {command.key for command in self.data.commands}
         own = tuple((k, value) for k, value in values.items() if k.rpartition(".")[0] in commands or k.startswith(JUMP))

@@ -1,17 +1,23 @@
 """A twin of the robot: a plant whose masses, stiffnesses, losses and delay are fitted to recorded trials.
 
-The fit is a least-squares problem on simulations, with normal priors, since a trial excites few parameters. The posterior, with
-the misfit as noise, gives the uncertainty of the predicted next trial.
+The fit is that of `asrsim.identification`, with normal priors, since a trial excites few parameters. The posterior, with the
+misfit as noise, gives the uncertainty of the predicted next trial.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
-from asrsim.learning.optimal import averaged
+from asrsim.identification.data import Channel, Data, PlayedCommand
+from asrsim.identification.parameters import FitParameter, Layout, numbers_of, parameters_of
+from asrsim.identification.problem import FitProblem, Meter, posterior_draws, residuals, solve
+from asrsim.identification.task import Tie
+from asrsim.identification.track import Playing, Track
 from asrsim.learning.plant import Plant
 from asrsim.learning.trial import Trial
 from asrsim.metrics.values import root_mean_square
@@ -20,29 +26,21 @@ from asrsim.samples import Array
 
 SPREAD, LOSSES = 0.25, 0.7
 """Prior standard deviations of logarithms: of masses and stiffnesses, and of friction and damping."""
-DELAY = 0.02
-"""Prior standard deviation of the delay, s."""
+DELAY, BEGIN = 0.02, 0.01
+"""Prior standard deviation of the delay, s; delay at which the fit starts at least, since steps from the bound 0 are small."""
 NOISE = 1e-3
 """Smallest misfit that the uncertainty assumes, rad; even a plant with the right structure has this misfit."""
-SAMPLES = 250
-"""Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
 """Number of independent misfits for which each joint counts, since model errors are correlated over several samples."""
-ROUNDS = 4
-"""Largest number of steps of the fit."""
-NUDGE = 0.2
-"""Step of finite differences, as a fraction of the prior standard deviations."""
-LITTLE = 0.1
-"""Relative reduction of the misfit below which the fit ends."""
-DIVERGED = 1e3
-"""Misfit that is assigned to a plant that diverged, rad."""
+ROUNDS, LITTLE = 10, 1e-2
+"""Largest number of evaluations of the fit; relative reduction of the misfit below which the fit ends."""
 LIKELY = 6
 """Number of plants drawn from the posterior."""
 
 Forecast = Callable[[Array], Array]
 """Function from inputs (n, joints) to expected outputs (n, joints)."""
-ParameterGroup = Mapping[tuple[str, str], float]
-"""Values of parameters that are scaled together, by pairs (joint or link, name)."""
+ParameterGroup = Mapping[str, float]
+"""Values of parameters that are scaled together, by key."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,50 +104,81 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
     """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts; empty: the
     unchanged plant.
     """
-    from scipy.optimize import least_squares
-
-    rows = np.linspace(0.0, float(plant.time[-1]), SAMPLES + 1)[1:]
-    measured = np.concatenate([averaged(plant.time, trial.outputs, rows) for trial in trials])
     groups = _groups(plant)
-    lossy = [name.startswith(("friction", "damping")) for name in groups]
-    priors = np.append(np.where(lossy, LOSSES, SPREAD), DELAY)
+    with ExitStack() as stack:
+        problem = _problem(plant, trials, [*groups.values()], stack)
+        *parameters, delay = problem.layout.entries
+        begin = np.array(
+            [*(np.log1p(start.get(name, 0.0)) for name in groups), max(start.get("delay", 0.0), BEGIN) / delay.size]
+        )
+        x = solve(problem, begin, rounds=ROUNDS, tolerance=LITTLE)
+        size = problem.weights[0][0]
+        residual, before = (size * root_mean_square(residuals(problem, one)) for one in (x, np.zeros(len(x))))
+        # The misfit is the noise of the posterior.
+        wide = tuple(tuple(max(residual / NOISE, 1.0) * one for one in own) for own in problem.weights)
+        draws = posterior_draws(replace(problem, weights=wide), x, LIKELY)
 
     def plant_of(x: Array) -> Plant:
-        numbers: dict[str, dict[str, float]] = {}
-        for group, value in zip(groups.values(), x, strict=False):
-            for (owner, name), known in group.items():
-                numbers.setdefault(owner, {})[name] = known * float(np.exp(value))
-        return plant.varied(numbers, max(float(x[-1]), 0.0))
+        values = problem.layout.table(x, 0)
+        return plant.varied(numbers_of(values), values[delay.key])
 
-    def misfit(x: Array) -> Array:
-        robot = plant_of(x)
-        found = np.concatenate([averaged(plant.time, robot.outputs(trial.inputs), rows) for trial in trials])
-        return np.asarray(np.nan_to_num(found - measured, nan=DIVERGED).ravel())
-
-    def weighted(x: Array) -> Array:
-        return np.concatenate([misfit(x) / scale, x / priors])
-
-    def slopes(x: Array) -> Array:
-        here = weighted(x)
-        return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
-
-    # Model errors are correlated over several samples, so the number of independent samples is smaller.
-    scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
-    begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
-    lowest = np.append(np.full(len(groups), -np.inf), -1e-9)
-    found = least_squares(weighted, begin, slopes, bounds=(lowest, np.inf), x_scale=priors, ftol=LITTLE, max_nfev=ROUNDS + 1)
-    residual, before = (root_mean_square(misfit(x)) for x in (found.x, np.zeros(len(priors))))
-    jacobian = found.jac[: measured.size] * (NOISE / max(NOISE, residual))
-    root = np.linalg.inv(np.linalg.cholesky(np.asarray(jacobian.T @ jacobian + np.diag(priors**-2))))
-    steps = np.random.default_rng(0).standard_normal((LIKELY, len(priors))) @ root
-    changes = {name: float(np.expm1(value)) for name, value in zip(groups, found.x, strict=False)}
+    changes = {
+        name: value / one.start - 1.0 for name, one, value in zip(groups, parameters, problem.layout.values(x), strict=False)
+    }
     return LearningTwin(
-        plant=plant_of(found.x),
-        changes=changes | {"delay": max(float(found.x[-1]), 0.0)},
+        plant=plant_of(x),
+        changes=changes | {"delay": delay.value(float(x[-1]))},
         residual=residual,
         before=before,
-        likely=tuple(plant_of(found.x + step) for step in steps),
+        likely=tuple(map(plant_of, draws)),
     )
+
+
+def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGroup], stack: ExitStack) -> FitProblem:
+    """Fit of the groups, each scaled by one parameter, and of the delay of the commands, to trials."""
+    prepared, commands = plant.prepared, [f"{joint}.reference_1" for joint in plant.joints]
+    known = parameters_of(prepared.robot, commands, {})
+    free, ties = list[FitParameter](), list[Tie]()
+    for group in groups:
+        first = max(group, key=lambda key: group[key])
+        spread = LOSSES if first.endswith(("friction", "friction_torque", "damping")) else SPREAD
+        free.append(replace(known[first], logarithmic=True, low=0.0, high=np.inf, spread=spread))
+        ties += [Tie(key=key, to=first, factor=value / group[first]) for key, value in group.items() if key != first]
+    first_delay, *delays = (f"{command}.delay" for command in commands)
+    delay = known[first_delay]
+    free.append(replace(delay, low=0.0, spread=DELAY / delay.size))
+    ties += [Tie(key=one, to=first_delay) for one in delays]
+    # Model errors are correlated over several samples, so the number of independent samples is smaller.
+    noise = NOISE * (len(plant.time) / INDEPENDENT) ** 0.5
+    tracks = [Track(prepared.scenario, plant.robot, _recorded(plant, trial, noise), stated=True) for trial in trials]
+    for track in tracks:
+        stack.callback(track.close)
+    count = len(tracks)
+    return FitProblem(
+        tracks=tuple(tracks), layout=Layout(tuple(free), tuple(ties)), playing=Playing(tracks[0].door.substeps),
+        weights=((noise,) * len(plant.joints),) * count, ends=(float(plant.time[-1]),) * count, meter=Meter(),
+    )  # fmt: skip
+
+
+def _recorded(plant: Plant, trial: Trial, noise: float) -> Data:
+    """A trial as a recording: the inputs are commands, the outputs are channels with a noise in rad or m."""
+    joints = list(zip(plant.joints, plant.names(), map(plant.unit, plant.joints), strict=True))
+    return Data(
+        name=f"trial {trial.number}", path=plant.scenario.path or Path(), duration=plant.scenario.duration,
+        modes={}, torques={},
+        channels=tuple(
+            Channel(
+                joint=joint, quantity="link_position", unit=unit, time=plant.time, values=values, noise=noise, quantum=0.0
+            )
+            for (joint, _, unit), values in zip(joints, trial.outputs.T, strict=True)
+        ),
+        commands=tuple(
+            PlayedCommand(
+                joint=joint, quantity="reference_1", name=name, unit=unit, time=plant.time, values=values, hold=False
+            )
+            for (joint, name, unit), values in zip(joints, trial.inputs.T, strict=True)
+        ),
+    )  # fmt: skip
 
 
 def _groups(plant: Plant) -> dict[str, ParameterGroup]:
@@ -161,12 +190,11 @@ def _groups(plant: Plant) -> dict[str, ParameterGroup]:
         joint = drive.name
         found[f"mass.{joint}"] = _body(robot, joint)
         units = {one.name: one.unit for one in drive.actuator.parameters} if drive.actuator else {}
-        springs = {(joint, name): blocks[joint][name] for name, unit in units.items() if "N m" in unit}
-        found[f"stiffness.{joint}"] = springs
-        rubbing = {(joint, name): v for name, v in blocks[joint].items() if name.endswith("_friction_torque")}
-        found[f"friction.{joint}"] = {(joint, "friction"): robot.joint(joint).friction, **rubbing}
-        found[f"damping.{joint}"] = {(joint, "damping"): robot.joint(joint).damping}
-    return {name: group for name, group in found.items() if any(group.values())}
+        found[f"stiffness.{joint}"] = {f"{joint}.{name}": blocks[joint][name] for name, unit in units.items() if "N m" in unit}
+        rubbing = {f"{joint}.{name}": v for name, v in blocks[joint].items() if name.endswith("_friction_torque")}
+        found[f"friction.{joint}"] = {f"{joint}.friction": robot.joint(joint).friction, **rubbing}
+        found[f"damping.{joint}"] = {f"{joint}.damping": robot.joint(joint).damping}
+    return {name: group for name, group in found.items() if max(group.values(), default=0.0) > 0.0}
 
 
 def _body(robot: Robot, joint: str) -> ParameterGroup:
@@ -177,7 +205,7 @@ def _body(robot: Robot, joint: str) -> ParameterGroup:
         body.update(fixed)
         waiting += fixed
     return {
-        (link.name, name): value
+        f"{link.name}.{name}": value
         for link in robot.links
         if link.name in body and link.mass is not None and link.inertia is not None
         for name, value in (("mass", link.mass), *zip(INERTIAS, link.inertia, strict=True))

@@ -140,9 +140,11 @@ def _moves(values: Array) -> bool:
 LagChoice = float | Literal["auto", "off", "start"]
 """Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
 _CLEARLY = 0.1
-"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed."""
+"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed: both signs of a swing fit
+almost equally, half a period apart.
+"""
 _GAP = 3.0
-"""Largest gap across which samples are interpolated, in time steps of the source."""
+"""Largest gap across which samples are interpolated, in time steps of the source: two lost samples are filled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,9 +287,11 @@ def _exact(time_simulation: Array, simulation: Array, time_recording: Array, rec
 
 
 _ROUNDS, _SHIFTS = 4, 41
-"""Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer."""
+"""Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer, so that
+four divide the first range by 160,000.
+"""
 _SAME = 1e-8
-"""Largest mean square difference of two records of the same command, relative to their variance."""
+"""Largest mean square difference of two records of the same command, relative to their variance: four digits."""
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:

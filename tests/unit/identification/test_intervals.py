@@ -17,7 +17,7 @@ from asrsim.identification.combinations import combinations
 from asrsim.identification.extensions import Extension, extended, presliding, pruned
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import FitParameter, make_layout
-from asrsim.identification.problem import FitProblem, Meter, jacobian, residuals, slopes_along
+from asrsim.identification.problem import FitProblem, Meter, jacobian, posterior_draws, residuals, slopes_along, solve
 from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
 from asrsim.identification.task import Tie
@@ -85,6 +85,25 @@ def test_intervals_of_a_linear_model_hold_under_coloured_noise(memory, quantum):
         found = uncertainty(problem, x)
         hits.append(np.abs(x) <= found.deviation * found.quantile)
     assert 0.90 <= np.mean(hits) <= 0.98
+
+
+def test_priors_count_as_residuals():
+    """The second parameter has no effect. Solution and covariance of linear least squares with normal priors about 0."""
+    generator = np.random.default_rng(4)
+    slopes, left = generator.normal(size=(60, 3)) * (1.0, 0.0, 1.0), generator.normal(size=60)
+    problem = linear(slopes, left)
+    spreads = np.array([0.1, 0.5, np.inf])
+    entries = tuple(replace(one, spread=own) for one, own in zip(problem.layout.entries, spreads.tolist(), strict=True))
+    known = replace(problem, layout=replace(problem.layout, entries=entries))
+    covariance = np.linalg.inv(slopes.T @ slopes + np.diag(spreads**-2.0) + 1e-12 * np.eye(3))
+    x = solve(known, np.full(3, 0.3))
+    np.testing.assert_allclose(x, -covariance @ slopes.T @ left, atol=1e-5)
+    draws = posterior_draws(known, x, 4000)
+    np.testing.assert_allclose(np.cov(draws.T), covariance, atol=0.05 * np.sqrt(np.outer(*[np.diag(covariance)] * 2)).max())
+    np.testing.assert_allclose(draws.mean(axis=0), x, atol=0.05 * spreads[1])
+    # Draws stay within the bounds.
+    bounded = replace(known, layout=replace(known.layout, entries=(replace(entries[0], low=1.0), *entries[1:])))
+    assert posterior_draws(bounded, np.zeros(3), 100)[:, 0].min() == 0.0
 
 
 @pytest.mark.parametrize("met", [True, False])

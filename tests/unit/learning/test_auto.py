@@ -128,6 +128,19 @@ def test_what_was_learned_does_not_jump_at_the_end(tmp_path):
     assert steps[-300:].max() < 2.0 * steps[1000:-300].max()
 
 
+@pytest.mark.parametrize("start", ["equilibrium", 0.0345])
+def test_the_twin_is_fitted_to_trials_that_begin_as_the_scenario_states(tmp_path, start):
+    """At equilibrium, or at a position from which the arm moves at once."""
+    plant = plant_of(tmp_path, *random_arm(6))
+    if start != "equilibrium":
+        plant = make_plant(examine(replace(plant.scenario, initial_equilibrium=False, initial_positions={"*": start})))
+    problem = prepare_learning(plant).problem
+    outputs = plant.varied({}, 0.01).outputs(problem.first_guess)
+    found = fit_twin(plant, [problem.trial(0, problem.first_guess, outputs)], {})
+    misfit = np.sqrt(np.mean((plant.outputs(problem.first_guess) - outputs) ** 2))
+    assert found.before == pytest.approx(misfit, rel=1e-3)
+
+
 def test_masses_and_delay_are_found_from_a_trial_without_noise(tmp_path):
     """The twin is the robot, and not only closer to it."""
     plant = plant_of(tmp_path, *random_arm(6))
