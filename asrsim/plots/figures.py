@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING
 
 from asrsim.outfile import make_folder
@@ -37,6 +38,8 @@ if TYPE_CHECKING:
 
 PER_PAGE = 3
 """Largest number of joints on a page."""
+TITLE = 60
+"""Largest number of letters in a line of a column's title: about the width of a column."""
 OVERVIEW_FROM = 5
 """Smallest number of joints for which the first page is an overview of all joints."""
 
@@ -252,7 +255,7 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
 
 def joint_title(joint: JointInfo) -> str:
     """Title of a joint's column: its name, and its actuator and mode."""
-    return f"{shorten(joint.name, 40)}\n{describe(joint)}".strip()
+    return f"{shorten(joint.name, 40)}\n{fill(describe(joint), TITLE, max_lines=2, placeholder=' …')}".strip()
 
 
 def describe(joint: JointInfo) -> str:
