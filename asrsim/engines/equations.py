@@ -31,8 +31,8 @@ class EquationEngine(RigidEngine):
     """Engine for robots on a fixed base in a world without ground and objects: M(q) dv/dt + b(q, v) = torques.
 
     A derived class defines `version`, `mass_matrix` and `bias`. The step has friction, stops, damping and wrenches as in all
-    engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Joints that follow others, and
-    rotors, are added to the equations, which treat each joint as free and without a rotor.
+    engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Write `mass_matrix` and `bias`
+    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds both.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
