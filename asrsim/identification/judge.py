@@ -29,10 +29,12 @@ FEWEST, FEW = 11, "its samples are too few to judge the fit"
 HELD_OUT = 1.3
 """Ratio of held-out to training error above which a model does not fit."""
 SHAKEN = 2.0
-"""Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
+"""Noise of the commands and uncertainty of the estimates change a prediction with some standard deviation; errors up to this
+multiple of it are explained by them.
+"""
 HIDDEN = 3.0
-"""Ratio of residuals to noise above which noise of the commands is the only explanation for the residuals of a model that
-fits.
+"""Ratio of residuals to the channel's noise above which a fitting model gets a remark: only noise of the commands can explain
+such residuals, and it may hide errors of the model.
 """
 FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
@@ -68,7 +70,7 @@ class ChannelFit:
     shaken: float = 0.0
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
-    """Largest RMS error due to an encoder that rounds down."""
+    """Largest RMS error that the steps of an encoder cause if it rounds down; 0 without an encoder."""
     suspicion: str = ""
     """Suspected error of the channel's sign or unit; empty if none is suspected."""
     held_moves: bool = True
@@ -108,7 +110,8 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
         return f"residuals are not white: neighbouring samples have a correlation of {lag_correlation(beyond):.2f}"
     if is_loud(beyond, float(np.hypot(channel.floor, played))):
         return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
-    # Quantisation and noise of commands oscillate with the motion.
+    # Residuals due to quantisation or to noise of the played commands may also oscillate, so their oscillation does not show
+    # that a mode is missing.
     if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
     return missing_mode(hertz)

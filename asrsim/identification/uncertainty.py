@@ -143,7 +143,8 @@ class _Noise:
         covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
-        # The level is power / (1 - total)^2; the variance of `total` follows from the least-squares fit of the coefficients.
+        # The spectral level at frequency 0 is power / (1 - total)^2; the variance of `total` follows from the least-squares fit
+        # of the coefficients.
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0

@@ -53,7 +53,7 @@ class Demand:
     time: float
     """Instant of the largest value, s."""
     score: float
-    """Needed value divided by the limit, 2 beyond a stop; above 1 the drive cannot follow the motion."""
+    """Largest value divided by the limit; 2 if the motion passes a joint stop. Above 1 the drive cannot follow the motion."""
     motor: int = 0
     """Number of the motor, from 1; 0 if the demand does not concern a motor."""
 
@@ -94,7 +94,7 @@ class SoftArm:
     scenario: Scenario
     robot: Robot
     own_model: RobotModel | None = field(default=None, repr=False, compare=False)
-    """Model with the masses and forces of an engine; None: with those of the robot's file."""
+    """Model with the masses and forces of an engine; None: a model with those of the robot file is made."""
 
     @cached_property
     def model(self) -> RobotModel:
@@ -130,7 +130,7 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = starts[joint]
-            # With a learned input, the reference differs from the desired motion of the link.
+            # Take the desired motion where there is one: with a learned input, the reference differs from it.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])

@@ -23,11 +23,13 @@ SPREAD, LOSSES = 0.25, 0.7
 DELAY = 0.02
 """Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""Smallest misfit that the uncertainty assumes, rad; even a plant with the right structure has this misfit."""
+"""Smallest misfit with which the uncertainty is computed, rad: even a plant with the right structure has this misfit."""
 SAMPLES = 250
 """Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
-"""Number of independent misfits for which each joint counts, since model errors are correlated over several samples."""
+"""Number of independent misfits to which the samples of a joint are equivalent: model errors are correlated over several
+samples.
+"""
 ROUNDS = 4
 """Largest number of steps of the fit."""
 NUDGE = 0.2
@@ -81,7 +83,9 @@ class Unexplained:
     most: float
     """Largest difference between the best trial and the twin's motion."""
     misses: tuple[tuple[float, float], ...]
-    """Pair for each other trial: its largest distance from the best trial, and the largest error of its prediction."""
+    """A pair for each trial except the best one: its largest distance from the best trial, and the largest error of its
+    prediction.
+    """
 
     def of_change(self, size: float) -> float:
         """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.
@@ -133,7 +137,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
         here = weighted(x)
         return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
 
-    # Model errors are correlated over several samples, so the number of independent samples is smaller.
+    # Model errors are correlated over several samples, so fewer than all samples count as independent.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
     lowest = np.append(np.full(len(groups), -np.inf), -1e-9)

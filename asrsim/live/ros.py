@@ -28,8 +28,8 @@ message: with 1000 kept messages, a reliable subscriber that takes no messages s
 MOST = 1000
 """Largest number of messages that a subscription keeps, and that one call reads."""
 UNREAD = 0.02
-"""Time after which a thread reads the waiting messages instead of the simulation, s. A subscription limits their number, but
-not their bytes; the mailbox does.
+"""If the simulation has not read the waiting messages for this time, s, a thread moves them to the mailbox. A subscription
+limits only the number of its messages; the mailbox also limits their bytes.
 """
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
@@ -162,7 +162,7 @@ class RosTransport:
             self._taken = clock.monotonic()
 
     def _empty(self) -> None:
-        """Read messages while the simulation reads none, such as during a long step."""
+        """Move messages to the mailbox while the simulation reads none, such as during a long step."""
         while not self._closed.wait(UNREAD):
             if clock.monotonic() - self._taken > UNREAD:
                 self._take()
@@ -224,7 +224,9 @@ def fast_dds(*, network: bool) -> Iterator[None]:
 
 
 def load_rclpy() -> Any:
-    """The module rclpy of this environment, or of a sourced ROS for this Python version. Raises InputError if both conflict."""
+    """The module rclpy of this Python environment, or of a sourced ROS for this Python version. Raises InputError if these two
+    conflict.
+    """
     # The rclpy wheels set this environment variable to folders of this Python environment.
     foreign = [
         folder for folder in _folders_with("librcl.so") if not folder.resolve().is_relative_to(Path(sys.prefix).resolve())

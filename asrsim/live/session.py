@@ -36,7 +36,7 @@ TICK = 1e-3
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
-"""Fraction of the working time spent on topics above which a lower publishing rate helps."""
+"""Fraction of the working time that topics take, above which a lower publishing rate lets the run keep up."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 IDLE = 0.02
@@ -119,7 +119,7 @@ class Session:
         self._publishing = 0.0
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
+        """Time spent on all work, and of it on topics, from the start of the run to the latest check of its pace, s."""
         self._said_slow = False
 
     def run(self, *, stop: Stop) -> RunSummary:
@@ -168,7 +168,7 @@ class Session:
         return 1.0 / (self._publish_steps * self._step)
 
     def _turn(self) -> bool:
-        """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
+        """Do a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
         left = round(self._duration / self._step) - self._steps_done
         if self.paused:
             return self._wait(left) < left
@@ -182,7 +182,9 @@ class Session:
         return late is None or steps < left
 
     def _wait(self, left: int) -> int:
-        """Do the single steps of a paused run, at most `left`, or wait a moment. Returns the number of steps."""
+        """Do the single steps that were asked for in a paused run, at most `left`; if there are none, wait a moment. Returns
+        the number of steps done.
+        """
         self._listen()
         steps, self._singles = min(self._singles, left), 0
         if steps:
@@ -190,7 +192,7 @@ class Session:
         else:
             clock.sleep(IDLE)
         self.simulation.flush()
-        # The run does not catch up with the time of a pause.
+        # Restart the clock: after a pause, the run does not catch up the time of the pause.
         self.pace.start()
         return steps
 
@@ -233,7 +235,7 @@ class Session:
                 self._publishing += clock.perf_counter() - began
 
     def _listen(self) -> None:
-        """Set the references that commands change, to their values at the end of the coming tick."""
+        """Set the references that commands change, to the commanded values at the end of the coming tick."""
         received = (message for transport in self.transports for message in transport.poll())
         values: dict[Target, float | None] = {
             **self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)

@@ -29,9 +29,11 @@ _STAMP_PLACE = len(ENCAPSULATION)
 _CHUNK_BYTES = 4 << 20
 """Size of the rows in memory, bytes."""
 _ROOM = 1 << 20
-"""Room for other messages before the rows of a chunk, bytes: memory that is not used costs nothing."""
+"""Memory reserved for other messages before the rows of a chunk, bytes. It is large, since unused memory costs nothing."""
 _ROWS = (256, 2048)
-"""Fewest and most rows in a chunk. With fewer rows, calls cost more time than copying; with more, a kill loses more samples."""
+"""Smallest and largest number of rows in a chunk. With fewer rows, calls take longer than copying; with more rows, a killed run
+loses more samples.
+"""
 
 
 class RowBuffer:
@@ -61,7 +63,7 @@ class RowBuffer:
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size
-            # A number at the place of a stamp is written after the head.
+            # If a message begins with a float64 instead of a time stamp, the head writes a stamp there; the number replaces it.
             if _STAMP_PLACE in template.stamps or _STAMP_PLACE in dict(template.floats):
                 self._heads.append(self._view(start + _HEAD_PLACE, _HEAD_BYTES))
             else:

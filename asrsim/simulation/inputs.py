@@ -42,8 +42,10 @@ KEPT = 4
 
 
 class Given(NamedTuple):
-    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split. Worlds with equal inputs share a set
-    of inputs and references; worlds with equal signals and times share a set of the other tables.
+    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split.
+
+    Worlds whose rows of `inputs` and `references` are equal share a set of these two. Worlds with the same signals at the same
+    time share a set of `wrenches`, `lengths` and `cuts`.
     """
 
     inputs: Array
