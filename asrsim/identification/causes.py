@@ -51,7 +51,7 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
 DIFFERENT = 0.05
-"""Relative difference of two tied parameters above which their tie is reported as wrong."""
+"""Relative difference above which a tie of two parameters is reported as wrong: the difference when each of them is free."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor, or deflection of the spring."""
 LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
@@ -65,8 +65,9 @@ VANISHED = 0.02
 MASSES = (float(np.log(1.3)), float(np.log(0.75)))
 """Logarithms of the factors of a link's mass that are tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
-"""Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
-correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
+"""A recording is divided into PARTS parts, in each of which the stiffness of a spring is estimated. A correlation of the
+stiffness with the deflection is reported if its rank correlation exceeds TREND, and is at least CHANCE times the correlation of
+randomly ordered parts.
 """
 RINGING, DRIVEN = 0.1, 0.3
 """Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference of two
@@ -113,7 +114,8 @@ class Suspicion:
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
-    # Search without effects as long as with them: otherwise the gain of a longer search would be ascribed to an effect.
+    # Search the model without further effects for as long as models with them: otherwise the gain of a longer search would be
+    # ascribed to an effect.
     start = np.zeros(len(x))
     x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
     base, least = mean_square(problem, x), huber(residuals(problem, x))
@@ -121,7 +123,8 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
-    # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
+    # The fit without the causes may have moved parameters to values at which they have no effect: search from the start values,
+    # too.
     for begin in (x, start):
         there = extended(
             problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,
@@ -180,8 +183,8 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 
 def _suspected(found: Extended, rest: str) -> str:
-    """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
-    error that remains when the causes are added.
+    """Sentence on suspected causes, with their sizes and the options of `asrsim identify` that add them to the problem. rest:
+    words for the error that remains with the causes.
     """
     texts, options, links = [], list[str](), []
     values = iter(_last_values(found, sum(len(cause.parameters) for cause in found.chosen)))
@@ -220,8 +223,8 @@ def _last_values(found: Extended, count: int) -> list[float]:
 
 
 def _with_size(cause: Extension, values: Iterator[float]) -> str:
-    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: of its parameters and
-    those of later causes.
+    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: values of the cause's
+    parameters, and after them those of later causes.
     """
     text, own = cause.text, [next(values) for _ in cause.parameters]
     if cause.size is not None:
@@ -261,7 +264,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on motors whose drives do not explain their recorded motion, so that errors of springs and links are hidden."""
+    """Sentences on motors whose recorded motion their drives do not explain, so that errors of springs and links stay hidden."""
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
@@ -276,8 +279,8 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that free a common delay of all commands, or the delay of one channel: its sensor may be slower than the
-    others.
+    """Extensions that free a common delay of all commands, or the delay of one channel, whose sensor may be slower than other
+    sensors.
     """
     free, data = problem.layout.keys, [problem.tracks[i].data for i in problem.fitted]
     commands = dict.fromkeys(f"{one.key}.delay" for own in data for one in own.commands)
@@ -347,7 +350,7 @@ def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     for joint in track.door.joints if lowest else ():
         if f"{joint}.link_position" not in sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints:
             continue
-        # All recordings show the same robot.
+        # The first recording is enough to choose the joints, since all recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
             continue
         known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
@@ -389,7 +392,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         gain, damping = known.get(f"{joint}.controller_1_derivative"), f"{joint}.motor_1_damping"
         if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
-            # The damping acts like the derivative gain. It has vanished, so the gain is too large.
+            # Damping of the motor acts like the derivative gain. The estimated damping is nearly 0, so the gain is too large.
             ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
             text = f"a smaller derivative gain of the controller of {joint}"
             starts = gain.place(0.0), gain.place(0.5 * gain.start)
@@ -434,7 +437,8 @@ def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
         if not promise.share:
             break
         (parameter,), wider = promise.extension.parameters, promise.problem
-        # The linearised effect may promise what no value keeps: friction that keeps a joint at rest has no effect.
+        # Fit the extension: to first order it may promise an improvement that no value of the parameter gives, as with friction
+        # that keeps a joint at rest.
         found = solve(wider, promise.start, rounds=ROUNDS, tolerance=1e-5)
         apart = abs(parameter.value(float(found[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
         better = is_significant(before, mean_square(wider, found), independent_samples(optimum.residuals))

@@ -20,8 +20,8 @@ UNKNOWN = 0.3
 FAR = 2.3
 """Largest change of the logarithms along an unidentifiable direction: a factor of ten, beyond which a guess is rarely wrong."""
 NICE, NICER = 1.5, 2e-3
-"""A simpler expression is preferred if its interval is at most this factor times the narrowest interval, plus this summand: a
-sum or a product of powers is easier to read, even with a slightly wider interval.
+"""A simpler expression is preferred if its interval is at most NICE times the narrowest interval plus NICER: a sum or a product
+of powers is easier to read, even if its interval is slightly wider.
 """
 LARGEST = 4
 """Largest integer in a formula: powers, their denominators, and factors of terms. Formulas of mechanics have no larger
@@ -133,7 +133,7 @@ class _Known:
         # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
         _, singular, vectors = np.linalg.svd(np.linalg.qr(found.jacobian[:, self._free] * self._units, mode="r"))
         singular = np.maximum(np.append(singular, np.zeros(len(free) - len(singular))), 1e-100)
-        # White residuals with this variance would give the same intervals.
+        # White residuals with this variance would give the intervals that were found.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
         off = 1.96 * variance**0.5 / singular
         inside = off <= UNKNOWN

@@ -35,8 +35,8 @@ OFTEN = 10**7
 ENGINES_KEPT = 3
 """Number of substep settings whose engines stay open, since fits alternate between settings."""
 THREADED = 3
-"""Number of joints from which worlds run together, in parallel threads: with one or two joints, threads took 3 to 5 % more CPU
-time for fits of 4 s, and 5 % less to 5 % more time.
+"""Smallest number of joints with which worlds run together, in parallel threads. With one or two joints, threads took 3 to 5 %
+more CPU time for fits of 4 s, and between 5 % less and 5 % more wall-clock time.
 """
 
 Substeps = tuple[int, int]
@@ -78,7 +78,7 @@ class Door:
         if found is None:
             prepared = self._prepared
             if substeps != self.substeps:
-                # The substeps were chosen for the estimates. With the start values, springs may be too stiff for these
+                # The substeps were chosen for the estimates. The springs of the start values may be too stiff for these
                 # substeps.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})

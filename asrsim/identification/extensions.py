@@ -37,7 +37,7 @@ PROBE_STEP = 1e-3
 FAR_OFF = 4.0
 """Mean square residual, relative to the noise, above which a model counts as badly fitting."""
 FACTORS = (0.3, 3.0)
-"""Start values of the pre-sliding stiffness, relative to the default of the friction law: half a decade below and above it."""
+"""Start values of the pre-sliding stiffness, relative to its default in the friction law: half a decade below and above it."""
 MUCH = 0.5
 """Pre-sliding and staircases are adopted by a badly fitting model if at most this fraction of the misfit beyond the noise
 remains.
@@ -230,7 +230,7 @@ def extended(
             break
         likely = _most_likely(trials, NEAR * DECISIVE)
         if len(likely) > 1:
-            # The best of these trials is not known yet: their searches may not have ended.
+            # Continue the searches of the best trials before comparing them: they may not have ended.
             likely = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in likely], DECISIVE)
         found = replace(likely[0], rivals=(*found.rivals, *likely[1:]))
     return replace(found, trials=tuple(named))
@@ -245,7 +245,7 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
     """The trial that is best by Schwarz's criterion, and then those whose criterion is not larger by more than `within`."""
-    # The residuals of the best trial are closest to noise, so that they give the best count of independent samples.
+    # Count the independent samples in the residuals of the best trial, since these residuals are closest to noise.
     samples = min(trials, key=lambda trial: trial.cost).samples
     ranked = sorted(trials, key=lambda trial: trial.criterion(samples))
     return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]

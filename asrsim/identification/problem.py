@@ -31,16 +31,16 @@ FAR = 1e3
 """Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
 """
 REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size: a third, a common error of start values. Largest number of
-evaluations of a search: several times the usual number, 5 to 15.
+"""Initial trust region of a search, relative to a parameter's size: about a third, as start values are often wrong by a third.
+Largest number of evaluations of a search: several times the usual 5 to 15.
 """
 LINEAR, TRUSTED = 0.3, 0.05
-"""Largest relative errors with which derivatives may predict the change of the residuals and be used again: in a search, in
-which the next step reveals the error; and for intervals, which may then be wrong by a twentieth.
+"""Derivatives are used again if they predicted the latest change of the residuals within this relative error: LINEAR in a
+search, whose next step reveals the error; TRUSTED for intervals, which may then be wrong by a twentieth.
 """
 SLIGHT = 0.01
-"""Change of the residuals, in standard deviations of the estimate, below which the change contains no information about the
-derivatives.
+"""Norm of a change of the residuals, in standard deviations of the noise, below which the change contains no information about
+the derivatives.
 """
 RIDGE = 1e-4
 """Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
@@ -86,7 +86,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """A Jacobian with the place at which it was computed."""
+    """A Jacobian with the parameter vector at which it was computed."""
 
     problem: FitProblem
     x: Array
@@ -115,8 +115,8 @@ class Slopes:
         return replace(self, problem=problem, left=left, matrix=matrix)
 
     def moved(self, x: Array, left: Array, trust: float) -> Slopes | None:
-        """This Jacobian at another place, by Broyden's update; None if the derivatives predict the change of the residuals with
-        a larger relative error than `trust`. left: residuals (m,) at x.
+        """This Jacobian at another parameter vector x, by Broyden's update; None if the derivatives predict the change of the
+        residuals with a larger relative error than `trust`. left: residuals (m,) at x.
         """
         move = x - self.x
         foretold = self.matrix @ move

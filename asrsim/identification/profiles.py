@@ -1,5 +1,5 @@
-"""Profiles: the misfit along each parameter, while the other parameters are adjusted. If a profile is a parabola, the interval
-from the slopes at the estimate is right.
+"""Profiles: the misfit along each parameter, while the other parameters are adjusted. If a profile is a parabola, the
+parameter's interval, which was computed from the derivatives at the estimate, is right.
 """
 
 from __future__ import annotations

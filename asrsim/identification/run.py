@@ -71,7 +71,8 @@ EXPECTED = 70
 causes needs a fifth of this number.
 """
 APART = 10.0
-"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
+"""If the mean square error of whole recordings exceeds that of their training parts by this factor, no parameters explain both
+the training parts and the held-out parts.
 """
 
 
@@ -178,7 +179,7 @@ def identify(
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
         rounds = MOST if adopt else 0
         while rounds and suspected is not None and suspected.model is not None:
-            # The search begins again, since the effects change the other parameters, too; and other effects may show then.
+            # Search again from the start: the adopted effects change the other parameters, and further effects may then show.
             wider, start = suspected.model
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
             setup, rounds = replace(setup, adopted=(*setup.adopted, *suspected.added)), rounds - 1
@@ -251,7 +252,7 @@ def _judged(
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
-    # If only the residuals contradict the model, they may be correlated noise of the sensors.
+    # If only the shape of the residuals contradicts the model, the residuals may be correlated noise of the sensors.
     noise = not causes and misfit == of_channels and all(accepts(one.explained, accept=False) for one in fits)
     noise = noise and all(is_first_order(left) for _, left in differences(final, x))
     found = found if not misfit or noise else found.of_a_block

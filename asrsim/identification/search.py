@@ -46,15 +46,16 @@ EVALUATIONS, TWICE = 10, 2
 prototype.
 """
 AGREES = 1.1
-"""Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error,
-as in the prototype.
+"""Two successive levels agree if the estimate of the first raises the mean square error at the second at most by this factor:
+the error itself rises by 5 %, as in the prototype.
 """
 TIMED = 3
 """Number of linear solutions for the instants of jumps. The error is nearly linear in them, so each solution leaves little."""
 RISE = 2.0
-"""Factor between rising bandwidths, so small that predictions of successive levels cover similar times."""
+"""Factor by which the bandwidth rises from level to level, so small that predictions of successive levels cover similar times.
+"""
 CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
-"""Standard error of the logarithm of a standard deviation from tenths of a recording."""
+"""Standard error of the logarithm of a standard deviation that is estimated from the tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
 """Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel: one and
 two decades to both sides, since the start values of stiffnesses have the largest errors.
@@ -120,7 +121,8 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # Short predictions may contain too little information, so that the search finds parameters with a different motion.
+    # Short predictions may contain too little information, so that the search finds parameters with which a free simulation
+    # moves differently.
     levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _reaches(fit, most)]
     if not levels:
         return
@@ -203,7 +205,9 @@ def _followed(problem: FitProblem, x: Array) -> list[int]:
 
 
 def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
-    """Whether a free simulation with these estimates explains as many channels as another one, with `most` from `_followed`."""
+    """Whether a free simulation with these estimates explains as many channels as another simulation; most: result of
+    `_followed` for that simulation.
+    """
     return all(own >= least for own, least in zip(_followed(*fit), most, strict=True))
 
 

@@ -19,12 +19,12 @@ from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Number of blocks of each recording whose gradients give the spread: with ten, the 95 % interval of Student's distribution is
-only 15 % wider than with many, and each block is still long against the memory of a motion.
+"""Number of blocks of each recording whose gradients give the spread. With ten blocks, the 95 % interval of Student's
+distribution is only 15 % wider than with many blocks, and each block is still much longer than the memory of a motion.
 """
 CHANCE = 0.95
-"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise: as often as an interval
-misses.
+"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise. Under white noise it is
+thus used in 5 % of fits, as often as a 95 % interval misses the true value.
 """
 GONE = 1e3
 """Standard deviation, in the vector's units, above which a direction is unidentifiable: even the exponent of a number would be
@@ -35,8 +35,8 @@ REACH = 1e-3
 DRAWS = 100
 """Number of random draws of an encoder's quantisation: they give a standard deviation within 7 %."""
 SMOOTH = 0.02
-"""Relative change of a directional derivative over a standard deviation below which the residuals are smooth: small compared
-with 5 %, the largest half width of an identified parameter.
+"""Relative change of a directional derivative over one standard deviation of the estimate, below which the residuals are
+smooth. It is small compared with 5 %, the largest half width of an identified parameter.
 """
 AGREES, ROUNDS = 0.3, 4
 """Relative change below which corrected directional derivatives are accepted: a correction covers the whole interval, one
@@ -310,8 +310,8 @@ def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes:
 
 
 def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
-    """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
-    noise of the commands, since it excites oscillations of the robot.
+    """Uncertainty that includes the effects of the time step and of noise of the commands. The spread between a few blocks does
+    not show the effect of this noise, since it excites oscillations of the robot.
     """
     base, playing, variance = residuals(problem, x), problem.playing, found.deviation**2
 

@@ -12,7 +12,9 @@ from asrsim.samples import Array
 _LONGEST = 200_000
 """Largest number of samples in the correlation; longer records are correlated on a coarser grid."""
 _NEAR = 0.02
-"""Peaks whose correlation differs by less than this from the best peak are equivalent; the smallest lag is chosen."""
+"""Peaks whose correlation is lower than that of the best peak by less than this are equivalent; of them, the peak with the
+smallest lag is chosen.
+"""
 _VALLEY = 0.2
 """Two peaks are distinct if the correlation between them falls by at least this amount."""
 _TOP = 0.1

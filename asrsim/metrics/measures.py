@@ -109,7 +109,9 @@ for _function, _unit, _needs in (
     MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""Measures that a comparison of run and recording reports of their difference. All other measures are of each of them."""
+"""Measures that a comparison of run and recording reports once, of their difference. It reports all other measures for the run
+and for the recording.
+"""
 AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
 """Measures that are undefined unless the series is at rest at its end."""
 STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")

@@ -40,7 +40,7 @@ def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: flo
     way = float(np.ptp(last))
     left = max(0.5 * (way - _NOISE * noise), 0.0)
     if len(second):
-        # The amplitude is that of the middle of the last swing; half a swing later it has decayed.
+        # The amplitude was measured at the middle of the last swing; in the half swing until the end it has decayed.
         left *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
     if len(third) and len(second):
         before, now = (float(np.mean(b) - np.mean(a)) for a, b in ((third, second), (second, last)))

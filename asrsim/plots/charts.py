@@ -75,7 +75,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
 
 
 def _longest(names: Iterable[str]) -> int:
-    """Number of letters of the longest line."""
+    """Number of letters in the longest line of these names."""
     return max((len(line) for name in names for line in name.split("\n")), default=0)
 
 
@@ -126,7 +126,7 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         if name in chart.logarithmic and high > low * MANY:
             axis.set_major_locator(LogLocator(10.0, numticks=8))
     if chart.note:
-        # Above the axes, where it hides no curve.
+        # Write the number above the axes, where it hides no curve.
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 

@@ -24,8 +24,8 @@ EXTRA: dict[str, Quantity] = {
 }
 """Quantities that only pictures use: the position reference, which has the same name in all operation modes."""
 OBJECT, TASK_TIP = ("dx", "dy", "dz", "force"), ("dx", "dy", "dz", "reference_x", "reference_y", "reference_z", "error")
-"""Quantities of an object of the world and of the tip of a Cartesian task: displacement from the first sample; magnitude of the
-contact forces without the ground; goal and distance to the goal.
+"""Quantities of an object of the world (displacement from its first sample; magnitude of its contact forces except those with
+the ground), and of the tip of a Cartesian task (displacement, goal, and distance from the goal).
 """
 BODIES: dict[str, Quantity] = {
     name: Quantity(name, "N" if name == "force" else "m", name, "") for name in dict.fromkeys((*OBJECT, *TASK_TIP))

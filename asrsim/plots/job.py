@@ -57,7 +57,7 @@ class PlotJob:
     output: str | None = None
     """Output of the frequency response; None: the link position."""
     start: float | None = None
-    """Start of the pictures of runs, s."""
+    """Simulated time at which the pictures of runs start, s."""
     end: float | None = None
 
     @property
@@ -232,7 +232,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
             label=run.label,
             joints=job.joints,
             quantities=job.quantities,
-            # A recording has one clock: the lag found with the first run is used for the other runs too.
+            # A recording has one clock: use the lag that was found with the first run for all runs.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
             measures=job.measures,
         )

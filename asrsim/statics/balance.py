@@ -19,7 +19,7 @@ ROUNDS = 200
 
 
 Loads = Callable[[Array], tuple[Array, Array]]
-"""Function from positions (m, n) to the torques of gravity and the like on the joints (m, n) in N m, and to their slopes
+"""Function from positions (m, n) to the torques of gravity and other loads on the joints (m, n) in N m, and to their slopes
 (m, n, n): entry [i, j] is the change of torque j per displacement of joint i."""
 
 
@@ -80,7 +80,7 @@ def balanced(
         left = values + pulls
         slopes[:, movable] = (changes + own[:, None] * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
-        # A robot with infinite torques does not move.
+        # Leave a robot with infinite torques where it is: its Newton step is undefined.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]
         free = movable & ~pressed & finite
         residual = np.where(free, left, 0.0)

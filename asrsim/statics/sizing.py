@@ -39,7 +39,9 @@ SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
 CARRYING = 3.0
-"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry
+none.
+"""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -93,7 +95,7 @@ def _proposal(scenario: Scenario, robot: Robot, model: RobotModel) -> dict[str, 
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     left, proposal = weak(endless), dict[str, dict[str, float]]()
     stronger = strengthened(scenario, robot) if left else {}
-    # Stronger joints load others, which may then sag.
+    # Joints with stronger motors and springs may load other joints, which then sag: check the proposal.
     while any(joint in stronger for joint in left):
         proposal |= {joint: stronger.pop(joint) for joint in left if joint in stronger}
         left = weak(with_overrides(endless, parameters=proposal))
