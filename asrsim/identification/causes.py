@@ -66,8 +66,8 @@ MASSES = (float(np.log(1.3)), float(np.log(0.75)))
 """Logarithms of the factors of a link's mass that are tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
 """A recording is divided into PARTS parts, in each of which the stiffness of a spring is estimated. A correlation of the
-stiffness with the deflection is reported if its rank correlation exceeds TREND, and is at least CHANCE times the correlation of
-randomly ordered parts.
+stiffness with the deflection is reported if the rank correlation exceeds TREND, and CHANCE times the standard deviation that
+the rank correlation of randomly ordered parts has.
 """
 RINGING, DRIVEN = 0.1, 0.3
 """Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference of two
@@ -350,7 +350,7 @@ def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     for joint in track.door.joints if lowest else ():
         if f"{joint}.link_position" not in sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints:
             continue
-        # The first recording is enough to choose the joints, since all recordings show the same robot.
+        # The first recording tells whether the link can be elastic, since all recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
             continue
         known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
@@ -460,7 +460,7 @@ def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
         reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
         trend = float(np.corrcoef([np.argsort(np.argsort(one)) for one in (reach, moves)])[0, 1])
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
-        # The correlation must be stronger than that of noise alone.
+        # The correlation must be stronger than chance explains, and the stiffness must vary by more than its errors.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))

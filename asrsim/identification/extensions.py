@@ -230,7 +230,7 @@ def extended(
             break
         likely = _most_likely(trials, NEAR * DECISIVE)
         if len(likely) > 1:
-            # Continue the searches of the best trials before comparing them: they may not have ended.
+            # Continue the searches of the likely trials before comparing them: these searches may not have ended.
             likely = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in likely], DECISIVE)
         found = replace(likely[0], rivals=(*found.rivals, *likely[1:]))
     return replace(found, trials=tuple(named))

@@ -45,8 +45,8 @@ WITHIN = 0.99
 the search were chosen with this fraction.
 """
 LOUD = 30.0
-"""Smallest ratio of the spectrum of a motion to the spectrum of its noise at a frequency that counts as part of the motion. White
-noise, whose power is exponentially distributed, exceeds this ratio at a frequency once in 10^13 times.
+"""Smallest ratio of the spectrum of a motion to the spectrum of its noise at a frequency that counts as part of the motion.
+White noise, whose power is exponentially distributed, exceeds this ratio at a frequency once in 10^13 times.
 """
 
 PROVEN, RARE = 200, 0.01

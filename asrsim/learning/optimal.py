@@ -163,7 +163,7 @@ class NormOptimal:
 def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, forecast: Callable[[Array], Array]) -> Array:
     """Input of the best trial after several updates in a nonlinear model. Unlike the lifted models, this model has friction.
 
-    forecast: function from inputs (n, joints) to the outputs (n, joints) of the nonlinear model.
+    forecast: function from inputs (n, joints) to the outputs (n, joints) that the nonlinear model predicts.
     """
     found, seen = best.inputs, best.outputs
     for number in range(1 + REHEARSALS):

@@ -53,7 +53,9 @@ class Pace:
         return self._late[-1] if self._late else 0.0
 
     def is_behind(self) -> bool:
-        """Whether most ticks of the last two seconds were late by more than a tick. After True, the fraction begins at 0 again."""
+        """Whether most ticks of the last two seconds were late by more than a tick. After True, all ticks until then count as
+        punctual.
+        """
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0
         return behind

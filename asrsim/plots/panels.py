@@ -112,7 +112,7 @@ ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
 def joint_panels() -> tuple[Panel, ...]:
-    """Panels of a joint's motion and torques, and for each stage of actuators a panel for each unit of its quantities except J."""
+    """Panels of a joint's motion and torques; for each stage of actuators, a panel for each unit of its quantities except J."""
     return (*(PANELS[key] for key in JOINT_PANELS), *(panel for stage in STAGES.loaded() for panel in _stage_panels(stage)))
 
 

@@ -196,7 +196,7 @@ class RobotModel:
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
-        # The general equations, without terms of velocity and acceleration.
+        # These are the equations of `_torques` without the terms of velocity and acceleration.
         rises = self._rises(steps, backs, self._gravity)
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
@@ -291,12 +291,12 @@ class RobotModel:
         return torques + self._armature * accelerations if self._armature.any() else torques
 
     def _lift(self, gravity: Array) -> Array:
-        """Upward acceleration (4, 4) of the base that replaces gravity."""
+        """Upward acceleration (4, 4) of the base that has the same effect as gravity."""
         lift: Array = frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)
         return lift
 
     def _rises(self, steps: Array, backs: NDArray[Any], gravity: Array) -> list[Array]:
-        """Acceleration of the base that replaces gravity, along the axes of each body."""
+        """The upward acceleration of the base that replaces gravity, along the axes of each body."""
         rises = [self._lift(gravity)]
         for parent, step, back in zip(self._parents, steps, backs, strict=True):
             rises.append(back @ rises[parent] @ step)

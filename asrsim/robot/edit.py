@@ -66,7 +66,8 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
         _set_text(tags[-1], value)  # if a tag is repeated, the last counts
         return True
     if name == "armature" and joint is not None:
-        # The file's rotors are the sum of the armature and the rotors of transmissions; behind a spring these have no effect.
+        # The file's rotor inertia of a joint is the sum of its armature and of the rotors of its transmissions; behind a
+        # spring, this inertia has no effect.
         dynamics = next(iter(elements(joint, "dynamics")), None)
         own = float(dynamics.get("armature") or 0.0) if dynamics is not None else 0.0
         rest = float(value) - (robot.joint(owner).rotor_inertia - own)

@@ -15,9 +15,9 @@ from asrsim.robot.model import Joint, Robot
 from asrsim.robot.mounting import with_rotors
 
 SINGULAR = 1e-12
-"""Smallest eigenvalue of the mass matrix, with its diagonal scaled to 1, that double precision can distinguish from 0."""
+"""Smallest eigenvalue that double precision can distinguish from 0, of a mass matrix whose diagonal is scaled to 1."""
 NEAR = 0.1
-"""Smallest coupling in this matrix at which a warning names two joints together."""
+"""Smallest off-diagonal element of the scaled mass matrix at which a warning names its two joints together."""
 
 
 def carries_mass(robot: Robot, joint: Joint) -> bool:
@@ -68,7 +68,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
     robot = _fixed(robot, held)
     idle = _idle_joints(robot, driven) if robot.moving_joints and not findings.errors else {}
-    # If no other joint moves, an error of the run states what is missing.
+    # If no other joint moves, do not warn here: an error of the run states what is missing.
     if len(idle) == len(robot.moving_joints):
         return robot
     for joint, message in idle.items():

@@ -17,7 +17,8 @@ from asrsim.robot.tags import parameter_tags
 
 MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 DEFLECTION = 1e-3
-"""Deflection at which an actuator's laws are evaluated, rad; a smaller deflection limit replaces it."""
+"""Deflection at which an actuator's laws are evaluated for a check, rad; the deflection limit is used instead if it is smaller.
+"""
 
 
 def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:

@@ -75,7 +75,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 problems.append(Problem(message, key=key, meant=name, choices=known, code="unknown-parameter"))
             if fault:
                 problems.append(Problem(fault, key=f"{owner}.{name}", value=f"{value:g}", code="parameter-range"))
-        # One copy of each object, since every evaluation of a fit calls this function.
+        # Copy each joint or link only once, since every evaluation of a fit calls this function.
         if of_joint:
             joints[owner] = replace(joints[owner], **of_joint)
         if of_block:

@@ -148,7 +148,7 @@ class _Statics:
             (group, MotorsAtRest([rows[i][1] for i in group], np.stack([rows[i][2] for i in group], axis=1)))
             for group in alike([drive for _, drive, _ in rows])
         ]
-        """Motors at rest, and the numbers of the springs that they move, for each kind of drive."""
+        """A pair for each kind of drive: indices of its joints among those of `drives`, and their motors at rest."""
 
     def weights(self, movable: NDArray[np.bool_]) -> Loads:
         """Torques of gravity on the links in N m. movable: joints that may move."""
