@@ -264,7 +264,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on motors whose recorded motion their drives do not explain, so that errors of springs and links stay hidden."""
+    """Sentences on motors whose recorded motion their drives do not explain; errors of springs and links then stay hidden."""
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]

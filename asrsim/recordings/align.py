@@ -140,7 +140,7 @@ def _moves(values: Array) -> bool:
 LagChoice = float | Literal["auto", "off", "start"]
 """Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
 _CLEARLY = 0.1
-"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed."""
+"""The recorded sign counts as reversed if reversing it raises the correlation by at least this number."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source."""
 
@@ -202,7 +202,7 @@ def align(
         return replace(together, lag=together.lag + start)
     result = _correlated(time_simulation, simulation, time_recording, recording, name, command)
     if start and result.how.startswith("not aligned"):
-        # The clocks may differ by more than the search allows.
+        # The clocks may differ by more than the search allows: search again from where both records begin together.
         together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
         if not together.how.startswith("not aligned"):
             return replace(together, lag=together.lag + start)
@@ -324,6 +324,6 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
     # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
     outside = (grid < t[0] - 0.5 * step) | (grid > t[-1] + 0.5 * step)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    # Only times strictly between two samples can lie in a gap.
+    # A time lies in a gap only if it is strictly between two samples: a time at a sample has a value.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
     return np.where(outside | inside, np.nan, result)

@@ -94,7 +94,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [word for word in words_of(tokens) if not word.isdecimal()]
     said = [word for word in words_of(tokens_of(file)) if not word.isdecimal()]
-    if unsure := unknown_words(said):  # such as run in run_position, which adds nothing to position
+    if unsure := unknown_words(said):  # such as `run` in `run_position`: its meaning is unknown
         said = said if REFERENCE in said and not {*words} - {"field"} else [word for word in said if word not in unsure]
     if not {*words} - {REFERENCE, "field"}:
         words = [word for word in (*words, *said) if word != "field"]

@@ -102,7 +102,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
-        # The time may be in a column whose text is not a date.
+        # If no time is found, it may be in a column of text that is not a date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)

@@ -38,7 +38,7 @@ _DIGITS = 9
 _MOST_JOINTS = 1000
 """Largest number of joints that a column may name row by row."""
 _COARSE = 0.1
-"""Fraction of samples that may repeat the stamp of the previous sample; above it, the clock is coarser than the sampling."""
+"""If more than this fraction of the samples repeat the stamp of the previous sample, the clock is coarser than the sampling."""
 _GAP = 1.7
 """A step longer than this multiple of the usual time step contains missing samples."""
 
@@ -152,7 +152,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
-        # A flag column may precede the time column.
+        # A flag column may precede the time column: look for a second time first behind the time column.
         second = next((place for place in named if place > places[0]), named[0])
         _check_second_time(names, places[0], second, findings)
     alone = len(places) == 1

@@ -73,7 +73,7 @@ class Core:
 
             self._code, self._run = native, native.compiled_run()
         self._owners: list[Any] = []
-        """Functions that the kernel calls by address, which must stay alive."""
+        """References that keep the functions alive that the kernel calls by address."""
         self.shape: RowShape = shape_of(drives)
         constants = self._bind_joints()
         self._plain_joints: dict[int, list[JointState]] = {}
@@ -115,7 +115,8 @@ class Core:
         drives, stepping = self.prepared.drives, self.prepared.stepping
         constants = constants_table(self.prepared, self.shape)
         kinds = kinds_of(drives, self.shape)
-        # Joints with the same actuator and stages share a law: each call computes a digest and checks files in the cache.
+        # Bind a law once for all joints with the same actuator and stages: each binding computes a digest and looks for the
+        # compiled law in the cache folder.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
@@ -169,7 +170,7 @@ class Core:
     # -- engines ----------------------------------------------------------------------------------------------------
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
-        """Adapter for the engine. The engine has started a run before, since it offers its compiled step only from then on."""
+        """Start the engine, and return its adapter. Only an engine that has started a run offers its compiled step."""
         self._start_engine(engine, prepared)
         native = engine.native if self.compiled else None
         if native is None or self._watch is not None:

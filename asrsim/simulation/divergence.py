@@ -79,7 +79,8 @@ class EnergyGuard:
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         kinetic, potential = model.energies(positions, velocities)
         created = float(kinetic + potential - self._start - given.sum() - residual.sum())
-        # The kinetic energy is that of half a step later, so that a conversion of potential energy looks like a gain.
+        # The velocities are half a step later than the positions, so that a conversion of potential to kinetic energy looks
+        # like a gain. Allow for a fraction of the kinetic energy.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return self._joints[int(turnover.argmax())].name, f"the links have gained {created:.3g} J without a source"

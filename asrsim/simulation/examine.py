@@ -93,7 +93,8 @@ def examine(
         robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
         variant, overrides: Variant and overrides of a scenario file, as in `asrsim.run`.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
-        beside: Function that returns further problems, such as those of the folder for results, if there are problems at all.
+        beside: Function that returns further problems, such as those of the folder for results. It is called only if the
+            examination finds problems.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.
     """

@@ -343,7 +343,8 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    # The digest of the compiled code contains values of this function that the code uses, and no results of functions.
+    # Store these results in variables: the digest of the compiled code covers variables that the code uses, but not the results
+    # of functions that it calls.
     records, memory = (_type(JointState), _type(JointConstants), _type(JointKind)), columns(JointKind)["memory"]
 
     def passed(*given: Any) -> Any:

@@ -85,9 +85,9 @@ def resolution_of(
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
             if name in ranges:
-                # The largest changes: the reference jumps between its smallest and its largest value.
+                # Assume the largest changes: let the reference jump between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
-    # An engine without dynamics prescribes the motion of the links: springs need no substeps.
+    # Without a model, the engine prescribes the motion of the links, so that springs need no substeps: assume huge masses.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
     places = couplings.expand(_configurations(drives))
