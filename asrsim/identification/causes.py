@@ -57,7 +57,9 @@ LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
 """Parameters of spring laws that are tried, words for them, and their start values, in typical sizes."""
 MODES = (1.5, 3.0, 6.0)
-"""Frequencies of a second mode that are tried, in units of the band of the motion: from resonance with the motion on."""
+"""Frequencies of a second mode that are tried, in units of the band of the motion. The lowest is so near the band that the
+motion makes the mode resonate.
+"""
 SMALL = float(np.log(0.2))
 """Logarithm of the size of the second body at the start of a trial, relative to its default fraction of the link."""
 VANISHED = 0.02

@@ -18,7 +18,9 @@ from asrsim.samples import Array
 UNKNOWN = 0.3
 """Relative half width of an interval above which a parameter or a combination is unidentifiable: at most one digit is known."""
 FAR = 2.3
-"""Largest change of the logarithms along an unidentifiable direction: a factor of ten, beyond which a guess is rarely wrong."""
+"""Largest change of a parameter's logarithm along an unidentifiable direction: a factor of ten, as a guess is rarely more
+wrong.
+"""
 NICE, NICER = 1.5, 2e-3
 """A simpler expression is preferred if its interval is at most NICE times the narrowest interval plus NICER: a sum or a product
 of powers is easier to read, even if its interval is slightly wider.

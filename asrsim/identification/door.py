@@ -71,7 +71,7 @@ class Door:
         """Quantities that the joints have."""
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
-        """Worlds with these substeps that record these quantities, of those that the joints have."""
+        """Worlds with these substeps. They record those of these quantities that the joints have."""
         # Each further quantity lengthens a simulation by a hundredth.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)

@@ -51,7 +51,9 @@ DECISIVE = 10.0
 Raftery 1995).
 """
 NEAR = 4.0
-"""Trials within this multiple of DECISIVE from the best are fitted further before they are compared."""
+"""Trials whose criterion (BIC) exceeds that of the best trial by at most NEAR times DECISIVE are fitted further before they are
+compared.
+"""
 CLEAR = 0.4
 """A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it."""
 
@@ -112,7 +114,9 @@ class Extension:
             yield replace(one, low=-inf, high=inf) if name.startswith(INITIAL) and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
-        """Whether mean square errors before and after, from independent samples, show that the extension is real."""
+        """Whether the mean square errors without the extension (before) and with it (after) show that the extension is real.
+        samples: number of independent samples in these errors.
+        """
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
         # Residuals of a wrong model are smooth, so that few samples are independent.
         real = (self.text and after <= CLEAR * before) or is_significant(before, after, samples)

@@ -40,7 +40,9 @@ class Measured:
         """channels: channels and commands; step: step of the simulation, s."""
         self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
         self.places = list(_places(self._channels, drives))
-        """Index of the joint, column (0: link, i: motor i), and the channels with their signs whose sum is the position."""
+        """For each measured position: index of the joint, column (0: link, i: motor i), and channels, each with a sign; the sum
+        of the signed channels is the position.
+        """
         used = {one.key: one for *_, terms in self.places for one, _ in terms}
         self._curves = {key: _Curve(one) for key, one in used.items()}
         self.interval = max((curve.interval for curve in self._curves.values()), default=math.inf)

@@ -42,7 +42,7 @@ LOSSES = ("damping", "friction", "hysteresis_torque")
 """Words in the names of losses, which may be 0."""
 NOT_THE_ROBOTS, INITIAL = ("offset", "gain", "delay"), "initial_"
 """Names of parameters that belong to a recording, not to the robot; beginning of the names of initial positions and velocities,
-which also do.
+which also belong to a recording.
 """
 
 

@@ -192,7 +192,7 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
         rows.append(("motor torque", motor + 1, "N m", item.motor_torques[:, motor], most))
         rows.append(("motor speed", motor + 1, "rad/s", rate, drive.max_velocity[motor]))
     if drive.mode.spring:
-        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
+        # Of the two springs of a joint, the less deflected one decides: it still yields when the other is at its limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None]).min(axis=1)
         rows.append(("spring torque", 0, "N m", torque, item.holdable))
         rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))

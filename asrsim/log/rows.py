@@ -23,7 +23,7 @@ _HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr
 these fields is faster than a copy of each."""
 _HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
 _HEAD_PLACE = 11
-"""Offset of these fields in a message's header, bytes."""
+"""Offset of the fields of `_HEAD` in a message's header, bytes."""
 _STAMP_PLACE = len(ENCAPSULATION)
 """Offset of a time stamp at the beginning of a message's data, bytes."""
 _CHUNK_BYTES = 4 << 20
@@ -54,7 +54,7 @@ class RowBuffer:
         self._memory = np.empty(_ROOM + self.capacity * self.row_size, np.uint8)
         self._memory[_ROOM:].reshape(self.capacity, self.row_size)[:] = np.frombuffer(row, np.uint8)
         self._times = np.zeros(self.capacity, "<u8")
-        # The constant bytes are kept for all chunks; only these views are written to.
+        # Write only to views of the variable numbers: the constant bytes of the rows stay the same in all chunks.
         self._heads: list[NDArray[Any]] = []
         self._short_heads: list[NDArray[Any]] = []
         """Heads of messages that begin with something other than a time stamp."""

@@ -132,7 +132,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
 
 
 def _shown(values: Array, trusted: NDArray[np.bool_], least: float) -> Array:
-    """Values that set the limits of the axis; values of low coherence are clipped to the range of the others."""
+    """Values that set the limits of the axis; values of low coherence are clipped to a range around those of high coherence."""
     if trusted.all() or not trusted.any():
         return values
     low, high = float(values[trusted].min()), float(values[trusted].max())

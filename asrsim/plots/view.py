@@ -22,7 +22,7 @@ SMALL = 5.0
 SMALLER = ("m", "rad", "N", "N m", "J")
 """Units that may get a prefix."""
 FLATTENED = 4.0
-"""A peak is cut off if the full range exceeds the range of the other values by this factor."""
+"""A peak is cut off if the range of all values exceeds the range of the values without the peak by this factor."""
 
 
 def draw_curve(

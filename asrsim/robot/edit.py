@@ -106,7 +106,7 @@ def _child(parent: Any, tag: str) -> Any:
 
 
 def _added(parent: Any, tag: str) -> Any:
-    """New last child, on its own line if the first child has its own line."""
+    """New last child of an element, on a separate line if the first child is on a separate line."""
     child = etree.SubElement(parent, tag)
     previous = child.getprevious()
     if previous is not None and not (parent.text or "").strip():

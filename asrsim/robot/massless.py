@@ -101,7 +101,7 @@ def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
     idle: dict[Joint, str] = {}
     stays = [j for j, joint in enumerate(joints) if j in coupled or joint.name in driven]
     if stays and not (heavy[stays].all() and _regular(scaled, stays)):
-        return {}  # these joints move no mass, whichever joints are fixed
+        return {}  # the joints that must stay move no mass, whichever other joints are fixed
     for j in sorted({*range(len(joints))} - {*stays}, key=lambda j: joints[j].stops[0] - joints[j].stops[1]):
         if heavy[j] and _regular(scaled, [*stays, j]):
             stays.append(j)

@@ -53,9 +53,9 @@ class Common(NamedTuple):
     sizes: Any
     """Number of substeps in each stride (s,), increasing from 1."""
     deflections: Any
-    """Deflection (s, joints) in rad up to which each stride resolves the springs of each joint in any case."""
+    """Deflection (s, joints) in rad up to which the springs of each joint are soft enough for each stride."""
     stiffest: Any
-    """Largest stiffness (s, joints) of the springs of each joint in each stride, N m/rad."""
+    """Largest stiffness (s, joints) of the springs of each joint that each stride resolves, N m/rad."""
     shares: Any
     """Length (s, s) of the kick between two strides, as a fraction of the second stride."""
 

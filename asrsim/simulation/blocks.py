@@ -34,14 +34,14 @@ class InputBlock:
     row: int = 0
     """Number of rows that have been simulated."""
     steady: Inputs | None = None
-    """Inputs of all these worlds, if all rows are equal."""
+    """Inputs of all worlds of the block, if all rows are equal; else None."""
     until: int = 0
     """Substep up to which equal rows are valid, and can be used again."""
 
 
 class Blocks:
-    """Advances worlds through blocks of inputs. Calls of equal length reuse a block while only the values that callers set
-    differ.
+    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if both have equal length, and
+    their inputs differ only in the values that callers set.
     """
 
     def __init__(self, core: Core, inputs: Sequence[Inputs], *, chunk: int, threads: int) -> None:

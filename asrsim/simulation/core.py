@@ -47,8 +47,8 @@ def is_worth_compiling(joints: int, substeps: int) -> bool:
 
 
 class Core:
-    """N worlds of one robot. The worlds share an engine; a world whose links have other inertias has a separate engine, unless
-    it is the only world and the engine can take its inertias.
+    """N worlds of one robot, which share an engine. A world whose links have other inertias than the links in this engine has a
+    separate engine, unless it is the only world and the engine can take its inertias.
     """
 
     def __init__(
@@ -203,7 +203,7 @@ class Core:
             self._own[world] = self._engines[world] = own
 
     def _fits_shared(self, prepared: Prepared) -> bool:
-        """Whether the shared engine has these inertials. An engine of a single world takes them, if it can."""
+        """Whether the shared engine has the inertials of this scenario. The engine of a single world takes them, if it can."""
         if prepared.robot.inertials == self._shared_inertials:
             return True
         if len(self._engines) > 1 or not self._shared.engine.vary(prepared.robot):

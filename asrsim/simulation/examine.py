@@ -62,7 +62,9 @@ DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
 
 
 Beside = Callable[[Sequence[Scenario]], Iterable[Problem]]
-"""Function that returns further problems of the variants, which are reported together with those of the examination."""
+"""Function that returns further problems of the variants, which are reported together with the problems that the examination
+finds.
+"""
 
 
 class Examined(NamedTuple):

@@ -20,7 +20,8 @@ from asrsim.simulation.ledger import update_ledger
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
-"""Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
+"""A world takes a longer stride after it was possible in this number of steps, since each change of stride disturbs the energy.
+"""
 OTHER = 2
 """Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
 FASTER = 2.0

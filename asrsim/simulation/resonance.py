@@ -21,7 +21,7 @@ from asrsim.simulation.substeps import Resolution, link_damping
 TOLERATED = 0.1
 """Largest error of an oscillation without a warning, as a fraction of its first amplitude."""
 AIM = 0.02
-"""Error that the proposed number of substeps gives."""
+"""Error that remains with the number of substeps that the warning proposes, as the same fraction."""
 
 
 def resonance_doubts(

@@ -26,7 +26,7 @@ from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.reach import reachable_stiffness
 
 SAMPLES = 2000
-"""Number of intervals in which the references are sampled."""
+"""Number of equal intervals of a run, at whose ends the references are sampled."""
 CONFIGURATIONS = 8
 """Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
@@ -165,7 +165,8 @@ def _resolve(
                 "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
                 "outside"
             )
-        # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
+        # Friction that decreases with speed lets motions grow. This growth limits the step only for accuracy: since the
+        # friction is bounded, the step cannot become unstable.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
         mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]

@@ -83,7 +83,7 @@ class WarpCore(Core):
         self._changed = True
         """Whether state or parameters have changed in the host's memory since they were copied to the device."""
         self._given: Given | None = None
-        """Inputs that have been copied to the device."""
+        """Latest inputs that have been copied to the device."""
         self._graph: Any = None
         self._rows: Any = None
         self._loaded = False

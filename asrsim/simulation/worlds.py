@@ -481,7 +481,7 @@ class Worlds:
         raise InputError(message, key="worlds", value=worlds, code="worlds")
 
     def _check_adaptive(self) -> None:
-        """Raise InputError if these worlds need all substeps."""
+        """Raise InputError if these worlds cannot take longer strides (`asrsim.simulation.strides`)."""
         found, hints = list(filter(is_watched, self.names)), {}
         if self._watched:
             hint = f"Record other quantities than {listed(found, 4)}" if found else "watched=False"

@@ -55,8 +55,9 @@ class Sizing:
     joints: tuple[Holding, ...]
     """Sag of each joint that has a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Values of parameters, by joint and parameter, with which no joint sags too much. Empty if no joint sags too much, or if
-    no such values were found."""
+    """Values of parameters, by joint and parameter, with which no joint would sag too much. Empty if no joint sags too much
+    with the present values, or if no better values were found.
+    """
 
     @property
     def weak(self) -> tuple[Holding, ...]:
