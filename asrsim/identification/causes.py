@@ -121,7 +121,7 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     start = np.zeros(len(x))
     x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
     base, least = mean_square(problem, x), huber(residuals(problem, x))
-    # Residuals below the estimated noise may be correlated nevertheless.
+    # Even residuals below the estimated noise may be correlated: count at least a part of them as misfit.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
@@ -232,7 +232,7 @@ def _with_size(cause: Extension, values: Iterator[float]) -> str:
     if cause.size is not None:
         return f"{text} ({cause.size(*own)})"
     for one, value in zip(cause.parameters, own, strict=True):
-        # Small delays and offsets are shown in ms and mrad.
+        # Show small delays and offsets in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         text = cause.text if one.track is not None else f"{cause.text} ({size})"
@@ -312,7 +312,8 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         predicted = part.recorded + off
-        # No scale within its bounds makes a nearly constant prediction as large as the recorded motion.
+        # Do not free the scale if the prediction is nearly constant: no scale within its bounds makes it as large as the
+        # recorded motion.
         moves = float(np.ptp(predicted)) > 1e-3 * float(np.ptp(part.recorded))
         if zeroed and moves and not {offset.key, gain.key} & free:
             slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()

@@ -123,7 +123,7 @@ class _Known:
     def __init__(self, problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self._found, self._free = found, list(free)
         self.entries = [problem.layout.entries[i] for i in free]
-        # A motion determines the moment of inertia of a link about its joint.
+        # A motion determines the moment of inertia of a link about its joint, not about its centre of mass: use the former.
         beside = np.array([_beside(problem, entry.key) for entry in self.entries])
         self.names = [
             f"({entry.name} + {term:.3g} kg m^2, the inertia about the joint)" if term else entry.name

@@ -266,7 +266,8 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith(MEASURED)))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
-        # A position may be converted from counts of its encoder, and a column may copy another topic of a log.
+        # Accept a position that depends on another column, since it may be converted from counts of its encoder; accept a copy,
+        # since a log may contain the same values in two topics.
         converted = str(late.quantity).endswith("position") or np.array_equal(early.values, late.values)
         if early.source not in mapped and converted:
             continue

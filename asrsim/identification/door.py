@@ -72,7 +72,7 @@ class Door:
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
         """Worlds with these substeps. They record those of these quantities that the joints have."""
-        # Each further quantity lengthens a simulation by a hundredth.
+        # Record only these quantities: each further quantity lengthens a simulation by a hundredth.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)
         if found is None:
@@ -111,7 +111,7 @@ class Door:
             try:
                 found = made.rollout(made.names, start=several, steps=steps, observer=here)
             except RobotError:
-                # If one set of parameters is not physical, each set is simulated alone.
+                # If one set of parameters is not physical, simulate each set alone, so that only this set fails.
                 alone = (one for i, start in enumerate(several) for one in run(first + i, [start]))
                 yield from alone if len(several) > 1 else [None]
                 return

@@ -284,7 +284,7 @@ def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list
         elif not found:
             problems.append(Problem(f"is tied to {tie.to}, which matches no free parameter", key=tie.key, code="tie"))
         ties += found
-    # A tied parameter is not free, even if a pattern matches it.
+    # Remove tied parameters: a tied parameter is not free, even if a pattern matches it.
     for tie in ties:
         free.pop(tie.key, None)
     problems += _tie_faults(ties, free)

@@ -108,7 +108,7 @@ class Slopes:
             if part.noise == was.noise:
                 continue
             if part.channel.quantum:
-                # The residuals of encoders do not scale with the weights.
+                # Give up the Jacobian: the residuals of encoders do not scale with the weights.
                 return None
             left[part.rows] *= was.noise / part.noise
             matrix[part.rows] *= was.noise / part.noise
@@ -342,7 +342,7 @@ def slopes_along(
         points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
-            # A diverged simulation gives no derivative.
+            # Where one of the two simulations diverged, there is no derivative: leave 0.
             valid = (there != FAR) & (at[rows] != FAR)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[columns[column]], 0.0)
     return matrix
@@ -416,7 +416,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         there = inside + move
         at = residuals(problem, there)
         costs.append(huber(at) if robust else float(np.mean(at**2)))
-        # The search ends after a step that hardly reduces the error: it needs no new derivatives.
+        # After a step that hardly reduces the error, the search ends: compute no new derivatives.
         ends = costs[-2] - costs[-1] < tolerance * costs[-1]
         matrix = jacobian(problem, there, np.inf if ends else LINEAR, base=at)
         return np.vstack([matrix, RIDGE * np.eye(len(x))])

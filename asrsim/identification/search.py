@@ -91,14 +91,15 @@ class Best:
 
 def search(best: Best, begin: Callable[[str], None]) -> None:
     """Search level by level, and store the fit in `best`. begin: called with the name of each level."""
-    # Far from the solution, staircase commands might fit better by chance.
+    # Search without staircases first: far from the solution, a command played as a staircase might fit better by chance.
     problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
     begun = x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(problem.distinct(LEVELS) if problem.observes else ()), 0.0):
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
-            # Short predictions may contain too little information, so that the search left a good start.
+            # Return to the start of the search: short predictions may contain too little information, so that the search left a
+            # good start.
             x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
@@ -106,7 +107,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
                 starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
                 problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
             best.take(problem, x)
-            # Near the solution, the intermediate levels are not needed.
+            # If a free simulation fits from here, we are near the solution, and the intermediate levels are not needed.
             near = weighed(problem.observed(0.0), x)
             there = solve(near, x, rounds=EVALUATIONS)
             if fits(near, there):
@@ -165,7 +166,7 @@ def _best(levels: Sequence[_Level]) -> _Level:
     entries = levels[0].problem.layout.entries
     # Parameters of single recordings, such as initial positions, matter less to short predictions.
     shared = [entry.track is None for entry in entries]
-    # A spread larger than the parameter itself means that the parameter is unknown.
+    # A spread larger than the parameter itself only means that the parameter is unknown: limit it to the parameter's size.
     most = [
         1.0 if entry.logarithmic else max(abs(entry.value(float(one.x[i]))) for one in levels) / entry.size or 1.0
         for i, entry in enumerate(entries)
@@ -249,9 +250,11 @@ def refined(problem: FitProblem, x: Array) -> Array:
 def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
     _resolve(best)
-    # With many samples, jumps and pre-sliding friction are significant even if the residuals look like noise.
+    # Try these effects unless the residuals are zero: with many samples, jumps and pre-sliding friction are significant even if
+    # the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
-    # Short predictions may gain by an effect with which a free simulation no longer follows the recording.
+    # Reject effects with which a free simulation no longer follows the recording: short predictions may gain by them
+    # nevertheless.
     if found.chosen and _reaches((found.problem, found.x), _followed(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)

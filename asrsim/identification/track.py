@@ -187,7 +187,8 @@ class Track:
         link, speed = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
         keys, place = [motor_start(drive.name, i) for i in motors], self.initial[link]
         if drive.motor_positions and any(f"{name}.offset" in freed for name in names if name in sensors):
-            # The scenario's positions were copied from sensors with unknown zeros.
+            # Start the motors at the position of their link: the scenario's positions were copied from sensors with unknown
+            # zeros.
             self.initial |= {key: place for key, _ in keys}
             return
         known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
@@ -312,7 +313,7 @@ class Track:
             # The position of a link at rest depends on the initial positions of its motors.
             motors = [initial[motor_start(joint, i)[0]] for i in range(1, drive.dynamic_motors + 1)]
             position += float(np.mean(motors)) - self._following[joint]
-        # A noisy recording may begin slightly beyond a joint's stop.
+        # Start within the stops: a noisy recording may begin slightly beyond a joint's stop.
         return float(np.clip(position, *drive.joint.stops)), initial[f"{joint}.initial_velocity"]
 
     def motor_starts(self, drive: SteppedJoint, values: Mapping[str, float]) -> tuple[list[float], list[float]]:

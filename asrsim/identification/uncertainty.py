@@ -98,7 +98,7 @@ class Uncertainty:
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # The differences between recordings may exceed the differences between the blocks of a recording.
+        # Also use the spread between whole recordings: it may exceed the spread between the blocks of one recording.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -324,6 +324,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
         finer = replace(playing, substeps=(2 * playing.substeps[0], playing.substeps[1]))
-        # Half the substep halves the time-step error, since sticking joints cause an error of first order.
+        # Double the shift: half the substep removes only half of the time-step error, as sticking joints cause an error of
+        # first order.
         variance += (2.0 * shift(finer)) ** 2
     return replace(found, deviation=np.sqrt(variance))

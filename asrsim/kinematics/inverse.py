@@ -165,7 +165,7 @@ class SoftArm:
             item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             law = for_joint(self.scenario.link_damping, drive.joint)
             if law is not None:
-                # The damping torque hardly changes the stiffness: one iteration is enough.
+                # One iteration is enough, since the damping torque hardly changes the stiffness on which the damping depends.
                 torque = torque + _link_damping(drive, law, position, item) * velocity
                 item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             found.append(item)

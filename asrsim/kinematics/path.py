@@ -84,7 +84,7 @@ class PoseTrajectory:
 
 @dataclass(frozen=True, kw_only=True)
 class JointPath:
-    """Joint positions over time, with the errors that remain at the point."""
+    """Joint positions over time, with the errors that remain between the point and its trajectory."""
 
     time: Array
     """Times (n,), s."""

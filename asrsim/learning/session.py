@@ -255,7 +255,7 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # A parameter of this entry has no effect if every joint has a separate value.
+    # Keep only those of its references that some joint lacks: the others would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives

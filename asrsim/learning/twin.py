@@ -137,7 +137,8 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
         here = weighted(x)
         return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
 
-    # Model errors are correlated over several samples, so fewer than all samples count as independent.
+    # Enlarge the assumed noise: model errors are correlated over several samples, so fewer than all samples count as
+    # independent.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
     lowest = np.append(np.full(len(groups), -np.inf), -1e-9)

@@ -286,7 +286,7 @@ class Session:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        # Commands override the references of the scenario, so the claims of the scenario do not apply.
+        # Judge no claims of the scenario: commands override the references to which the claims refer.
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())

@@ -128,7 +128,7 @@ class LogReader:
             if MessageColumn("time") not in found:
                 continue
             time = found[MessageColumn("time")]
-            # The chunk's times are rounded to ns, and large times to a multiple of some ns.
+            # Allow for rounding: the log times of a chunk are rounded to ns, and large times to a multiple of some ns.
             margin = 2.0 + 1e-12 * place.end
             inside = place.start - margin <= time[0] * 1e9 and time[-1] * 1e9 <= place.end + margin
             if not (inside and np.all(np.diff(time, prepend=last) > 0.0)):

@@ -215,7 +215,7 @@ def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[To
     for i in motors:
         yield from _numbers(f"{path}/torque_el{i}_state", joint, [f"elastic_torque_{i}"])
     for i, name in enumerate(reference_topics(joint.mode, joint.motors), start=1):
-        # Commands are published as they were sent.
+        # Publish commands as they were sent, before delays and other imperfections.
         sent = f"sent_reference_{i}"
         yield from _numbers(f"{path}/{name}", joint, [sent if sent in joint.quantities else f"reference_{i}"], canonical=False)
     if external:

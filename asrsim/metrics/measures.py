@@ -145,7 +145,7 @@ def measure(
     found, time, arguments = _chosen(name, time, series, reference, start, end, options)
     if not len(time):
         return math.nan
-    # Other measures get the same arrays: a function that writes into them is an error.
+    # Pass read-only arrays: other measures get the same arrays, so a function must not write into them.
     lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
     result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
     with suppress(TypeError, ValueError):

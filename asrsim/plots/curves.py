@@ -116,7 +116,7 @@ class CurveSource:
 
     def span(self, first: float) -> tuple[float, float]:
         """Start and end of the part to read, s; `first` is the time of its first sample."""
-        # A log begins at 0, except when the run repeats a recording.
+        # A log begins at 0, unless its run repeats a recording with another start time.
         last = (first if self._start is None else 0.0) + self.reader.duration
         return first, max(first, last if self._end is None else min(self._end, last))
 

@@ -217,7 +217,7 @@ def _correlated(
     first = _held(time_simulation, simulation, step) if command else (time_simulation, simulation)
     second, values = _held(time_recording, recording, step) if command else (time_recording, recording)
     found = estimate_lag(*first, second, values)
-    # A periodic signal with reversed sign would be aligned half a period off.
+    # Try the reversed sign, too: a periodic signal with a reversed sign would be aligned half a period off.
     turned = estimate_lag(*first, second, -values)
     how = f"cross-correlation of {name}"
     if found is None:
@@ -246,7 +246,7 @@ def _held(time: Array, values: Array, step: float) -> tuple[Array, Array]:
     if not is_staircase(stairs) or step > 0.75 * np.median(np.diff(stamps)):
         return time, values
     fine = np.arange(stamps[0], stamps[-1] + 0.5 * step, step)
-    # Rounding must not delay a value by one step.
+    # Look a little ahead, so that rounding does not delay a value by one step.
     return fine, stairs[np.searchsorted(stamps, fine + 1e-3 * step, side="right") - 1]
 
 

@@ -102,7 +102,7 @@ def is_time(name: str, unit: Unit | None = None) -> bool:
     words = _stem(name)
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
-    # LabVIEW calls the time X_Value.
+    # Accept X_Value, which is LabVIEW's name for the time.
     return words == ["x", "value"] or (bool(words) and {*words} <= TIME_WORDS and words != ["field"])
 
 
@@ -284,7 +284,7 @@ def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, f
     changed = np.any([values[repeated] != values[repeated - 1] for values in series], axis=0)
     if np.mean(changed) <= _COARSE:
         return None
-    # The first and the last stamp may have fewer samples than the others.
+    # Leave out the first and the last stamp, which may have fewer samples than the stamps between them.
     begin = min(1, len(stamps) - 2)
     return float(np.min(np.diff(stamps))), float((firsts[-1] - firsts[begin]) / (stamps[-1] - stamps[begin]))
 

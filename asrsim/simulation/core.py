@@ -248,7 +248,7 @@ class Core:
         """
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            # The state may have been saved before columns for further stages were added.
+            # Widen the saved rows if columns for further stages have been added since.
             table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)

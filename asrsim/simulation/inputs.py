@@ -334,7 +334,7 @@ def chunk_at(substep: int, longest: int) -> tuple[int, int]:
 def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:
     """Values (n, rows, columns) of a table of signals at `time` (n,). columns: number of columns of a table without rows."""
     values = np.empty((len(time), len(signals), max(map(len, signals), default=columns)))
-    # Equal signals share their samples.
+    # Sample each signal object once: joints that share a signal share its samples.
     known: dict[int, Array] = {}
     for row, own in enumerate(signals):
         for column, signal in enumerate(own):

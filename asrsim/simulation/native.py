@@ -212,7 +212,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
         inner = field.metadata.get("record")
         return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
 
-    # Numba does not support records without fields.
+    # Give an empty record a field, since Numba does not support records without fields.
     return np.dtype([(field.name, of(field)) for field in own_fields(kind)] or [("nothing", np.float64)], align=True)
 
 

@@ -82,7 +82,7 @@ class RunRecording:
         if not self._rows:
             return
         (first, *_), parts = zip(*self._rows, strict=True)
-        # A single block is not copied.
+        # Do not copy a single block.
         rows = parts[0] if len(parts) == 1 else np.concatenate(parts)
         self._rows = []
         prepared = self._prepared

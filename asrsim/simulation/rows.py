@@ -88,7 +88,7 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
         motor.position, motor.velocity, motor.anchor, motor.integral = start
     sensor = drive.sensor
     for motor in joint.motors[: sensor.count] if sensor else ():
-        # The memory of a sensor is filled with the values at the start.
+        # Fill the memory of a sensor with the position and velocity at the start.
         x, v = (position, velocity) if sensor.on_link else (motor.position, motor.velocity)  # type: ignore[union-attr]
         seen = [*[x, v] * sensor.memory, 0.0, x, v]  # type: ignore[union-attr]
         joint.memory += [*seen, *[0.0] * (shape.ring - len(seen))]

@@ -106,7 +106,7 @@ def resolution_of(
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
-    # The standard library's generator, since importing numpy.random takes longer than a short run.
+    # Use the standard library's generator: importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]

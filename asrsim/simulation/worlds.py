@@ -175,7 +175,7 @@ class Worlds:
     @property
     def time(self) -> Array:
         """Simulated time of each world (N,) in s."""
-        # The formula of numpy.round, which takes four times as long for few numbers.
+        # Write out the formula of numpy.round: the function takes four times as long for a few numbers.
         found: Array = np.rint(self.core.done * self.prepared.substep * 1e12) / 1e12
         return found
 

@@ -94,7 +94,8 @@ def balanced(
         along = np.einsum("mji,mj->mi", ways, residual) / np.maximum(np.abs(stiffness), FLAT)
         step = np.where(still, shove * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        # At corners of a law, steps would alternate: after a step that reverses the motion, the next step is shorter.
+        # At a corner of a spring law, steps could jump from side to side for ever: shorten the step after one that reverses the
+        # motion.
         turned = np.sum(step * before, axis=1, keepdims=True) < 0.0
         share, before = np.where(turned, 0.5 * share, np.minimum(2.0 * share, 1.0)), step
         q = np.where(free, np.clip(q + share * step, low, high), q)
