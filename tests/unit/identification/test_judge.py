@@ -50,8 +50,7 @@ def test_residuals_beyond_the_noise_are_faults_by_name():
 def test_a_simulation_that_diverges_fits_nothing():
     white = np.random.default_rng(0).normal(size=2000)
     for sane in (True, False):
-        assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane  # type:
-        ignore[misc]
+        assert fits_noise(modelled(lambda _, sane=sane: white if sane else None, 1, 2000), np.zeros(1)) == sane  # type: ignore[misc]
 
 
 def test_the_held_out_error_may_reach_its_predicted_size():
@@ -93,10 +92,12 @@ def test_a_recording_with_the_wrong_sign_or_unit_is_suspected():
     values = np.sin(np.arange(0.0, 9.0, 1e-2))
     source = Column(time=values, values=values, unit="rad", joint="j", quantity="link_position", source="q", conversion="")
     for factor, words in ((-1.0, "--map 'q=-j.link_position'"), (0.001, "close to 1000"), (1.0, "")):
-        problem = modelled(lambda _, factor=factor: (factor - 1.0) * values, 1, len(values), recorded=values)  # type:
-        ignore[misc] (track,) = problem.tracks track.channels = (replace(track.channels[0], column=source),) (found,) =
-        channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1)) assert words in found.suspicion assert
-        bool(words) == bool(found.suspicion)
+        problem = modelled(lambda _, factor=factor: (factor - 1.0) * values, 1, len(values), recorded=values)  # type: ignore[misc]
+        (track,) = problem.tracks
+        track.channels = (replace(track.channels[0], column=source),)
+        (found,) = channel_fits(problem, differences(problem.everything, np.zeros(1)), np.zeros(1))
+        assert words in found.suspicion
+        assert bool(words) == bool(found.suspicion)
 
 
 def test_a_diverging_validation_does_not_fit():
