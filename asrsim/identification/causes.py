@@ -84,7 +84,7 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """A kind of causes of a misfit."""
+    """Entry of the registry of causes: an effect that the model may lack, and the extensions that represent it."""
 
     title: str
     """Effect that the model may lack, for the documentation."""

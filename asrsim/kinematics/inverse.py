@@ -41,7 +41,7 @@ last two knots of the splines are not checked either, since the derivatives are 
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Largest demand of a motion on a part of a joint, and the limit of this part."""
+    """Largest demand of a motion on a component of a joint (motor, spring or stop), and the limit of this component."""
 
     joint: str
     what: str
@@ -73,7 +73,7 @@ class InverseDynamics:
     """Desired motion of the model's joints."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
-    """Demands on all parts of all joints, the highest score first."""
+    """Demands on all components of all joints, the highest score first."""
 
     def inputs_at(self, time: Array, delays: Sequence[float]) -> Array:
         """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
@@ -183,7 +183,7 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
 
 
 def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint) -> list[Demand]:
-    """Largest demand of the motion on each part of a joint."""
+    """Largest demand of the motion on each component of a joint."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     rows: list[tuple[str, int, str, Array, Array | float]] = [("joint effort", 0, "N m", torque, joint.most_effort)]

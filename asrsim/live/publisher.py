@@ -1,4 +1,4 @@
-"""Topics of a live run and their messages after each step, with the numbers of the log."""
+"""Topics of a live run, and their messages after each step. The messages contain the values that the log contains."""
 
 from __future__ import annotations
 

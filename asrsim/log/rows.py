@@ -139,7 +139,7 @@ class RowBuffer:
 
 
 def _parts(samples: Samples, kind: str, name: str, rows: slice) -> Mapping[str | int, Array | float]:
-    """Numbers (n,) of each part of a quantity, a body or a contact; NaN if the samples lack it.
+    """Values (n,) of each part of a quantity, a body or a contact (see `MessageColumn.part`); NaN if the samples lack it.
 
     The numbers of a part are contiguous, since copies from strided to strided arrays take twice as long.
     """

@@ -37,7 +37,7 @@ DETAIL_FIELDS: tuple[str, ...] = tuple(
 """Quantities without a separate topic. They share one message for each joint, with NaN for quantities that are not recorded."""
 
 SAMPLE_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
-"""Quantities in the message with all numbers of a joint."""
+"""Quantities in the message that contains all quantities of a joint."""
 
 _FIELDS: dict[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -133,7 +133,7 @@ class Topic:
     """Short type, such as `sensor_msgs/JointState`."""
     template: CdrTemplate
     canonical: bool = True
-    """True: the numbers are read back from this topic."""
+    """True: when a log is read, the quantities of this topic are read from this topic. False: it repeats other topics."""
 
 
 def robot_topics(

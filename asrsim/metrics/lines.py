@@ -11,7 +11,7 @@ from asrsim.samples import Array
 _BLOCKS = 16
 """Number of parts into which the record is divided; the first parts may be omitted as a transient."""
 _AS_GOOD = 1.3
-"""The first parts count as a transient if omitting them reduces the error by this factor."""
+"""The first parts of the record count as a transient if omitting them reduces the error of the fit by this factor."""
 _ROUNDING = 1e-11
 """Relative residual below which the residual consists of rounding errors."""
 _APART = 2.0

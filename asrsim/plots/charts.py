@@ -80,7 +80,7 @@ def _longest(names: Iterable[str]) -> int:
 
 
 def _height(row: Sequence[Chart | None], height: float) -> float:
-    """Height of a row, inch; it grows with the number of lines in the names of the chart's places."""
+    """Height of a row, inch; it grows with the number of lines in the labels `places` of its charts."""
     lines = sum(name.count("\n") + 1.6 for one in row[:1] if one for name in one.places)
     return max(height, 0.15 * lines) if lines else height
 

@@ -30,7 +30,7 @@ from asrsim.scenario.carried import unknown_actuators, unknown_quantities
 
 @dataclass(frozen=True, kw_only=True)
 class PlotJob:
-    """Selection of what to draw: logs, recordings, quantities and formats."""
+    """Logs, recordings, quantities and formats that a plot job draws."""
 
     logs: tuple[Path, ...]
     folder: Path

@@ -26,7 +26,7 @@ HEAVY = 50.0
 DENSITY = 100.0
 """Largest plausible density of a robot, over the cube around it, kg/m^3; industrial arms have 10 to 30."""
 AWAY = 2.0
-"""Largest plausible distance of a centre of mass from all known parts of the robot, m."""
+"""Largest plausible distance of a centre of mass from its link's frame, in addition to twice the size of the robot, m."""
 DEGREES = (20.0, 720.0)
 """Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
 WIDE = 100.0

@@ -151,7 +151,7 @@ class RobotModel:
         at = bodies[body] @ place @ (*point, 1.0)
         jacobian = np.zeros((*at.shape[:-1], 6, len(self._parents)))
         while body:
-            # The twist along the axes of the world, at the origin of the world.
+            # Take the twist along the axes of the world, for the point of the body at the origin of the world.
             twist = bodies[body] @ self._twists[body - 1] @ np.linalg.inv(bodies[body])
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
@@ -250,7 +250,7 @@ class RobotModel:
     def _steps(self, positions: Array) -> Array:
         """Pose of each body in the frame of the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
         first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
-        # The square of a sliding joint's twist is 0.
+        # For a sliding joint the second-order term is 0, since the square of its twist is 0.
         second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
         return np.moveaxis(self._origins @ (np.eye(4) + first + second), -3, 0)
 

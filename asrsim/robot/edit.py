@@ -38,7 +38,7 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
     ]
     if lacking:
         raise RobotError(lacking)
-    # Comments may stand before and after the root element.
+    # Write the comments before and after the root element, too.
     parts = [*reversed([*root.itersiblings(preceding=True)]), root, *root.itersiblings()]
     texts = [etree.tostring(part, encoding="unicode", with_tail=False) for part in parts]
     return "\n".join(['<?xml version="1.0"?>', *texts, ""]).encode()

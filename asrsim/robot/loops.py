@@ -218,7 +218,7 @@ class Linkage:
             step = -(np.linalg.pinv(jacobian[..., first:], rcond=1e-9) @ gap[..., None])[..., 0]
             # Approach a distant posture in short steps, so that the search does not jump to another branch of closed postures.
             q[..., moved] += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, keepdims=True), 1e-300))
-            # The next step of Newton's method would be smaller than rounding.
+            # Stop where the next step of Newton's method would be smaller than rounding errors.
             if not np.abs(step).max(initial=0.0) > 1e-9:
                 break
         return q
@@ -323,7 +323,7 @@ class Trace:
                     break
                 stride *= 0.5
             else:
-                # If the gap grows beyond rounding, the range ends without a dead centre.
+                # The range ends here: at a dead centre if the loops are still closed, without one if the gap has grown.
                 return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)

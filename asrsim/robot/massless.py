@@ -56,7 +56,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
     moved = {joint.mimic for joint in robot.moving_joints if joint not in light}
     massless = [joint for joint in light if not joint.mimic and joint.name not in moved]
     held = [joint for joint in massless if joint.name not in driven]
-    # A joint that follows a fixed joint does not move either.
+    # Fix no joint if then none would move; a joint that follows a fixed joint does not move either.
     names = {joint.name for joint in massless}
     held = held if any(joint.name not in names and joint.mimic not in names for joint in robot.moving_joints) else []
     for joint in massless:

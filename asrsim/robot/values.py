@@ -145,7 +145,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
                 code="limits-crossed",
             )
     mode = MODES[block.mode]
-    # Voltages and currents are for electric motors.
+    # In modes that command a voltage or a current, the motors need the constants of electric motors.
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()
     if lacking:
         message = f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"

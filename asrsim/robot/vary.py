@@ -1,4 +1,4 @@
-"""Robot with other numbers: parameters of actuators, damping and friction of joints, inertias of links."""
+"""Robot with other values of its parameters: those of actuators, damping and friction of joints, and inertias of links."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
 def names_of(
     owner: str, blocks: Mapping[str, ActuatorBlock], joints: Mapping[str, Joint], links: Mapping[str, Link]
 ) -> tuple[str, ...]:
-    """Names of the numbers of a joint or link."""
+    """Names of the parameters of a joint or link that can be varied."""
     names: tuple[str, ...] = ()
     if owner in joints:
         names += (*(blocks[owner].parameters if owner in blocks else ()), *JOINT_NAMES)

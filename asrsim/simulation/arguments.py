@@ -79,9 +79,11 @@ class RowSelection(NamedTuple):
     watched: int
     """1 if energies, limits and stiffness are computed, else 0."""
     of_state: Any
-    """Recorded columns of S; in plain Python, a function that returns their numbers from a joint's state."""
+    """Columns of S that are recorded; in plain Python, a function that returns the values of these columns from a joint's
+    state.
+    """
     of_inputs: Any
-    """Recorded columns of the references; in plain Python, a function that returns their numbers from a row."""
+    """Columns of the references that are recorded; in plain Python, a function that returns their values from a row."""
 
 
 class Corrections(NamedTuple):

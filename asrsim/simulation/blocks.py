@@ -153,7 +153,9 @@ class Blocks:
         return block
 
     def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
-        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and indices in `numbers`."""
+        """Groups of worlds with equal inputs and times. For each group: its inputs, the number of its next substep, and the
+        indices of its worlds in `numbers`.
+        """
         done, first = self._core.done[numbers], self._inputs[numbers[0]]
         substep = int(done[0])
         if self._equal_inputs is None:

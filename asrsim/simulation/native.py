@@ -156,7 +156,7 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
         if task >= TASK.remember:
-            # The kick is over: the next torque has no value.
+            # The torques of this kick have been used already: let the next kick give a torque without a value.
             motor_of(joint_at(s), 0).position = np.nan
 
 

@@ -1,4 +1,4 @@
-"""Quantities that a joint records, and their columns in the tables."""
+"""Quantities that a joint records, and their columns in the table S of states and in the rows of inputs."""
 
 from __future__ import annotations
 

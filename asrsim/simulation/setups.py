@@ -1,4 +1,4 @@
-"""Parameters, start and input signals of worlds; worlds with equal values share one setup."""
+"""Setups of worlds: their parameters, start and input signals. Worlds with equal parameters, starts and signals share a setup."""
 
 from __future__ import annotations
 

@@ -219,7 +219,7 @@ def _resolve(
 
 
 def _count(ratio: float) -> float:
-    """Smallest whole number of substeps, at least 1; infinite where a ratio of damaged numbers is infinite or NaN."""
+    """Smallest whole number of substeps that is at least `ratio`, and at least 1; infinite if the ratio is infinite or NaN."""
     return max(1, math.ceil(ratio - 1e-9)) if ratio < math.inf else math.inf
 
 

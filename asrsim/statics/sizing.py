@@ -124,7 +124,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         else:
             soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
             why = "its motors are too weak" if one.limited else f"{soft} are too soft"
-            # One warning gives the parameters of all joints.
+            # Give the hint only with the first warning: it proposes parameters for all joints.
             message_hint, hint = hint, None
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
