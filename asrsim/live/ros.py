@@ -83,7 +83,7 @@ class Outbox:
             if one_wanted and message:
                 try:
                     publisher.handle.publish_raw(message)
-                except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
+                except RuntimeError:  # rclpy raises it when a subscriber does not take the message in time
                     self._unsent += 1
                     if self._unsent in (1, 1000):
                         self._tell(f"{counted(self._unsent, 'message')} dropped so far: a subscriber does not keep up")

@@ -57,7 +57,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_axis_off()  # the axes may carry the legend of the row
+                ax.set_axis_off()  # hide the axes instead of removing them: they may carry the legend of the row
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)

@@ -43,7 +43,7 @@ NumberedLine = tuple[int, list[str]]
 
 def split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
-    if " " not in line and '"' not in line:  # most files: no cell needs more work
+    if " " not in line and '"' not in line:  # as in most files, no cell has blanks or quotes to remove
         return line.split(separator)
     if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]

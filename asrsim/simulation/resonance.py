@@ -71,7 +71,7 @@ def _system(drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[f
         spring[j, j], damping[j, j] = k + max(drive.joint.spring_stiffness, 0.0), link_damping(drive, k)
     for row, (j, i) in enumerate(motors, start=n):
         own = drives[j].drive
-        assert own is not None  # motors belong to drives
+        assert own is not None  # a joint with motors has a drive
         k = stiffness[j] / own.dynamic_motors
         gains = (own.proportional[i], own.derivative[i]) if own.mode.controller else (0.0, 0.0)
         mass[row, row] = own.motor_inertia[i]
