@@ -203,14 +203,17 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 unnamed = joints and quantity and column.joint is None
                 if unnamed and first != name and first in names:
-                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot whose names count
-                    from 0, too if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
-                    raise DoubtError("the file has several joints, but does not name them") if quantity and uses[column.file,
-                    name] > 1: raise DoubtError("several columns have its name") except DoubtError as doubt: owner =
-                    column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0] yield
-                    ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target) continue origin = ORIGINS[2 if
-                    column.quantity else 3] if quantity else "not used: its name states no quantity of a joint" yield
-                    ColumnMap(joint=joint, quantity=quantity, origin=origin)
+                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that counts from 0
+                if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
+                    raise DoubtError("the file has several joints, but does not name them")
+                if quantity and uses[column.file, name] > 1:
+                    raise DoubtError("several columns have its name")
+            except DoubtError as doubt:
+                owner = column.joint or find_joint(f"{split_header(name)[0]} {column.file}", joints or ())[0]
+                yield ColumnMap(origin=f"asked: {doubt}", joint=owner, text=doubt.target)
+                continue
+            origin = ORIGINS[2 if column.quantity else 3] if quantity else "not used: its name states no quantity of a joint"
+            yield ColumnMap(joint=joint, quantity=quantity, origin=origin)
 
 
 def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[str | None, str | None]:

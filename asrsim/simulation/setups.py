@@ -1,4 +1,4 @@
-"""Setups of worlds: their parameters, start and input signals. Worlds with equal parameters, start and signals share a setup."""
+"""Setups of worlds: parameters, start and input signals. Worlds with equal parameters, start and signals share a setup."""
 
 from __future__ import annotations
 
