@@ -55,7 +55,7 @@ DIFFERENT = 0.05
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor, or deflection of the spring."""
 LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
-"""Parameters of spring laws that are tried, words for them, and their start values, in typical sizes."""
+"""Parameters of spring laws that are tried: name, words for the effect, and start values in units of the typical size."""
 MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the band of the motion. The lowest is so near the band that the
 motion makes the mode resonate.

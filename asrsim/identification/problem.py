@@ -215,7 +215,7 @@ class FitProblem:
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """The levels, in falling order, without those whose observers have the same bandwidth."""
+        """The levels, in falling order, without levels whose observers have the same bandwidth as that of the level before."""
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
 

@@ -47,7 +47,7 @@ BEYOND, SINGLE = 6.0, 0.05
 samples are errors of the model, and count in full.
 """
 PLAYED = 8
-"""Number of random draws of the commands' noise, which give its part of the standard deviation within 25 %."""
+"""Number of random draws of the commands' noise: they give the part of a standard deviation due to this noise within 25 %."""
 CORRECTIONS = 3
 """Number of rounds that correct autocovariances for the fitted parameters. Each round reduces the error by the ratio of
 parameters to samples.

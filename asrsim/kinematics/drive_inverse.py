@@ -28,7 +28,8 @@ from asrsim.samples import Array
 SEARCH = 16.0
 """Largest distance between equilibrium and link position in the search, rad or m: a few turns of a motor."""
 EXACT = 1e-9
-"""Largest difference between the spring's torque and the load, relative to the load, at which the spring holds the load."""
+"""Largest difference between the spring's torque and the load, relative to the load (or to 1 N m), at which it holds the load.
+"""
 SLOW = 0.02
 """Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
 RESERVE = 1e-3

@@ -25,7 +25,7 @@ DELAY = 0.02
 NOISE = 1e-3
 """Smallest misfit with which the uncertainty is computed, rad: even a plant with the right structure has this misfit."""
 SAMPLES = 250
-"""Number of points in time at which recorded and simulated motion are compared."""
+"""Number of instants of a trial at which the recorded motion and the simulated motion are compared."""
 INDEPENDENT = 40
 """Number of independent misfits to which the samples of a joint are equivalent: model errors are correlated over several
 samples.

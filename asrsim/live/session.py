@@ -95,7 +95,7 @@ class Session:
         self.paused = False
         """Whether the simulation waits; commands are still read."""
         self._singles = 0
-        """Number of steps to do while the run is paused."""
+        """Number of single steps that a paused run still has to do."""
         self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
@@ -294,7 +294,7 @@ class Session:
         return summary
 
     def figures(self) -> dict[str, Any]:
-        """Lateness, load and numbers of commands until now, as plain data."""
+        """Lateness of the ticks, load, and counts of commands from the start of the run until now, as plain data."""
         pace, commands = self.pace, self.commands
         median, high = pace.lateness()
         return {

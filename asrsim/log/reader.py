@@ -145,7 +145,7 @@ class LogReader:
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
     ) -> Iterator[tuple[ChunkPlace, dict[MessageColumn, Array]]]:
         def outside(place: ChunkPlace) -> bool:
-            # Chunks have a margin, since their log times are rounded to ns.
+            # Skip a chunk only if it is 1 ns outside of the selected time: its log times are rounded to ns.
             before = start is not None and place.end * 1e-9 < start - 1e-9
             return before or (end is not None and place.start * 1e-9 > end + 1e-9)
 

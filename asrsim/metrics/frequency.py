@@ -25,11 +25,11 @@ from asrsim.metrics.spectra import Spectra, uniform
 from asrsim.samples import Array
 
 CONFIDENCE = 0.95
-"""Confidence level of the bands."""
+"""Confidence level of the confidence bands of gain and phase."""
 _STILL, _NOTHING = 1e-7, 1e-12
 """Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
 _TRUSTED = 0.5
-"""Coherence below which a point of the frequency response is unreliable."""
+"""Coherence below which a point of the frequency response is unreliable, and is not used to find resonance and bandwidth."""
 
 
 @dataclass(frozen=True, kw_only=True)

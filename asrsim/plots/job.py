@@ -45,7 +45,7 @@ class PlotJob:
     figures: tuple[str, ...] | None = None
     """Names of the figures of runs alone, in `asrsim.plots.FIGURES`; None: the standard ones."""
     lag: LagChoice = "auto"
-    """Lag of the recordings' clock in s, or how it is found."""
+    """Lag of the recordings' clocks behind the run's clock in s, or the method that finds the lag."""
     measures: tuple[str, ...] = ()
     """Further measures of run and recording, NAME or NAME:OPTION=VALUE,..."""
     formats: tuple[str, ...] = ("png",)

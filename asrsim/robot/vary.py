@@ -116,7 +116,7 @@ def _declared(actuator: Any, stages: tuple[Any, ...]) -> dict[str, Parameter]:
 
 
 def _with_inertial(link: Link, numbers: Mapping[str, float]) -> Link:
-    """The link with other numbers, by the names in `LINK_NAMES`; a link without inertia has the inertia 0."""
+    """The link with other values of mass, centre and inertia, by the names in `LINK_NAMES`; a missing inertia counts as 0."""
     x, y, z = (numbers.get(name, old) for name, old in zip(CENTRES, link.centre_of_mass, strict=True))
     inertia = link.inertia
     if not _INERTIAS.isdisjoint(numbers):

@@ -19,7 +19,7 @@ POINTS = 2000
 FARTHEST = 1e6
 """Largest desired position, rad or m; rounding of larger values hides motions."""
 ROUNDING = 1e-9
-"""Relative rounding error of a signal's values."""
+"""Largest relative rounding error of a signal's values."""
 GOLDEN_RATIO = 0.5 * (1.0 + math.sqrt(5.0))
 """Golden ratio, whose multiples modulo 1 fill the interval from 0 to 1 evenly."""
 SLACK = 2e-9

@@ -80,7 +80,7 @@ class Core:
         self._plain_links: dict[int, list[JointConstants]] = {}
         """States and constants of the joints as records, by number of the world; the Python loop makes them when needed."""
         self._advanced: set[int] = set()
-        """Worlds whose records are newer than their rows of S: rows are written only when they are read."""
+        """Worlds whose records of joints are newer than their rows of S: the rows are updated only when they are read."""
         self._joint_states = np.zeros((worlds, len(drives), self.shape.state))
         self.P = np.repeat(constants[None], worlds, axis=0)
         """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.fields`."""

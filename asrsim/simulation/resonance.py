@@ -21,7 +21,7 @@ from asrsim.simulation.substeps import Resolution, link_damping
 TOLERATED = 0.1
 """Largest error of an oscillation without a warning, as a fraction of its first amplitude."""
 AIM = 0.02
-"""Error that remains with the number of substeps that the warning proposes, as the same fraction."""
+"""Error that remains with the number of substeps that the warning proposes, as a fraction of the first amplitude."""
 
 
 def resonance_doubts(

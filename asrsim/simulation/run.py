@@ -33,7 +33,7 @@ class Run:
     robot: Robot
     info: RunInfo
     status: str
-    """How the run ended: `complete`, `interrupted` (stopped by the caller) or `diverged`."""
+    """State in which the run ended: `complete`, `interrupted` (stopped by the caller) or `diverged`."""
     resolution: Resolution
     counts: Counts
     wall_time: float
