@@ -27,10 +27,10 @@ WHITE = 0.3
 FEWEST, FEW = 11, "its samples are too few to judge the fit"
 """Smallest number of samples by which a fit can be judged; fault of a channel with fewer samples."""
 HELD_OUT = 1.3
-"""Ratio of held-out to training error above which a model does not fit."""
+"""Ratio of the error of the held-out part to the error of the training part, above which a model does not fit."""
 SHAKEN = 2.0
-"""Noise of the commands and uncertainty of the estimates change a prediction with some standard deviation; errors up to this
-multiple of it are explained by them.
+"""Noise of the commands and uncertainty of the estimates explain an error of the prediction up to this multiple of the RMS
+change that they cause in the prediction.
 """
 HIDDEN = 3.0
 """Ratio of residuals to the channel's noise above which a fitting model gets a remark: only noise of the commands can explain
@@ -118,7 +118,7 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
 
 
 def missing_mode(hertz: float) -> str:
-    """Fault of residuals that oscillate."""
+    """Fault of a channel whose residuals oscillate at this frequency in Hz."""
     return (
         f"an oscillation of {hertz:.3g} Hz remains in the residuals: the model lacks a mode, such as an elastic link or "
         "transmission, or no start of the search found this frequency"

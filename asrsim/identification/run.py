@@ -95,7 +95,7 @@ class FitWatch(Meter):
     """Number of evaluations before the present stage."""
 
     def stage(self, name: str) -> None:
-        """Begin a stage, or a start of the search."""
+        """Begin a stage of the fit, or a search from another start. name: name of the stage for the user."""
         self.cost, self._before, self._stage = math.inf, self.evaluations, name
         self._report()
 

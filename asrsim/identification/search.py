@@ -195,7 +195,7 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
 
 
 def follows(problem: FitProblem, x: Array) -> bool:
-    """Whether predictions explain half of the variance of each channel."""
+    """Whether the predictions explain more than half of the variance of each channel."""
     return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 

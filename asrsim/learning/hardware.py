@@ -109,8 +109,7 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # A user gives the last recording again with another lag or mapping, so the last twin was fitted to a wrong reading of
-        # it.
+        # If the last recording is given again, with another lag or mapping, the last twin was fitted to a wrong reading of it.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
