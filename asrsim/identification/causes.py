@@ -51,11 +51,11 @@ MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_to
 EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
 DIFFERENT = 0.05
-"""Relative difference above which a tie of two parameters is reported as wrong: the difference when each of them is free."""
+"""Relative difference of two tied parameters above which their tie is reported as wrong."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor, or deflection of the spring."""
 LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
-"""Parameters of spring laws that are tried: name, words for the effect, and start values in units of the typical size."""
+"""Parameters of spring laws that are tried, words for them, and their start values, in typical sizes."""
 MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the band of the motion. The lowest is so near the band that the
 motion makes the mode resonate.
@@ -67,9 +67,8 @@ VANISHED = 0.02
 MASSES = (float(np.log(1.3)), float(np.log(0.75)))
 """Logarithms of the factors of a link's mass that are tried."""
 TREND, CHANCE, PARTS = 0.6, 2.9, 12
-"""A recording is divided into PARTS parts, in each of which the stiffness of a spring is estimated. A correlation of the
-stiffness with the deflection is reported if the rank correlation exceeds TREND, and CHANCE times the standard deviation that
-the rank correlation of randomly ordered parts has.
+"""Rank correlation of a spring's stiffness with the deflection above which the correlation is reported; smallest ratio of this
+correlation to the correlation of randomly ordered parts; number of parts of a recording in which the stiffness is estimated.
 """
 RINGING, DRIVEN = 0.1, 0.3
 """Size of residuals, relative to the recorded motion, above which their oscillation is reported; relative difference of two
@@ -125,8 +124,7 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, base), list[Mapping[str, float]]()
-    # The fit without the causes may have moved parameters to values at which they have no effect: search from the start values,
-    # too.
+    # The fit without the causes may have moved parameters to values without effect: search from the start values, too.
     for begin in (x, start):
         there = extended(
             problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,

@@ -234,7 +234,7 @@ def extended(
             break
         likely = _most_likely(trials, NEAR * DECISIVE)
         if len(likely) > 1:
-            # Continue the searches of the likely trials before comparing them: these searches may not have ended.
+            # The best of these trials is not known yet: their searches may not have ended.
             likely = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in likely], DECISIVE)
         found = replace(likely[0], rivals=(*found.rivals, *likely[1:]))
     return replace(found, trials=tuple(named))

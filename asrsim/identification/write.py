@@ -82,7 +82,7 @@ def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str,
     """
     values = {
         one.key: one.value for one in result.estimates
-        # Write even a weakly identified pre-sliding stiffness: the other estimates would not fit with its default.
+        # Even a weakly identified pre-sliding stiffness is written, since the other estimates would not fit with the default.
         if one.track is None
         and (
             everything or result.accepted or one.verdict == IDENTIFIED

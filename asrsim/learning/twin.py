@@ -23,13 +23,11 @@ SPREAD, LOSSES = 0.25, 0.7
 DELAY = 0.02
 """Prior standard deviation of the delay, s."""
 NOISE = 1e-3
-"""Smallest misfit with which the uncertainty is computed, rad: even a plant with the right structure has this misfit."""
+"""Smallest misfit that the uncertainty assumes, rad; even a plant with the right structure has this misfit."""
 SAMPLES = 250
-"""Number of instants of a trial at which the recorded motion and the simulated motion are compared."""
+"""Number of points in time at which recorded and simulated motion are compared."""
 INDEPENDENT = 40
-"""Number of independent misfits to which the samples of a joint are equivalent: model errors are correlated over several
-samples.
-"""
+"""Number of independent misfits for which each joint counts, since model errors are correlated over several samples."""
 ROUNDS = 4
 """Largest number of steps of the fit."""
 NUDGE = 0.2
@@ -137,8 +135,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
         here = weighted(x)
         return np.column_stack([(weighted(x + nudge) - here) / nudge.max() for nudge in np.diag(NUDGE * priors)])
 
-    # Enlarge the assumed noise: model errors are correlated over several samples, so fewer than all samples count as
-    # independent.
+    # Model errors are correlated over several samples, so the number of independent samples is smaller.
     scale = NOISE * np.sqrt(SAMPLES / INDEPENDENT)
     begin = np.array([*(np.log1p(start.get(name, 0.0)) for name in groups), start.get("delay", 0.0)])
     lowest = np.append(np.full(len(groups), -np.inf), -1e-9)

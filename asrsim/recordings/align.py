@@ -140,7 +140,7 @@ def _moves(values: Array) -> bool:
 LagChoice = float | Literal["auto", "off", "start"]
 """Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
 _CLEARLY = 0.1
-"""The recorded sign counts as reversed if reversing it raises the correlation by at least this number."""
+"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source."""
 
