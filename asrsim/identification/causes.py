@@ -66,7 +66,9 @@ LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash"
 sides, and 0.01 and 0.05 rad, since a large backlash is not found from a small one.
 """
 MODES = (1.5, 3.0, 6.0)
-"""Frequencies of a second mode that are tried, in units of the band of the motion: from resonance with the motion on."""
+"""Frequencies of a second mode that are tried, in units of the band of the motion. The lowest is so near the band that the
+motion makes the mode resonate.
+"""
 SMALL = float(np.log(0.2))
 """Logarithm of the size of the second body at the start of a trial, relative to its default fraction of the link: with
 6 % of the link, the first mode hardly changes.
@@ -93,7 +95,7 @@ SPRINGS = ("spring_stiffness", "spring_k", "passive_stiffness", ".k")
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """A kind of causes of a misfit."""
+    """Entry of the registry of causes: an effect that the model may lack, and the extensions that represent it."""
 
     title: str
     """Effect that the model may lack, for the documentation."""
@@ -126,11 +128,12 @@ class Suspicion:
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     """Effects that the model may lack. problem: problem whose residuals are weighted by the recorded noise."""
-    # Search without effects as long as with them: otherwise the gain of a longer search would be ascribed to an effect.
+    # Search the model without further effects for as long as models with them: otherwise the gain of a longer search would be
+    # ascribed to an effect.
     start = np.zeros(len(x))
     x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
     base, least = mean_square(problem, x), huber(residuals(problem, x))
-    # Residuals below the estimated noise may be correlated nevertheless.
+    # Even residuals below the estimated noise may be correlated: count at least a part of them as misfit.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, least), list[Extended]()
@@ -196,8 +199,8 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
 
 
 def _suspected(found: Extended, rest: str) -> str:
-    """Sentence on suspected causes, with the values and the options of `asrsim identify` that add them to the problem. rest:
-    error that remains when the causes are added.
+    """Sentence on suspected causes, with their sizes and the options of `asrsim identify` that add them to the problem. rest:
+    words for the error that remains with the causes.
     """
     texts, options, links = [], list[str](), []
     values = iter(_last_values(found, sum(len(cause.parameters) for cause in found.chosen)))
@@ -236,14 +239,14 @@ def _last_values(found: Extended, count: int) -> list[float]:
 
 
 def _with_size(cause: Extension, values: Iterator[float]) -> str:
-    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: of its parameters and
-    those of later causes.
+    """Text of a cause with its size: as the cause states it, or the value of its last parameter. values: values of the cause's
+    parameters, and after them those of later causes.
     """
     text, own = cause.text, [next(values) for _ in cause.parameters]
     if cause.size is not None:
         return f"{text} ({cause.size(*own)})"
     for one, value in zip(cause.parameters, own, strict=True):
-        # Small delays and offsets are shown in ms and mrad.
+        # Show small delays and offsets in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))
         size = f"{1e3 * value:.3g} m{unit}" if small else f"{value:.4g} {unit}".strip()
         text = cause.text if one.track is not None else f"{cause.text} ({size})"
@@ -277,7 +280,7 @@ def wrong_controllers(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on motors whose drives do not explain their recorded motion, so that errors of springs and links are hidden."""
+    """Sentences on motors whose recorded motion their drives do not explain; errors of springs and links then stay hidden."""
     for part, left in differences(problem, x):
         track, joint = problem.tracks[part.track], part.channel.joint
         commands = [one.column.source for one in track.data.commands if one.joint == joint and one.column]
@@ -292,8 +295,8 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that free a common delay of all commands, or the delay of one channel: its sensor may be slower than the
-    others.
+    """Extensions that free a common delay of all commands, or the delay of one channel, whose sensor may be slower than other
+    sensors.
     """
     free, data = problem.layout.keys, [problem.tracks[i].data for i in problem.fitted]
     commands = dict.fromkeys(f"{one.key}.delay" for own in data for one in own.commands)
@@ -331,7 +334,8 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
         if zeroed and offset.key not in free:
             yield Extension(text=f"a zero offset of {key}", parameters=(offset,))
         predicted = part.recorded + off
-        # No scale within its bounds makes a nearly constant prediction as large as the recorded motion.
+        # Do not free the scale if the prediction is nearly constant: no scale within its bounds makes it as large as the
+        # recorded motion.
         moves = float(np.ptp(predicted)) > 1e-3 * float(np.ptp(part.recorded))
         if zeroed and moves and not {offset.key, gain.key} & free:
             slope, zero = np.polyfit(predicted, part.recorded, 1).tolist()
@@ -371,7 +375,7 @@ def _modes(problem: FitProblem, x: Array) -> Iterator[Extension]:
     for joint in track.door.joints if lowest else ():
         if f"{joint}.link_position" not in sensed or joint.endswith(BEND) or f"{joint}{BEND}" in track.door.joints:
             continue
-        # All recordings show the same robot.
+        # The first recording tells whether the link can be elastic, since all recordings show the same robot.
         if (elastic := track.elastic(joint, lowest)) is None:
             continue
         known, link = parameters_of(elastic.door.robot, (), {}), track.door.robot.joint(joint).child
@@ -413,7 +417,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"{text} of {joint}", parameters=(*more, parameter), begins=begins)
         gain, damping = known.get(f"{joint}.controller_1_derivative"), f"{joint}.motor_1_damping"
         if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
-            # The damping acts like the derivative gain. It has vanished, so the gain is too large.
+            # Damping of the motor acts like the derivative gain. The estimated damping is nearly 0, so the gain is too large.
             ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
             text = f"a smaller derivative gain of the controller of {joint}"
             starts = gain.place(0.0), gain.place(0.5 * gain.start)
@@ -458,7 +462,8 @@ def contradicted_ties(problem: FitProblem, x: Array) -> Iterator[str]:
         if not promise.share:
             break
         (parameter,), wider = promise.extension.parameters, promise.problem
-        # The linearised effect may promise what no value keeps: friction that keeps a joint at rest has no effect.
+        # Fit the extension: to first order it may promise an improvement that no value of the parameter gives, as with friction
+        # that keeps a joint at rest.
         found = solve(wider, promise.start, rounds=ROUNDS, tolerance=1e-5)
         apart = abs(parameter.value(float(found[-1])) - parameter.start) / (abs(parameter.start) or parameter.size)
         better = is_significant(before, mean_square(wider, found), independent_samples(optimum.residuals))
@@ -480,7 +485,7 @@ def _varying_springs(problem: FitProblem, x: Array) -> Iterator[str]:
         reach, moves = np.sqrt(sizes[known] / counts[known]), -pulls[known] / sizes[known]
         trend = float(np.corrcoef([np.argsort(np.argsort(one)) for one in (reach, moves)])[0, 1])
         extent, deviation = float(np.ptp(moves)), float(np.median(sizes[known] ** -0.5))
-        # The correlation must be stronger than that of noise alone.
+        # The correlation must be stronger than chance explains, and the stiffness must vary by more than its errors.
         if abs(trend) > max(TREND, CHANCE / (known.sum() - 1) ** 0.5) and extent > max(6.0 * deviation, 0.02):
             # With backlash the stiffness is k (1 - width / A) at amplitude A; a hardening spring's stiffness grows with A^2.
             backlash = trend > 0.0 and abs(_correlation(1.0 / reach, moves)) > abs(_correlation(reach**2, moves))

@@ -18,10 +18,12 @@ from asrsim.samples import Array
 UNKNOWN = 0.3
 """Relative half width of an interval above which a parameter or a combination is unidentifiable: at most one digit is known."""
 FAR = 2.3
-"""Largest change of the logarithms along an unidentifiable direction: a factor of ten, beyond which a guess is rarely wrong."""
+"""Largest change of a parameter's logarithm along an unidentifiable direction: a factor of ten, as a guess is rarely more
+wrong.
+"""
 NICE, NICER = 1.5, 2e-3
-"""A simpler expression is preferred if its interval is at most this factor times the narrowest interval, plus this summand: a
-sum or a product of powers is easier to read, even with a slightly wider interval.
+"""A simpler expression is preferred if its interval is at most NICE times the narrowest interval plus NICER: a sum or a product
+of powers is easier to read, even if its interval is slightly wider.
 """
 LARGEST = 4
 """Largest integer in a formula: powers, their denominators, and factors of terms. Formulas of mechanics have no larger
@@ -121,7 +123,7 @@ class _Known:
     def __init__(self, problem: FitProblem, x: Array, found: Uncertainty, free: Sequence[int]) -> None:
         self._found, self._free = found, list(free)
         self.entries = [problem.layout.entries[i] for i in free]
-        # A motion determines the moment of inertia of a link about its joint.
+        # A motion determines the moment of inertia of a link about its joint, not about its centre of mass: use the former.
         beside = np.array([_beside(problem, entry.key) for entry in self.entries])
         self.names = [
             f"({entry.name} + {term:.3g} kg m^2, the inertia about the joint)" if term else entry.name
@@ -133,7 +135,7 @@ class _Known:
         # The triangular factor of the QR decomposition has the same singular directions as the Jacobian, and is small.
         _, singular, vectors = np.linalg.svd(np.linalg.qr(found.jacobian[:, self._free] * self._units, mode="r"))
         singular = np.maximum(np.append(singular, np.zeros(len(free) - len(singular))), 1e-100)
-        # White residuals with this variance would give the same intervals.
+        # White residuals with this variance would give the intervals that were found.
         variance = float(np.sum(found.inverse * found.noise)) / max(np.linalg.matrix_rank(found.inverse), 1)
         off = 1.96 * variance**0.5 / singular
         inside = off <= UNKNOWN

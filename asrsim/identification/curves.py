@@ -173,7 +173,7 @@ def channel_charts(one: ChannelCurves) -> list[Chart]:
 
 
 def spectrum_chart(one: ChannelCurves) -> Chart:
-    """Chart of the residuals' spectrum, with the level of white noise of the channel's standard deviation."""
+    """Chart of the residuals' spectrum, and of the level that white noise with the channel's standard deviation would have."""
     unit = one.unit
     band = float(one.frequency[-1]) if len(one.frequency) else 1.0
     white = one.noise / band**0.5

@@ -28,12 +28,12 @@ from asrsim.signals.curve import CubicCurve, curve_through
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
 APART = 3.0
-"""Largest zero of a motor's sensor that counts as noise, in standard deviations. The zero is the median of motor position minus
-link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
+"""Largest zero of a motor's sensor that counts as noise, in standard deviations of its estimate. The zero is the median of
+motor position minus link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
 """
 COMPUTED = 1e-3
-"""Relative residual of a linear regression on another column below which a column counts as computed from it: the
-rounding of a file leaves less, and a second sensor leaves more.
+"""A column counts as computed from another column if a linear regression on it leaves a smaller relative residual than this:
+the rounding of a file leaves less, and a second sensor leaves more.
 """
 
 
@@ -73,7 +73,7 @@ class Channel(RecordedSignal):
 
     @property
     def floor(self) -> float:
-        """Smallest standard deviation that noise and quantisation allow."""
+        """Smallest standard deviation of residuals that the channel's noise and quantisation allow."""
         return max(self.noise, self.quantum / float(np.sqrt(12.0)))
 
 
@@ -119,7 +119,7 @@ class Data:
     """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """Zeros of motors' sensors in rad, by key, if they differ from the zeros of the joint's other sensors."""
+    """Zeros of motors' sensors in rad relative to the joint's other sensors, by key; only zeros that exceed the noise."""
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -266,7 +266,8 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith(MEASURED)))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
-        # A position may be converted from counts of its encoder, and a column may copy another topic of a log.
+        # Accept a position that depends on another column, since it may be converted from counts of its encoder; accept a copy,
+        # since a log may contain the same values in two topics.
         converted = str(late.quantity).endswith("position") or np.array_equal(early.values, late.values)
         if early.source not in mapped and converted:
             continue

@@ -35,8 +35,8 @@ OFTEN = 10**7
 ENGINES_KEPT = 3
 """Number of substep settings whose engines stay open, since fits alternate between settings."""
 THREADED = 3
-"""Number of joints from which worlds run together, in parallel threads: with one or two joints, threads took 3 to 5 % more CPU
-time for fits of 4 s, and 5 % less to 5 % more time.
+"""Smallest number of joints with which worlds run together, in parallel threads. With one or two joints, threads took 3 to 5 %
+more CPU time for fits of 4 s, and between 5 % less and 5 % more wall-clock time.
 """
 
 Substeps = tuple[int, int]
@@ -71,14 +71,14 @@ class Door:
         """Quantities that the joints have."""
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
-        """Worlds with these substeps that record these quantities, of those that the joints have."""
-        # Each further quantity lengthens a simulation by a hundredth.
+        """Worlds with these substeps. They record those of these quantities that the joints have."""
+        # Record only these quantities: each further quantity lengthens a simulation by a hundredth.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)
         if found is None:
             prepared = self._prepared
             if substeps != self.substeps:
-                # The substeps were chosen for the estimates. With the start values, springs may be too stiff for these
+                # The substeps were chosen for the estimates. The springs of the start values may be too stiff for these
                 # substeps.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
@@ -111,7 +111,7 @@ class Door:
             try:
                 found = made.rollout(made.names, start=several, steps=steps, observer=here)
             except RobotError:
-                # If one set of parameters is not physical, each set is simulated alone.
+                # If one set of parameters is not physical, simulate each set alone, so that only this set fails.
                 alone = (one for i, start in enumerate(several) for one in run(first + i, [start]))
                 yield from alone if len(several) > 1 else [None]
                 return

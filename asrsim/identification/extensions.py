@@ -40,7 +40,7 @@ residuals hardly bend.
 FAR_OFF = 4.0
 """Mean square residual, relative to the noise, above which a model counts as badly fitting: its error is twice the noise."""
 FACTORS = (0.3, 3.0)
-"""Start values of the pre-sliding stiffness, relative to the default of the friction law: half a decade below and above it."""
+"""Start values of the pre-sliding stiffness, relative to its default in the friction law: half a decade below and above it."""
 MUCH = 0.5
 """Pre-sliding and staircases are adopted by a badly fitting model, and causes are named, if at most this part of the squared
 misfit beyond the noise remains: they are then more than half of what the model lacks.
@@ -54,7 +54,9 @@ DECISIVE = 10.0
 Raftery 1995).
 """
 NEAR = 4.0
-"""Trials within this multiple of DECISIVE from the best are fitted further before they are compared."""
+"""Trials whose criterion (BIC) exceeds that of the best trial by at most NEAR times DECISIVE are fitted further before they are
+compared.
+"""
 CLEAR = 0.4
 """A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it: 37 %
 less error. Smooth residuals count as few independent samples, so that the test would miss such a cause.
@@ -117,7 +119,9 @@ class Extension:
             yield replace(one, low=-inf, high=inf) if name.startswith(INITIAL) and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
-        """Whether mean square errors before and after, from independent samples, show that the extension is real."""
+        """Whether the mean square errors without the extension (before) and with it (after) show that the extension is real.
+        samples: number of independent samples in these errors.
+        """
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
         # Residuals of a wrong model are smooth, so that few samples are independent.
         real = (self.text and after <= CLEAR * before) or is_significant(before, after, samples)
@@ -280,7 +284,7 @@ def _held_out(found: Extended) -> float:
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
     """The trial that is best by Schwarz's criterion, and then those whose criterion is not larger by more than `within`."""
-    # The residuals of the best trial are closest to noise, so that they give the best count of independent samples.
+    # Count the independent samples in the residuals of the best trial, since these residuals are closest to noise.
     samples = min(trials, key=lambda trial: trial.cost).samples
     ranked = sorted(trials, key=lambda trial: trial.criterion(samples))
     return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]

@@ -9,8 +9,8 @@ import numpy as np
 from asrsim.robot.model import INERTIAS, Link, Robot
 
 SHARE = 0.3
-"""Fraction of the link's mass and inertia beyond the spring, at the start of a search, which frees the inertia: that of the
-first mode of a uniform beam is a quarter.
+"""Fraction of the link's mass and inertia that lies beyond the spring at the start of a search; the search then frees the
+inertia. In the first mode of a uniform beam, the fraction is a quarter.
 """
 RATIO = 0.02
 """Damping ratio of the second mode: that of a lightly damped structure."""

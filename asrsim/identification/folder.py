@@ -52,7 +52,7 @@ class FitFolder:
     folder: Path
     name: str
     status: str
-    """`complete`, `unfinished`, `interrupted` or `checked`."""
+    """Status of the fit: `complete`, `unfinished`, `interrupted` or `checked`."""
     fits: bool | None
     """Whether the model explains the recordings within their noise; None if this was not judged."""
     accepted: bool
@@ -62,7 +62,7 @@ class FitFolder:
     """Effects that the model may lack, and the part of the error that each would explain."""
     remarks: tuple[str, ...]
     next: tuple[str, ...]
-    """Proposal for the next recording."""
+    """Proposals what to change in the next recording."""
     scenario: str
     experiments: tuple[str, ...]
     variant: str | None

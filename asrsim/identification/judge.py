@@ -27,12 +27,14 @@ WHITE = 0.3
 FEWEST, FEW = 11, "its samples are too few to judge the fit"
 """Smallest number of samples by which a fit can be judged; fault of a channel with fewer samples."""
 HELD_OUT = 1.3
-"""Ratio of held-out to training error above which a model does not fit."""
+"""Ratio of the error of the held-out part to the error of the training part, above which a model does not fit."""
 SHAKEN = 2.0
-"""Largest error that noise of the commands and uncertainty of the estimates explain, in standard deviations of their effect."""
+"""Noise of the commands and uncertainty of the estimates explain an error of the prediction up to this multiple of the RMS
+change that they cause in the prediction.
+"""
 HIDDEN = 3.0
-"""Ratio of residuals to noise above which noise of the commands is the only explanation for the residuals of a model that
-fits.
+"""Ratio of residuals to the channel's noise above which a fitting model gets a remark: only noise of the commands can explain
+such residuals, and it may hide errors of the model.
 """
 FOLLOWED = 0.5
 """Explained fraction of a channel's variance below which the fit does not follow the channel."""
@@ -68,7 +70,7 @@ class ChannelFit:
     shaken: float = 0.0
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
-    """Largest RMS error due to an encoder that rounds down."""
+    """Largest RMS error that the steps of an encoder cause if it rounds down; 0 without an encoder."""
     suspicion: str = ""
     """Suspected error of the channel's sign or unit; empty if none is suspected."""
     held_moves: bool = True
@@ -108,14 +110,15 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
         return f"residuals are not white: neighbouring samples have a correlation of {lag_correlation(beyond):.2f}"
     if is_loud(beyond, float(np.hypot(channel.floor, played))):
         return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
-    # Quantisation and noise of commands oscillate with the motion.
+    # Residuals due to quantisation or to noise of the played commands may also oscillate, so their oscillation does not show
+    # that a mode is missing.
     if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
     return missing_mode(hertz)
 
 
 def missing_mode(hertz: float) -> str:
-    """Fault of residuals that oscillate."""
+    """Fault of a channel whose residuals oscillate at this frequency in Hz."""
     return (
         f"an oscillation of {hertz:.3g} Hz remains in the residuals: the model lacks a mode, such as an elastic link or "
         "transmission, or no start of the search found this frequency"

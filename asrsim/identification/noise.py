@@ -11,8 +11,8 @@ from asrsim.samples import Array
 ORDER = 12
 """Largest order of the autoregressive models: Schwarz's criterion selects the order, mostly 0 to 4."""
 STATIONARY = 0.9999
-"""Largest partial correlation of an autoregressive model; that of a stationary process is below 1. The limit is noise that
-remembers ten thousand samples.
+"""Largest partial correlation of an autoregressive model: noise with this correlation remembers ten thousand samples. The
+partial correlations of a stationary process are below 1.
 """
 NOTHING = 0.5
 """Ratio of residuals to estimated noise below which residuals count as zero. With noise, residuals of the right model are as
@@ -25,12 +25,12 @@ AROUND, WIDTH = 25, 3
 spectral line, whose power leaks into its neighbours.
 """
 SELDOM, SWING = 1e-4, 0.03
-"""Probability that pure noise has such a spectral line, above which the line is not reported; smallest fraction of the power in
-a reported line: a line of a large recording may stand out and mean nothing.
+"""A spectral line is reported if pure noise has a line of this power with a probability below SELDOM, and if the line has at
+least the fraction SWING of the total power: in a long recording, a line may stand out from the noise and yet be negligible.
 """
 STILL, FINE = 0.15, 0.5
-"""Smallest fraction of equal neighbouring samples of an encoder; noise, in steps, below which noise is only quantisation: with
-more noise, steps no longer show.
+"""Smallest fraction of neighbouring samples of an encoder that are equal; standard deviation of the noise, in steps of the
+encoder, below which the noise is only quantisation: with more noise, steps no longer show.
 """
 LEVELS = 20_000
 """Largest number of different values of a recording that counts as quantised: an encoder of 16 bits shows 20,000 steps over a
@@ -41,17 +41,17 @@ MOVES = 8.0
 4,000 samples of noise alone is 7.
 """
 WITHIN = 0.99
-"""Fraction of the power of a motion that lies within its band: a tenth of its amplitude is outside. The levels of the search
-were found with this fraction.
+"""Fraction of the power of a motion that lies within its band: a tenth of its amplitude is outside. The bandwidths `LEVELS` of
+the search were chosen with this fraction.
 """
 LOUD = 30.0
-"""Ratio of the spectrum of a motion to the spectrum of its noise within its bandwidth: white noise exceeds it at a frequency
-once in 10^13, as its power is exponentially distributed.
+"""Smallest ratio of the spectrum of a motion to the spectrum of its noise at a frequency that counts as part of the motion.
+White noise, whose power is exponentially distributed, exceeds this ratio at a frequency once in 10^13 times.
 """
 
 PROVEN, RARE = 200, 0.01
-"""Smallest number of residuals that are taken for noise of first order: of residuals of wrong models, one of 154 pieces of 150
-samples passed for such noise, and none of 78 pieces of 300. Probability that such noise is not recognised.
+"""Smallest number of residuals that are tested for noise of first order: of the residuals of wrong models, one of 154 pieces of
+150 samples passed for such noise, and none of 78 pieces of 300 samples. Probability that the test rejects noise of first order.
 """
 
 
@@ -149,7 +149,7 @@ def frequency(time: Array, residuals: Array) -> float:
     if n < 4 * AROUND or not np.ptp(residuals):
         return 0.0
     centred = residuals - residuals.mean()
-    # An autoregression of order 1 whitens the noise; the first sample has no past and becomes 0.
+    # An autoregression of order 1 whitens the noise. The first sample has no sample before it and becomes 0.
     white = np.append(0.0, centred[1:] - lag_correlation(centred) * centred[:-1])
     power = np.abs(np.fft.rfft(white))[1:] ** 2
     around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)

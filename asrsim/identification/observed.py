@@ -24,12 +24,12 @@ interval an error grows by a fifth at most.
 FASTEST = 0.5
 """Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
 REVERSED = 0.7
-"""A deflection has the wrong sign if with the other sign at most this fraction of the unexplained acceleration remains: a right
-sign leaves less than the wrong one, and noise and friction hide a part of the difference.
+"""A deflection has the wrong sign if the opposite sign leaves at most this fraction of the acceleration that the recorded sign
+leaves unexplained. The right sign leaves less than the wrong sign, but noise and friction hide a part of the difference.
 """
 GAP = 3.0
-"""Distance of two samples, in usual intervals, beyond which nothing is measured between them: a spline through single lost
-samples is still close to the motion.
+"""Distance of two samples, in usual sampling intervals, beyond which the position between them counts as not measured. Across a
+single lost sample, a spline is still close to the motion.
 """
 
 
@@ -40,7 +40,9 @@ class Measured:
         """channels: channels and commands; step: step of the simulation, s."""
         self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
         self.places = list(_places(self._channels, drives))
-        """Index of the joint, column (0: link, i: motor i), and the channels with their signs whose sum is the position."""
+        """For each measured position: index of the joint, column (0: link, i: motor i), and channels, each with a sign; the sum
+        of the signed channels is the position.
+        """
         used = {one.key: one for *_, terms in self.places for one, _ in terms}
         self._curves = {key: _Curve(one) for key, one in used.items()}
         self.interval = max((curve.interval for curve in self._curves.values()), default=math.inf)

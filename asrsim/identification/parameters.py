@@ -42,7 +42,7 @@ LOSSES = ("damping", "friction", "hysteresis_torque")
 """Words in the names of losses, which may be 0."""
 NOT_THE_ROBOTS, INITIAL = ("offset", "gain", "delay"), "initial_"
 """Names of parameters that belong to a recording, not to the robot; beginning of the names of initial positions and velocities,
-which also do.
+which also belong to a recording.
 """
 
 
@@ -291,7 +291,7 @@ def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list
         elif not found:
             problems.append(Problem(f"is tied to {tie.to}, which matches no free parameter", key=tie.key, code="tie"))
         ties += found
-    # A tied parameter is not free, even if a pattern matches it.
+    # Remove tied parameters: a tied parameter is not free, even if a pattern matches it.
     for tie in ties:
         free.pop(tie.key, None)
     problems += _tie_faults(ties, free)

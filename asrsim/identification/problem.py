@@ -31,16 +31,16 @@ FAR = 1e3
 """Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
 """
 REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size: a third, a common error of start values. Largest number of
-evaluations of a search: several times the usual number, 5 to 15.
+"""Initial trust region of a search, relative to a parameter's size: about a third, as start values are often wrong by a third.
+Largest number of evaluations of a search: several times the usual 5 to 15.
 """
 LINEAR, TRUSTED = 0.3, 0.05
-"""Largest relative errors with which derivatives may predict the change of the residuals and be used again: in a search, in
-which the next step reveals the error; and for intervals, which may then be wrong by a twentieth.
+"""Derivatives are used again if they predicted the latest change of the residuals within this relative error: LINEAR in a
+search, whose next step reveals the error; TRUSTED for intervals, which may then be wrong by a twentieth.
 """
 SLIGHT = 0.01
-"""Change of the residuals, in standard deviations of the estimate, below which the change contains no information about the
-derivatives.
+"""Norm of a change of the residuals, in standard deviations of the noise, below which the change contains no information about
+the derivatives.
 """
 RIDGE = 1e-4
 """Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
@@ -86,7 +86,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """A Jacobian with the place at which it was computed."""
+    """A Jacobian with the parameter vector at which it was computed."""
 
     problem: FitProblem
     x: Array
@@ -108,15 +108,15 @@ class Slopes:
             if part.noise == was.noise:
                 continue
             if part.channel.quantum:
-                # The residuals of encoders do not scale with the weights.
+                # Give up the Jacobian: the residuals of encoders do not scale with the weights.
                 return None
             left[part.rows] *= was.noise / part.noise
             matrix[part.rows] *= was.noise / part.noise
         return replace(self, problem=problem, left=left, matrix=matrix)
 
     def moved(self, x: Array, left: Array, trust: float) -> Slopes | None:
-        """This Jacobian at another place, by Broyden's update; None if the derivatives predict the change of the residuals with
-        a larger relative error than `trust`. left: residuals (m,) at x.
+        """This Jacobian at another parameter vector x, by Broyden's update; None if the derivatives predict the change of the
+        residuals with a larger relative error than `trust`. left: residuals (m,) at x.
         """
         move = x - self.x
         foretold = self.matrix @ move
@@ -215,7 +215,7 @@ class FitProblem:
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """The levels, in falling order, without those whose observers have the same bandwidth."""
+        """The levels, in falling order, without levels whose observers have the same bandwidth as that of the level before."""
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
 
@@ -342,7 +342,7 @@ def slopes_along(
         points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
-            # A diverged simulation gives no derivative.
+            # Where one of the two simulations diverged, there is no derivative: leave 0.
             valid = (there != FAR) & (at[rows] != FAR)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[columns[column]], 0.0)
     return matrix
@@ -419,7 +419,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         there = inside + move
         at = residuals(problem, there)
         costs.append(huber(at) if robust else float(np.mean(at**2)))
-        # The search ends after a step that hardly reduces the error: it needs no new derivatives.
+        # After a step that hardly reduces the error, the search ends: compute no new derivatives.
         ends = costs[-2] - costs[-1] < tolerance * costs[-1]
         matrix = jacobian(problem, there, np.inf if ends else LINEAR, base=at)
         return np.vstack([matrix, rows, RIDGE * np.eye(len(x))])

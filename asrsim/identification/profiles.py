@@ -1,5 +1,5 @@
-"""Profiles: the misfit along each parameter, while the other parameters are adjusted. If a profile is a parabola, the interval
-from the slopes at the estimate is right.
+"""Profiles: the misfit along each parameter, while the other parameters are adjusted. If a profile is a parabola, the
+parameter's interval, which was computed from the derivatives at the estimate, is right.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
         if not (np.isfinite(deviation) and deviation > 0.0 and own > 0.0) or found.at_bound[i]:
             continue
         valley = found.inverse[i] / own
-        # The width of the valley is used, since the standard deviation may include the spread between parts of the recordings.
+        # Use the width of the valley, not the standard deviation, which may include the spread between parts of the recordings.
         width = min(own**0.5, FARTHEST / (WIDTHS[-1] * float(np.abs(valley).max())))
         ahead = width if high[i] - x[i] >= min(x[i] - low[i], SIMULATED * width) else -width
         known.append(i)

@@ -27,19 +27,21 @@ CLOSE = 0.05
 springs and motors in data sheets is 5 to 10 %.
 """
 NONE = 1.0
-"""Relative half width above which a parameter is unknown. It has no effect if its interval is so wide even though all other
-parameters are fixed; if its interval becomes so wide only when other parameters are free, these imitate its effect.
+"""Relative half width of the interval above which a parameter is unknown. If its interval is so wide even with all other
+parameters fixed, the parameter has no effect. If it is so wide only when other parameters are free, these imitate its effect.
 """
 HOPELESS = 10.0
 """Relative half width above which no interval is shown: not even the power of ten is known."""
 NOTHING = 1e-9
-"""Effect, in standard deviations of the noise, below which the effect of a parameter counts as rounding error. Simulations
-in which it plays no part are equal bit for bit.
+"""Effect, in standard deviations of the noise, below which the effect of a parameter counts as rounding error: if a parameter
+plays no part in the simulations, they are equal bit for bit.
 """
 FAR = 4.0
 """Largest factor between start and estimate of an identified mass or inertia: errors of CAD models and scales are smaller."""
 VANISHED = 0.01
-"""A positive parameter without effect counts as vanished below this fraction of its start value: usual errors are smaller."""
+"""A positive parameter without effect counts as vanished below this fraction of its start value. Start values are rarely so
+wrong.
+"""
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
 """Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
 
@@ -104,7 +106,7 @@ def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[E
         value, met = float(values[i]), bool(found.at_bound[i])
         low, high = (entry.value(float(x[i] + sign * found.deviation[i] * found.quantile[i])) for sign in (-1.0, 1.0))
         place = entry.key.rpartition(".")[2] in PLACES or entry.track is not None
-        # An estimate of exactly 0 with a narrow interval is identified.
+        # An estimate of exactly 0 has no relative half width; with a narrow interval, it is identified.
         size = max(abs(value), 0.2 * entry.size) if place or value == 0.0 else abs(value)
         margin = 0.5 * (high - low) / size
         own = [str(one) for one in known if i in one.keys]

@@ -71,7 +71,8 @@ EXPECTED = 70
 causes needs a fifth of this number.
 """
 APART = 10.0
-"""If the mean square error of whole recordings exceeds that of the training parts by this factor, no parameters explain both.
+"""If the mean square error of whole recordings exceeds that of their training parts by this factor, no parameters explain both
+the training parts and the held-out parts.
 """
 
 
@@ -94,7 +95,7 @@ class FitWatch(Meter):
     """Number of evaluations before the present stage."""
 
     def stage(self, name: str) -> None:
-        """Begin a stage, or a start of the search."""
+        """Begin a stage of the fit, or a search from another start. name: name of the stage for the user."""
         self.cost, self._before, self._stage = math.inf, self.evaluations, name
         self._report()
 
@@ -178,7 +179,7 @@ def identify(
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
         rounds, rivals = MOST if adopt else 0, list[Mapping[str, float]]()
         while rounds and suspected is not None and suspected.model is not None:
-            # The search begins again, since the effects change the other parameters, too; and other effects may show then.
+            # Search again from the start: the adopted effects change the other parameters, and further effects may then show.
             wider, start = suspected.model
             rivals += suspected.rivals
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
@@ -269,7 +270,7 @@ def _judged(
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
-    # If only the residuals contradict the model, they may be correlated noise of the sensors.
+    # If only the shape of the residuals contradicts the model, the residuals may be correlated noise of the sensors.
     noise = not causes and misfit == of_channels and all(accepts(one.explained, accept=False) for one in fits)
     noise = noise and all(is_first_order(left) for _, left in differences(final, x))
     found = found if not misfit or noise else found.of_a_block

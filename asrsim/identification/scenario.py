@@ -175,7 +175,7 @@ def _rounded(value: float) -> float:
 
 
 def _starts(initial: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Starts of joints with nine digits."""
+    """Start positions and velocities of joints, rounded to nine digits."""
     plain: dict[str, Any] = mapped(initial, lambda value: _rounded(value) if isinstance(value, float) else value)
     return plain
 

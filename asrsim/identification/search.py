@@ -46,15 +46,16 @@ EVALUATIONS, TWICE = 10, 2
 prototype.
 """
 AGREES = 1.1
-"""Levels agree if the estimate of one raises the mean square error at the next at most by this factor: 5 % of the error,
-as in the prototype.
+"""Two successive levels agree if the estimate of the first raises the mean square error at the second at most by this factor:
+the error itself rises by 5 %, as in the prototype.
 """
 TIMED = 3
 """Number of linear solutions for the instants of jumps. The error is nearly linear in them, so each solution leaves little."""
 RISE = 2.0
-"""Factor between rising bandwidths, so small that predictions of successive levels cover similar times."""
+"""Factor by which the bandwidth rises from level to level, so small that predictions of successive levels cover similar times.
+"""
 CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
-"""Standard error of the logarithm of a standard deviation from tenths of a recording."""
+"""Standard error of the logarithm of a standard deviation that is estimated from the tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
 """Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel: one and
 two decades to both sides, since the start values of stiffnesses have the largest errors.
@@ -90,14 +91,15 @@ class Best:
 
 def search(best: Best, begin: Callable[[str], None]) -> None:
     """Search level by level, and store the fit in `best`. begin: called with the name of each level."""
-    # Far from the solution, staircase commands might fit better by chance.
+    # Search without staircases first: far from the solution, a command played as a staircase might fit better by chance.
     problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
     begun = x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(problem.distinct(LEVELS) if problem.observes else ()), 0.0):
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
-            # Short predictions may contain too little information, so that the search left a good start.
+            # Return to the start of the search: short predictions may contain too little information, so that the search left a
+            # good start.
             x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
@@ -105,7 +107,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
                 starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
                 problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
             best.take(problem, x)
-            # Near the solution, the intermediate levels are not needed.
+            # If a free simulation fits from here, we are near the solution, and the intermediate levels are not needed.
             near = weighed(problem.observed(0.0), x)
             there = solve(near, x, rounds=EVALUATIONS)
             if fits(near, there):
@@ -120,7 +122,8 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # Short predictions may contain too little information, so that the search finds parameters with a different motion.
+    # Short predictions may contain too little information, so that the search finds parameters with which a free simulation
+    # moves differently.
     levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _reaches(fit, most)]
     if not levels:
         return
@@ -163,7 +166,7 @@ def _best(levels: Sequence[_Level]) -> _Level:
     entries = levels[0].problem.layout.entries
     # Parameters of single recordings, such as initial positions, matter less to short predictions.
     shared = [entry.track is None for entry in entries]
-    # A spread larger than the parameter itself means that the parameter is unknown.
+    # A spread larger than the parameter itself only means that the parameter is unknown: limit it to the parameter's size.
     most = [
         1.0 if entry.logarithmic else max(abs(entry.value(float(one.x[i]))) for one in levels) / entry.size or 1.0
         for i, entry in enumerate(entries)
@@ -192,18 +195,20 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
 
 
 def follows(problem: FitProblem, x: Array) -> bool:
-    """Whether predictions explain half of the variance of each channel."""
+    """Whether the predictions explain more than half of the variance of each channel."""
     return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 
 def _followed(problem: FitProblem, x: Array) -> list[int]:
-    """Numbers of channels that a free simulation with these estimates follows, explains acceptably, and explains enough."""
+    """Numbers of channels of whose variance a free simulation with these estimates explains at least 50, 90 and 95 %."""
     found = differences(problem.observed(0.0), x)
     return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
 
 
 def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
-    """Whether a free simulation with these estimates explains as many channels as another one, with `most` from `_followed`."""
+    """Whether a free simulation with these estimates explains as many channels as another simulation; most: result of
+    `_followed` for that simulation.
+    """
     return all(own >= least for own, least in zip(_followed(*fit), most, strict=True))
 
 
@@ -245,9 +250,11 @@ def refined(problem: FitProblem, x: Array) -> Array:
 def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
     _resolve(best)
-    # With many samples, jumps and pre-sliding friction are significant even if the residuals look like noise.
+    # Try these effects unless the residuals are zero: with many samples, jumps and pre-sliding friction are significant even if
+    # the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
-    # Short predictions may gain by an effect with which a free simulation no longer follows the recording.
+    # Reject effects with which a free simulation no longer follows the recording: short predictions may gain by them
+    # nevertheless.
     if found.chosen and _reaches((found.problem, found.x), _followed(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)

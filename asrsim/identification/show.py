@@ -31,7 +31,7 @@ def estimate_columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
 
 
 ERRORS = ("before", "after", "held_before", "held_after", "noise")
-"""Numbers of a channel that are in the channel's unit."""
+"""Fields of `ChannelFit` whose values are in the unit of the channel."""
 
 
 def errors(result: FitResult) -> Sequence[TableColumn]:

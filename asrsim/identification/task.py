@@ -21,7 +21,7 @@ from asrsim.scenario.overrides import override_texts
 
 _TIE = re.compile(r"(?:(?P<factor>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
 _WISHES = ((), ("start",), ("low", "high"), ("low", "start", "high"))
-"""Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by how many numbers it has."""
+"""Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by the count of these numbers (0 to 3)."""
 
 
 @dataclass(frozen=True, kw_only=True)

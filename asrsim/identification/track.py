@@ -57,7 +57,7 @@ class Played(Signal):
         means = (ends[1] - ends[0]) / self.step
         times = self._jumps
         for late, jump, size in zip(curve.jumps, times, curve.sizes, strict=True):
-            # The part of each window between the two times.
+            # The part of each window between the jump and the first sample that shows the jump.
             low, high = (np.clip(at + side * self.step, jump, late) for side in (-0.5, 0.5))
             means += size / self.step * (high - low)
         for jump, size in zip(times, curve.sizes, strict=True):
@@ -92,13 +92,13 @@ RESTED = 0.1
 at rest.
 """
 BENT = 0.4
-"""Error of an initial slope, relative to the change of the slope over the first samples."""
+"""Error of an initial slope due to the curvature, as a fraction of the change of the slope over the first samples."""
 FIRST, LONG = 15, 10
 """Number of first samples that determine a link's initial state, unless more samples determine it better; smallest number of
 samples at rest that are averaged.
 """
 LONGEST = 4.0
-"""Longest time over which a parabola gives the initial state, in 1 / rad of the band of the motion: a parabola cannot follow a
+"""Longest time over which a parabola gives the initial state, times the band of the motion in rad/s: a parabola cannot follow a
 whole period.
 """
 KEPT = 6
@@ -194,7 +194,8 @@ class Track:
         link, speed = f"{drive.name}.initial_position", f"{drive.name}.initial_velocity"
         keys, place = [motor_start(drive.name, i) for i in motors], self.initial[link]
         if drive.motor_positions and any(f"{name}.offset" in freed for name in names if name in sensors):
-            # The scenario's positions were copied from sensors with unknown zeros.
+            # Start the motors at the position of their link: the scenario's positions were copied from sensors with unknown
+            # zeros.
             self.initial |= {key: place for key, _ in keys}
             return
         known = [sensors[name] for name in names if name in sensors and f"{name}.offset" not in freed]
@@ -326,7 +327,7 @@ class Track:
             # The position of a link at rest depends on the initial positions of its motors.
             motors = [initial[motor_start(joint, i)[0]] for i in range(1, drive.dynamic_motors + 1)]
             position += float(np.mean(motors)) - self._following[joint]
-        # A noisy recording may begin slightly beyond a joint's stop.
+        # Start within the stops: a noisy recording may begin slightly beyond a joint's stop.
         return float(np.clip(position, *drive.joint.stops)), initial[f"{joint}.initial_velocity"]
 
     def motor_starts(self, drive: SteppedJoint, values: Mapping[str, float]) -> tuple[list[float], list[float]]:
@@ -421,7 +422,7 @@ def _parabola(channel: Channel, count: int, degree: int) -> tuple[float, float, 
     left = root_mean_square(values - terms @ sizes) if count > FIRST else 0.0
     errors = max(channel.noise, channel.quantum, left) * np.sqrt(np.sum(inverse**2, axis=1))
     place, slope, bend = (*sizes.tolist(), 0.0)[:3]
-    # A force at the start bends the curve and biases the parabola, so the errors are enlarged.
+    # A force that changes at the start biases the parabola, so the errors are enlarged by a part of the curvature.
     off, extent = BENT * abs(bend), float(time[-1])
     return place, slope, float(errors[0]) + 0.1 * off * extent**2, float(errors[1]) + off * extent
 

@@ -30,8 +30,8 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
     predicted = [i for i, track in enumerate(problem.tracks) if track.data.predicted_only]
     if not predicted:
         return
-    # The predicted recordings get no separate values: only parameters of the robot and parameters that all recordings share are
-    # fitted to them.
+    # The predicted recordings get no values of their own: only parameters of the robot and parameters that all recordings share
+    # are fitted to them.
     everything = weighed(problem.everything, x)
     there = refined(everything, x)
     before, after = _errors(everything, x), _errors(everything, there)

@@ -19,12 +19,12 @@ from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Number of blocks of each recording whose gradients give the spread: with ten, the 95 % interval of Student's distribution is
-only 15 % wider than with many, and each block is still long against the memory of a motion.
+"""Number of blocks of each recording whose gradients give the spread. With ten blocks, the 95 % interval of Student's
+distribution is only 15 % wider than with many blocks, and each block is still much longer than the memory of a motion.
 """
 CHANCE = 0.95
-"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise: as often as an interval
-misses.
+"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise. Under white noise it is
+thus used in 5 % of fits, as often as a 95 % interval misses the true value.
 """
 GONE = 1e3
 """Standard deviation, in the vector's units, above which a direction is unidentifiable: even the exponent of a number would be
@@ -35,8 +35,8 @@ REACH = 1e-3
 DRAWS = 100
 """Number of random draws of an encoder's quantisation: they give a standard deviation within 7 %."""
 SMOOTH = 0.02
-"""Relative change of a directional derivative over a standard deviation below which the residuals are smooth: small compared
-with 5 %, the largest half width of an identified parameter.
+"""Relative change of a directional derivative over one standard deviation of the estimate, below which the residuals are
+smooth. It is small compared with 5 %, the largest half width of an identified parameter.
 """
 AGREES, ROUNDS = 0.3, 4
 """Relative change below which corrected directional derivatives are accepted: a correction covers the whole interval, one
@@ -47,7 +47,7 @@ BEYOND, SINGLE = 6.0, 0.05
 samples are errors of the model, and count in full.
 """
 PLAYED = 8
-"""Number of random draws of the commands' noise, which give its part of the standard deviation within 25 %."""
+"""Number of random draws of the commands' noise: they give the part of a standard deviation due to this noise within 25 %."""
 CORRECTIONS = 3
 """Number of rounds that correct autocovariances for the fitted parameters. Each round reduces the error by the ratio of
 parameters to samples.
@@ -98,7 +98,7 @@ class Uncertainty:
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # The differences between recordings may exceed the differences between the blocks of a recording.
+        # Also use the spread between whole recordings: it may exceed the spread between the blocks of one recording.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -143,7 +143,8 @@ class _Noise:
         covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
-        # The level is power / (1 - total)^2; the variance of `total` follows from the least-squares fit of the coefficients.
+        # The spectral level at frequency 0 is power / (1 - total)^2; the variance of `total` follows from the least-squares fit
+        # of the coefficients.
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
@@ -309,8 +310,8 @@ def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes:
 
 
 def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
-    """Uncertainty that includes the effects of the time step and of noise of the commands. A few blocks do not show the
-    noise of the commands, since it excites oscillations of the robot.
+    """Uncertainty that includes the effects of the time step and of noise of the commands. The spread between a few blocks does
+    not show the effect of this noise, since it excites oscillations of the robot.
     """
     base, playing, variance = residuals(problem, x), problem.playing, found.deviation**2
 
@@ -323,6 +324,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
         finer = replace(playing, substeps=(2 * playing.substeps[0], playing.substeps[1]))
-        # Half the substep halves the time-step error, since sticking joints cause an error of first order.
+        # Double the shift: half the substep removes only half of the time-step error, as sticking joints cause an error of
+        # first order.
         variance += (2.0 * shift(finer)) ** 2
     return replace(found, deviation=np.sqrt(variance))

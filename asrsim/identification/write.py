@@ -41,7 +41,7 @@ def fit_data(result: FitResult) -> dict[str, Any]:
     # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entries[i].logarithmic for i in drawn]
     means = [math.log(rows[i].value) if entries[i].logarithmic else rows[i].value for i in drawn]
-    # Parameters without an interval are not varied.
+    # A sweep must not vary parameters without an interval: give them the spread 0.
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
     about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "bandwidth", "evaluations", "seconds")
     data = {
@@ -123,7 +123,7 @@ def draw_recordings(result: FitResult, folder: Path) -> list[Path]:
     paths: list[Path] = []
     for number, end in enumerate(result.ends):
         channels = [one for one in result.channels if one.track == number]
-        # Recordings in different folders may have the same name.
+        # Number the pictures, since recordings in different folders may have the same name.
         name = f"overlay_{number + 1}_{Path(channels[0].recording).stem}" if len(result.ends) > 1 else "overlay"
         rows = [channel_charts(channel_curves(one, end)) for one in channels]
         paths += save_charts(folder / f"{name}.png", rows, title=f"{result.task.name} · {channels[0].recording}")

@@ -1,7 +1,7 @@
 """Inverse models of one joint's drive: the input that holds a load at rest, and the input for a torque on a moving link.
 
 The springs' law is inverted numerically, so that the inverse models work for every registered actuator. In motion, the lag of
-the motors behind their references follows from their own motion (paper equations 7, 8 and 11), with reference r, position
+the motors behind their references follows from the motors' motion (paper equations 7, 8 and 11), with reference r, position
 theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_el:
 
     P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
@@ -28,13 +28,14 @@ from asrsim.samples import Array
 SEARCH = 16.0
 """Largest distance between equilibrium and link position in the search, rad or m: a few turns of a motor."""
 EXACT = 1e-9
-"""Largest relative error of the torque at which the spring counts as holding the load."""
+"""Largest difference between the spring's torque and the load, relative to the load (or to 1 N m), at which it holds the load.
+"""
 SLOW = 0.02
 """Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
 RESERVE = 1e-3
 """Fraction of a spring's largest torque that is kept in reserve."""
 ROUNDS = 6
-"""Largest number of iterations between the distance of the motors and the torques of the springs."""
+"""Largest number of iterations that compute in turn the distance of the motors and the torques of the springs."""
 MODEL_STEP = 4e-3
 """Smallest time step between the samples of a motion for the inverse models, s."""
 MODEL_SAMPLES = 2000
@@ -186,7 +187,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
         commanded = _lagging(drive, across, time, d)
 
         def apart(row: int, s: Array, d: Array) -> Array:
-            """Distances d, with a new value of this row that the motors' controllers hold."""
+            """Distances d in which this row has the value that the motors' controllers hold at the common positions s."""
 
             def missing(value: Array) -> Array:
                 trial = d.copy()
@@ -222,7 +223,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
 
 def _lagging(drive: Drive, across: Array, time: Array, d: Array) -> Array:
-    """Distances (motors - 1, n) between motors without springs whose controllers are commanded the distances d."""
+    """Distances (motors - 1, n) that motors without springs keep while their controllers are commanded the distances d."""
     from scipy.signal import lsim
 
     def between(numbers: Array) -> Array:

@@ -41,7 +41,7 @@ last two knots of the splines are not checked either, since the derivatives are 
 
 @dataclass(frozen=True, kw_only=True)
 class Demand:
-    """Largest demand of a motion on a part of a joint, and the limit of this part."""
+    """Largest demand of a motion on a component of a joint (motor, spring or stop), and the limit of this component."""
 
     joint: str
     what: str
@@ -53,7 +53,7 @@ class Demand:
     time: float
     """Instant of the largest value, s."""
     score: float
-    """Needed value divided by the limit, 2 beyond a stop; above 1 the drive cannot follow the motion."""
+    """Largest value divided by the limit; 2 if the motion passes a joint stop. Above 1 the drive cannot follow the motion."""
     motor: int = 0
     """Number of the motor, from 1; 0 if the demand does not concern a motor."""
 
@@ -73,7 +73,7 @@ class InverseDynamics:
     """Desired motion of the model's joints."""
     drives: tuple[DriveMotion, ...] = field(repr=False)
     demands: tuple[Demand, ...]
-    """Demands on all parts of all joints, the highest score first."""
+    """Demands on all components of all joints, the highest score first."""
 
     def inputs_at(self, time: Array, delays: Sequence[float]) -> Array:
         """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
@@ -94,7 +94,7 @@ class SoftArm:
     scenario: Scenario
     robot: Robot
     own_model: RobotModel | None = field(default=None, repr=False, compare=False)
-    """Model with the masses and forces of an engine; None: with those of the robot's file."""
+    """Model with the masses and forces of an engine; None: a model with those of the robot file is made."""
 
     @cached_property
     def model(self) -> RobotModel:
@@ -130,7 +130,7 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = starts[joint]
-            # With a learned input, the reference differs from the desired motion of the link.
+            # Take the desired motion where there is one: with a learned input, the reference differs from it.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
@@ -165,7 +165,7 @@ class SoftArm:
             item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             law = for_joint(self.scenario.link_damping, drive.joint)
             if law is not None:
-                # The damping torque hardly changes the stiffness: one iteration is enough.
+                # One iteration is enough, since the damping torque hardly changes the stiffness on which the damping depends.
                 torque = torque + _link_damping(drive, law, position, item) * velocity
                 item = drive_backwards(drive, motion.time, position, velocity, torque, preset)
             found.append(item)
@@ -183,7 +183,7 @@ def _link_damping(drive: Drive, law: LinkDamping, position: Array, item: DriveMo
 
 
 def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: DriveMotion, joint: Joint) -> list[Demand]:
-    """Largest demand of the motion on each part of a joint."""
+    """Largest demand of the motion on each component of a joint."""
     length = float(time[-1] - time[0])
     judged = (time >= time[0] + min(START, 0.2 * length)) & (time <= time[-1] - 2.0 * knot_distance(length))
     rows: list[tuple[str, int, str, Array, Array | float]] = [("joint effort", 0, "N m", torque, joint.most_effort)]
@@ -192,7 +192,7 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
         rows.append(("motor torque", motor + 1, "N m", item.motor_torques[:, motor], most))
         rows.append(("motor speed", motor + 1, "rad/s", rate, drive.max_velocity[motor]))
     if drive.mode.spring:
-        # Of two springs, the less deflected spring still yields when the other spring is at its deflection limit.
+        # Of the two springs of a joint, the less deflected one decides: it still yields when the other is at its limit.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None]).min(axis=1)
         rows.append(("spring torque", 0, "N m", torque, item.holdable))
         rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))

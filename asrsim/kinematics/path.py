@@ -21,7 +21,8 @@ from asrsim.scenario.data import CartesianPose
 
 def minimum_jerk(fraction: Array) -> Array:
     """Minimum-jerk profile 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
-    # The last bit may differ from `signals.common.minimum_jerk`: logs of tasks keep the bits of earlier versions.
+    # Keep this form: the last bit of the result may differ from `signals.common.minimum_jerk`, and logs of tasks must stay
+    # equal to those of earlier versions bit for bit.
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 
@@ -76,14 +77,14 @@ class PoseTrajectory:
         positions = np.column_stack([np.interp(place, knots[:-1], column) for column in self.positions.T])
         if self.rotations is None:
             return positions, None
-        # The last rotation comes twice, since interpolation needs at least two.
+        # The last rotation is repeated, since the interpolation needs at least two rotations.
         rotations = Rotation.from_matrix(self.rotations[np.minimum(knots, len(self.times) - 1)])
         return positions, Slerp(knots, rotations)(place).as_matrix()
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointPath:
-    """Joint positions over time, with the errors that remain at the point."""
+    """Joint positions over time, with the errors that remain between the point and its trajectory."""
 
     time: Array
     """Times (n,), s."""
@@ -137,7 +138,7 @@ def follow(
         if index + 1 == len(time):
             break
         step = time[index + 1] - time[index]
-        # Feedforward of the trajectory's own displacement: without it, the loop would lag by velocity / gain at any step.
+        # Add the trajectory's displacement in this step: without it, the loop would lag by velocity / gain at any step size.
         displacement = missing(index + 1, wanted[index], None if turned is None else turned[index])
         displacement += min(gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[: len(error)]

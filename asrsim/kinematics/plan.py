@@ -32,8 +32,9 @@ PLAN_STEP = 2e-3
 ORIENTATION_TOLERANCE = 0.01
 """Orientation error above which a pose counts as unreachable, rad."""
 BENDS = (0.0, 0.3, -0.3)
-"""Positions of all joints, beside the start, from which a start on the path is sought, rad or m. A stretched arm needs them:
-its point cannot move along the arm."""
+"""Offsets of all moving joints from a start that is not on the path, rad or m. From each offset position, a start on the path
+is sought. A stretched arm needs the offsets, since its point cannot move along the arm.
+"""
 
 
 def plan(
@@ -131,9 +132,9 @@ def _text(point: Array) -> str:
 def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> Scenario:
     """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither.
 
-    robot: the robot with the scenario's modes and parameters. model: its masses and forces; None: those of its file. Presets in
-    the scenario's references are kept, and gravity compensation accounts for them. Raises ScenarioError for poses that cannot
-    be reached and loads that cannot be held.
+    robot: the robot with the scenario's modes and parameters. model: model of the robot; None: a model with the masses of the
+    robot file. Presets in the scenario's references are kept, and gravity compensation accounts for them. Raises ScenarioError
+    for poses that cannot be reached and loads that cannot be held.
     """
     if scenario.task is None:
         planned = inputs_for_motions(scenario, robot, model) if any(scenario.inverse_dynamics.values()) else {}

@@ -1,4 +1,8 @@
-"""Iterative learning control (paper section 4.3), in simulation and on the real robot."""
+"""Iterative learning control, in simulation and on the real robot.
+
+The learning law with fixed gains is that of section 4.3 of the paper on the toolbox that asrsim re-creates (doi
+10.3389/frobt.2021.713083).
+"""
 
 from __future__ import annotations
 

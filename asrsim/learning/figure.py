@@ -20,8 +20,8 @@ TOLERANCE, DESIRED, BEST = "tolerance", "desired position", "best trial"
 
 
 def learning_charts(problem: LearningProblem, result: LearningResult, settings: Learning) -> list[list[Chart]]:
-    """Rows of charts, one for each joint: errors over the iterations, position and input of all trials (early trials are drawn
-    faintly).
+    """Rows of charts, one row for each joint: errors over the iterations, then positions and inputs of all trials over time
+    (early trials are drawn faintly).
     """
     rows = []
     for column, joint in enumerate(problem.joints):

@@ -3,8 +3,8 @@
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The
 twin, and plants drawn from the posterior of the fit, predict the error of the next trial. The part of the recordings that the
 twin does not explain gives a bound of the prediction error, which is added to the prediction. The change of the input is halved
-until this sum is at most 1.2 times the best error. If even the smallest change exceeds this limit, a warning is given before
-the trial. With the other laws the change is not halved, and only the warning is given.
+until this sum is at most 1.2 times the error of the best trial so far. If the sum exceeds this limit even with the smallest
+change, the user is warned before the trial. With the other laws the change is not halved, and the user is only warned.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ SHARES = (1.0, 0.5, 0.25, 0.125)
 SMOOTH = 0.02
 """Window over which recorded positions are averaged, s, so that noise does not count as an error."""
 PEAK = 3.3
-"""Largest of a thousand normal deviates, in standard deviations."""
+"""Typical largest deviation of a thousand normally distributed samples, in standard deviations."""
 ABOVE = 1.5
-"""Ratio of the largest error to the largest deviation caused by noise, below which noise hides whether a trial is better: an
-increase of the true error by the factor `WORSE` is then only a few tenths of the noise.
+"""Ratio of a trial's largest error to the largest deviation that noise causes. Below this ratio noise hides whether the next
+trial is better: a growth of the true error by the factor `WORSE` is then only a few tenths of that deviation.
 """
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
@@ -109,7 +109,7 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # If the user gives the last recording again, the last twin was fitted to a wrong reading of this recording.
+        # If the last recording is given again, with another lag or mapping, the last twin was fitted to a wrong reading of it.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
@@ -156,7 +156,7 @@ def next_input(
 def _proposed(
     prepared: PreparedLearning, trials: Sequence[Trial], start: Mapping[str, float]
 ) -> tuple[Array, LearningTwin, float]:
-    """Next inputs (n, joints), twin, and ratio of the largest predicted error to that of the best trial."""
+    """Next inputs (n, joints), fitted twin, and ratio of the next trial's largest predicted error to the best trial's error."""
     problem = prepared.problem
     best, rho, _ = standing(trials)
     twin = fit_twin(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)

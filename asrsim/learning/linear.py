@@ -26,9 +26,11 @@ from asrsim.samples import Array
 POSTURES = 101
 """Number of postures of a motion at which the rigid robot is linearised, with linear interpolation between them."""
 NUDGE = 1e-6
-"""Step of central differences, in rad for positions and in rad/s for velocities."""
+"""Step of the central differences that linearise the rigid robot, in rad for positions and in rad/s for velocities."""
 CLIP = 0.98
-"""Springs beyond their deflection limit are linearised at this fraction of the limit, since at the limit their slope is 0."""
+"""Springs beyond their deflection limit are linearised at this fraction of the limit: at the limit, the slope of their torque
+is 0.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)

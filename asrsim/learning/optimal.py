@@ -37,11 +37,11 @@ RHO = 0.1
 TAIL = 20
 """Number of knots after the end of the motion, while the last inputs still act; the last error is repeated there."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
-"""Factor on the weight rho of changes after a worse trial, and divisor of rho after a better trial."""
+"""Factor by which the weight rho is multiplied after a worse trial, and divisor of rho after a better trial."""
 REHEARSALS = 4
-"""Largest number of further updates in a model before each trial."""
+"""Largest number of further updates that are tried in the nonlinear model before each trial."""
 PROGRESS = 0.99
-"""A trial counts as progress if its error is below this fraction of the best error."""
+"""A trial counts as progress if its error is below this fraction of the smallest error of the earlier trials."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,7 @@ class NormOptimal:
         return best.inputs + self.lifted.change(best.error, rho)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Reason to stop after more than `patience` trials without progress; None to continue."""
+        """Outcome and reason if learning ends after more than `patience` trials without progress; None to continue."""
         best, _, failed = standing(trials)
         if not np.isfinite(best.total):
             return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
@@ -161,7 +161,10 @@ class NormOptimal:
 
 
 def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, forecast: Callable[[Array], Array]) -> Array:
-    """Input of the best trial after several updates in a nonlinear model, which includes friction unlike the lifted models."""
+    """Input of the best trial after several updates in a nonlinear model. Unlike the lifted models, this model has friction.
+
+    forecast: function from inputs (n, joints) to the outputs (n, joints) that the nonlinear model predicts.
+    """
     found, seen = best.inputs, best.outputs
     for number in range(1 + REHEARSALS):
         left = problem.reference - seen

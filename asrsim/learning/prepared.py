@@ -21,7 +21,7 @@ from asrsim.scenario.goals import Learning
 FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
 """Keys without effect under `law: auto`."""
 MOST_DEMANDS = 5
-"""Largest number of listed demands beyond their limits."""
+"""Largest number of demands beyond their limits that are printed before the first trial."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -50,9 +50,10 @@ KINDS = {
 }
 """Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
 MOST_DEMANDS = 12
-"""Largest number of demands that are written."""
+"""Largest number of demands that are written to ilc.json."""
 DIGITS = 3
-"""Digits of a claimed error, which is rounded up. A replay on the same plant repeats the error bit for bit."""
+"""Digits of a claimed error, which is rounded up. They suffice, since a replay on the same plant repeats the error bit for bit.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +134,7 @@ def learn(
 
 
 def _earlier(folder: Path, scenario: Scenario, *, overwrite: bool) -> list[Path]:
-    """Files of an earlier run that will be replaced.
+    """Files of an earlier run, which this run will replace.
 
     Raises OutputError if the folder contains results of another scenario or variant, files that asrsim did not write, or inputs
     of this run.
@@ -249,12 +250,12 @@ def write_playback(
 
 def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, Any]:
     references = {joint: dict(signals) for joint, signals in given.items()}
-    # The entry for all joints applies separately to each parameter name.
+    # The entry for all joints gives each joint the references that the joint's own entry lacks.
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # A parameter of this entry has no effect if every joint has a separate value.
+    # Keep only those of its references that some joint lacks: the others would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives

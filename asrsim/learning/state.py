@@ -144,7 +144,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise _fault(path, "its arrays have wrong shapes or types")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
         raise _fault(path, "its trials are incomplete")
-    # Only the outputs of a trial that diverged are NaN.
+    # Ignore NaN in outputs: the outputs of a trial that diverged are NaN.
     if not (np.abs(inputs).max(initial=0.0) <= LARGEST_NUMBER and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST_NUMBER):
         raise _fault(path, "its numbers are too large for a robot")
     return head, inputs, outputs

@@ -1,5 +1,5 @@
-"""Problem of iterative learning control, trials, the law with fixed gains (paper equation 13 with a zero-phase filter), and the
-loop: simulate, compare, correct, until the error is tolerable.
+"""Problem of iterative learning control, its trials, the law with fixed gains (paper equation 13 with a zero-phase filter), and
+the loop that simulates a trial, compares it with the desired motion and corrects the inputs until the errors are tolerable.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from asrsim.scenario.goals import Learning
 Simulate = Callable[[Array], Array]
 """Function from inputs (n, joints) to link positions (n, joints)."""
 CREEP = 1.1
-"""Relative growth of the error over `patience` trials below which learning continues."""
+"""Ratio of the last error to the error `patience` trials before, below which learning continues, although the error grows."""
 Outcome = Literal["converged", "growing", "stalled", "exhausted", "interrupted"]
 
 
@@ -39,8 +39,8 @@ class LearningProblem:
     first_guess: Array
     """Inputs (n, joints) of trial 0, rad."""
     units: tuple[str, ...] = ()
-    """Unit of each joint's position, `rad` or `m`; empty: all `rad`. Other docstrings of this module write `rad` even for
-    prismatic joints.
+    """Unit of each joint's position, `rad` or `m`; empty: `rad` for all joints. Other docstrings of this module write `rad`
+    also where the unit of a prismatic joint is `m`.
     """
 
     @property
@@ -109,7 +109,9 @@ class Trial:
 
 
 class LearningLaw(Protocol):
-    """A learning law. Its updates depend only on the trials so far, so a resumed run continues exactly."""
+    """A learning law. Its updates depend only on the trials so far, so a resumed run gives the same trials as an uninterrupted
+    one.
+    """
 
     def propose(self, trials: Sequence[Trial]) -> Array:
         """Next inputs (n, joints), rad."""
@@ -207,7 +209,7 @@ def iterate(
     finished: Sequence[Trial] = (),
     stop: Stop = never,
 ) -> LearningResult:
-    """Result of learning inputs whose outputs follow the reference.
+    """Learn the inputs whose outputs follow the reference, and return the result.
 
     on_trial: receives each new trial. finished: trials of an interrupted run, which this run continues. stop: called after each
     new trial; True ends learning.

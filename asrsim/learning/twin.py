@@ -79,7 +79,9 @@ class Unexplained:
     most: float
     """Largest difference between the best trial and the twin's motion."""
     misses: tuple[tuple[float, float], ...]
-    """Pair for each other trial: its largest distance from the best trial, and the largest error of its prediction."""
+    """A pair for each trial except the best one: its largest distance from the best trial, and the largest error of its
+    prediction.
+    """
 
     def of_change(self, size: float) -> float:
         """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.

@@ -1,5 +1,5 @@
-"""Checks of commands from other programs: accepts finite values, in the right number, for known joints; all other messages are
-counted.
+"""Checks of commands from other programs. A message is accepted if its values are finite, of the right number and for known
+joints; all other messages are refused and counted.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Trajectory:
             after = bisect_right(times, time)
             if after in (0, len(times)):
                 return values[0 if after == 0 else -1]
-            # Only the share, from 0 to 1, is divided by the interval, so that values are finite for points at any distance.
+            # Divide only the share (0 to 1) by the interval between the points, so that values stay finite for tiny intervals.
             length, rise = times[after] - times[after - 1], values[after] - values[after - 1]
             share = (time - times[after - 1]) / length
             if not velocities:
@@ -93,7 +93,7 @@ class CommandInput:
                 if isinstance(value, Trajectory):
                     joint, column = simulation.prepared.slot_of(*target)
                     present = simulation.read([f"reference_{column}"])[f"reference_{column}"]
-                    # If there are several worlds, the first one decides.
+                    # In a run of several worlds, the trajectory starts at the reference of the first world.
                     self._motions[target] = value.curve(float(present.ravel()[joint])), time, value.times[-1]
                 else:
                     values[target] = value
@@ -129,7 +129,7 @@ class CommandInput:
                 if names is not None:
                     self._refuse(topic, "a command for a joint that takes none on this topic")
             elif names is not None and not received.points and math.isnan(values[0]):
-                # Controllers send NaN for joints that they do not command.
+                # Controllers send NaN for joints that they do not command: leave out these values without a notice.
                 continue
             elif not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(topic, "a value that is not finite")

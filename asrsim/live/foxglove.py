@@ -53,11 +53,11 @@ class FoxgloveTransport:
         except OSError as error:
             message = f"a WebSocket on {host}:{access.port} cannot be opened: {error.strerror or error}"
             raise InputError(message, hint="Choose another --port, or 0 for any", code="websocket") from error
-        # The server listens at a random local address, so that web pages cannot find it directly.
+        # The server listens at a random local address, so that web pages cannot find it and bypass the proxy.
         behind = "127.0.0.1"
         if sys.platform == "linux":
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        listener: Any = self  # the library's type has further optional methods
+        listener: Any = self  # the library's type of a listener has optional methods that this class lacks
         self._server = foxglove.start_server(
             name=f"asrsim {__version__}",
             host=behind,

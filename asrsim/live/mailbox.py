@@ -13,7 +13,7 @@ WAITING, WAITING_BYTES = 5000, 1 << 24
 messages, the oldest are dropped and counted.
 """
 LARGEST_MESSAGE = 1 << 20
-"""Largest size of a message in bytes. A decoded message takes up to a hundred times as much memory."""
+"""Largest size of a received message in bytes. Decoded, a message takes up to a hundred times as much memory."""
 
 
 class Mailbox:

@@ -64,7 +64,7 @@ class OriginProxy:
             self._thread.join()
 
     def _run(self) -> None:
-        # At its end, the runner cancels the tasks of all connections.
+        # When it closes, the runner cancels the tasks of all connections.
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(self._listen())
 

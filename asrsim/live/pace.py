@@ -1,4 +1,4 @@
-"""Timing of a real-time run: due time of the next tick, lateness of ticks, and fraction of the time spent working."""
+"""Timing of a real-time run: when the next tick is due, how late ticks are, and how much time the run spends working."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 
 SLIP = 0.25
-"""Delay in s above which a run stops catching up and continues from the current time."""
+"""Lateness of a tick in s above which a run does not catch up: the next ticks are due relative to the current time."""
 NAP = 0.1
-"""Longest sleep, s, so that commands are received and a run can be stopped."""
+"""Longest sleep of one call of `Pace.wait`, s. Between calls, a run receives commands and can be stopped."""
 RECENT = 10_000
 """Number of the latest ticks whose lateness is stored."""
 MOST_LATE, MEMORY = 0.6, 2.0
@@ -53,7 +53,9 @@ class Pace:
         return self._late[-1] if self._late else 0.0
 
     def is_behind(self) -> bool:
-        """Whether most ticks of the last two seconds were late by more than a tick. After True, the count begins again."""
+        """Whether most ticks of the last two seconds were late by more than a tick. After True, all ticks until then count as
+        punctual.
+        """
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0
         return behind
@@ -61,7 +63,7 @@ class Pace:
     def wait(self, simulated: float) -> float | None:
         """Sleep until the tick is due, `simulated` s after the previous tick, and return the lateness in s.
 
-        None: the longest sleep ended before the tick is due; call again.
+        One call sleeps for at most NAP s. If the tick is not due yet, the method returns None; then call it again.
         """
         now = self._now()
         self.busy += now - self._awake

@@ -1,4 +1,4 @@
-"""Topics of a live run and their messages after each step, with the numbers of the log."""
+"""Topics of a live run, and their messages after each step. The messages contain the values that the log contains."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
 
 
 def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
-    # The applied commands precede the positions: a twin that reads both then has the commands for its next step.
+    # The applied commands precede the positions: a twin that reads both has the commands of a step before its positions.
     applied = {
         f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
         for joint in joints

@@ -28,8 +28,8 @@ message: with 1000 kept messages, a reliable subscriber that takes no messages s
 MOST = 1000
 """Largest number of messages that a subscription keeps, and that one call reads."""
 UNREAD = 0.02
-"""Time after which a thread reads the waiting messages instead of the simulation, s. A subscription limits their number, but
-not their bytes; the mailbox does.
+"""If the simulation has not read the waiting messages for this time, s, a thread moves them to the mailbox. A subscription
+limits only the number of its messages; the mailbox also limits their bytes.
 """
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
@@ -83,7 +83,7 @@ class Outbox:
             if one_wanted and message:
                 try:
                     publisher.handle.publish_raw(message)
-                except RuntimeError:  # rclpy: timeout of a subscriber that does not keep up
+                except RuntimeError:  # rclpy raises it when a subscriber does not take the message in time
                     self._unsent += 1
                     if self._unsent in (1, 1000):
                         self._tell(f"{counted(self._unsent, 'message')} dropped so far: a subscriber does not keep up")
@@ -162,7 +162,7 @@ class RosTransport:
             self._taken = clock.monotonic()
 
     def _empty(self) -> None:
-        """Read messages while the simulation reads none, such as during a long step."""
+        """Move messages to the mailbox while the simulation reads none, such as during a long step."""
         while not self._closed.wait(UNREAD):
             if clock.monotonic() - self._taken > UNREAD:
                 self._take()
@@ -224,7 +224,9 @@ def fast_dds(*, network: bool) -> Iterator[None]:
 
 
 def load_rclpy() -> Any:
-    """The module rclpy of this environment, or of a sourced ROS for this Python version. Raises InputError if both conflict."""
+    """The module rclpy of this Python environment, or of a sourced ROS for this Python version. Raises InputError if these two
+    conflict.
+    """
     # The rclpy wheels set this environment variable to folders of this Python environment.
     foreign = [
         folder for folder in _folders_with("librcl.so") if not folder.resolve().is_relative_to(Path(sys.prefix).resolve())
@@ -237,7 +239,7 @@ def load_rclpy() -> Any:
         )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
-    # ROS would end the process if the middleware is missing.
+    # Look for the library of the chosen middleware: without it, ROS would end the process.
     if wanted and _folders_with("librcl.so") and not _folders_with(f"lib{wanted}.so"):
         message = f"RMW_IMPLEMENTATION names '{wanted}', which is not installed here"
         raise InputError(message, hint="Start with: env -u RMW_IMPLEMENTATION asrsim live ...", code="ros-rmw")

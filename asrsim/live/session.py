@@ -36,7 +36,7 @@ TICK = 1e-3
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
-"""Fraction of the working time spent on topics above which a lower publishing rate helps."""
+"""Fraction of the working time that topics take, above which a lower publishing rate lets the run keep up."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 IDLE = 0.02
@@ -95,7 +95,7 @@ class Session:
         self.paused = False
         """Whether the simulation waits; commands are still read."""
         self._singles = 0
-        """Number of steps to do while the run is paused."""
+        """Number of single steps that a paused run still has to do."""
         self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
@@ -119,7 +119,7 @@ class Session:
         self._publishing = 0.0
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time spent on all work and time spent on topics until the last judgement of the pace, s."""
+        """Time spent on all work, and of it on topics, from the start of the run to the latest check of its pace, s."""
         self._said_slow = False
 
     def run(self, *, stop: Stop) -> RunSummary:
@@ -168,7 +168,7 @@ class Session:
         return 1.0 / (self._publish_steps * self._step)
 
     def _turn(self) -> bool:
-        """Do a tick: read commands, simulate, publish. Returns False at the end of the duration."""
+        """Do a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
         left = round(self._duration / self._step) - self._steps_done
         if self.paused:
             return self._wait(left) < left
@@ -182,7 +182,9 @@ class Session:
         return late is None or steps < left
 
     def _wait(self, left: int) -> int:
-        """Do the single steps of a paused run, at most `left`, or wait a moment. Returns the number of steps."""
+        """Do the single steps that were asked for in a paused run, at most `left`; if there are none, wait a moment. Returns
+        the number of steps done.
+        """
         self._listen()
         steps, self._singles = min(self._singles, left), 0
         if steps:
@@ -190,7 +192,7 @@ class Session:
         else:
             clock.sleep(IDLE)
         self.simulation.flush()
-        # The run does not catch up with the time of a pause.
+        # Restart the clock: after a pause, the run does not catch up the time of the pause.
         self.pace.start()
         return steps
 
@@ -233,7 +235,7 @@ class Session:
                 self._publishing += clock.perf_counter() - began
 
     def _listen(self) -> None:
-        """Set the references that commands change, to their values at the end of the coming tick."""
+        """Set the references that commands change, to the commanded values at the end of the coming tick."""
         received = (message for transport in self.transports for message in transport.poll())
         values: dict[Target, float | None] = {
             **self.commands.listen(received, self.simulation, self.time, self._tick_steps * self._step)
@@ -284,7 +286,7 @@ class Session:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        # Commands override the references of the scenario, so the claims of the scenario do not apply.
+        # Judge no claims of the scenario: commands override the references to which the claims refer.
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())
@@ -292,7 +294,7 @@ class Session:
         return summary
 
     def figures(self) -> dict[str, Any]:
-        """Lateness, load and numbers of commands until now, as plain data."""
+        """Lateness of the ticks, load, and counts of commands from the start of the run until now, as plain data."""
         pace, commands = self.pace, self.commands
         median, high = pace.lateness()
         return {

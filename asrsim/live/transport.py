@@ -14,7 +14,7 @@ from asrsim.extras import install
 from asrsim.registry import Registry
 
 LATEST = 2.0**32
-"""Bound of the time stamps in messages, s since 1970; the seconds of ROS have 32 bits."""
+"""Time stamps in messages are below this bound, s since 1970: ROS stores the seconds of a stamp in 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class Interface:
     """Name of the node, including its namespace."""
     outlets: tuple[LiveTopic, ...]
     inlets: tuple[LiveTopic, ...]
-    """A transport takes the waiting messages of later topics first. So if a run has received a message of a topic, it has also
-    received the earlier messages of the preceding topics.
+    """Topics that the run subscribes to, in order. A transport takes the waiting messages of the last topic first. So if a run
+    has received a message of a topic, it has also received the earlier messages of all topics before it in this order.
     """
 
 

@@ -1,4 +1,4 @@
-"""Logs of runs: one MCAP file for each run. Samples that are written and read back are equal bit for bit."""
+"""Logs of runs: one MCAP file for each run. Samples that are read back equal the written samples bit for bit."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class MessageColumn(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class CdrTemplate:
-    """Message in which the numbers are still missing."""
+    """Bytes of a message in which the variable numbers are not filled in yet."""
 
     data: bytes
     """Encapsulation header (little endian) and payload, with NaN in place of the numbers."""

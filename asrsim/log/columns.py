@@ -1,4 +1,6 @@
-"""Reads columns of numbers, and commands, from chunks. All rows of a chunk have equal length, so a column is a strided view."""
+"""Reads columns of numbers, and commands, from the chunks of a log. All rows of a chunk have equal length, so a column is a
+strided view of the chunk.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +97,7 @@ class ColumnReader:
         return start, row
 
     def commands(self, data: bytes) -> Iterator[Command | WrenchCommand]:
-        """Commands from outside in an uncompressed chunk; they precede its rows."""
+        """Commands from outside the simulation in an uncompressed chunk; they precede the chunk's rows."""
         for opcode, place, length in split_records(data):
             if opcode == Opcode.CHANNEL:
                 self._register(Channel.read(stream(data[place : place + length])))

@@ -1,4 +1,4 @@
-"""Commands from outside in a live run, written to the log and read back. Their messages are not part of the rows."""
+"""Commands that a live run received from outside, written to the log and read back. Their messages are not part of the rows."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ def encode(record: McapRecord) -> bytes:
 
 DATA_END = encode(DataEnd(data_section_crc=0))
 _OPEN_END = encode(Footer(summary_start=0, summary_offset_start=0, summary_crc=0)) + MAGIC
-"""End of a file without index, which readers read from the start."""
+"""Last bytes of a file without an index; readers read such a file from its start."""
 _TRAILER = DATA_END + _OPEN_END
 
 
@@ -98,8 +98,8 @@ class McapStorage:
             self._file = -1
 
     def _commit(self, trailer: bytes, head: bytes, *rest: bytes | memoryview) -> None:
-        """Write records, and after them a trailer. The trailer is written first and the head last: in between, the file has the
-        old trailer in the place of the head, and ends with the new one.
+        """Write records (`head` and `rest`), and after them a trailer, so that a kill at any instant leaves a readable file:
+        the trailer is written first and the head last. Until then, the old trailer stands in the place of the head.
         """
         end = self.size + sum(map(len, (head, *rest)))
         try:
@@ -176,7 +176,7 @@ class McapContainer:
         self._pending = b""
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        # Single growing buffers: many small objects would fragment the memory that the run's arrays reuse.
+        # Use a few growing buffers: many small objects would fragment the memory that the run's arrays reuse.
         self._summary = {opcode: bytearray() for opcode in _SUMMARY}
         self._records: Counter[Opcode] = Counter()
         header = Header(profile="ros2", library=f"asrsim {__version__}")

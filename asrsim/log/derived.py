@@ -44,7 +44,7 @@ def own_reference(samples: Samples, joint: JointInfo) -> Array | None:
 
 
 def _by_joint(law: Callable[[Samples, JointInfo, int], Array], samples: Samples, joints: Sequence[JointInfo]) -> Array:
-    """Values (n, joints) by a law: a function of a joint and its column. NaN for joints that the log does not describe.
+    """Values (n, joints), computed joint by joint with `law`. NaN for joints that the log does not describe.
 
     joints: Joints of the log (`RunInfo.joints`), matched by name.
     """

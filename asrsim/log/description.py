@@ -100,13 +100,13 @@ def info_from(attachments: Mapping[str, bytes]) -> RunInfo:
 
 
 def origin_from(attachments: Mapping[str, bytes]) -> tuple[str, str]:
-    """Scenario file and variant of a log; errors as for `info_from`, which reads the rest, too."""
+    """Scenario file and variant of a log. Raises LogError as `info_from`, which reads all attachments."""
     run = _run_of(attachments)
     return run["scenario_path"], run["variant"]
 
 
 def _run_of(attachments: Mapping[str, bytes]) -> Any:
-    """Description of the run without what stands in files of its own. Raises LogError."""
+    """Content of `run.json`: the description of the run without the parts that are separate attachments. Raises LogError."""
     if _RUN not in attachments:
         raise LogError(
             "this MCAP file was not written by asrsim, or ends before its description",

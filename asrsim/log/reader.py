@@ -128,7 +128,7 @@ class LogReader:
             if MessageColumn("time") not in found:
                 continue
             time = found[MessageColumn("time")]
-            # The chunk's times are rounded to ns, and large times to a multiple of some ns.
+            # Allow for rounding: the log times of a chunk are rounded to ns, and large times to a multiple of some ns.
             margin = 2.0 + 1e-12 * place.end
             inside = place.start - margin <= time[0] * 1e9 and time[-1] * 1e9 <= place.end + margin
             if not (inside and np.all(np.diff(time, prepend=last) > 0.0)):
@@ -145,7 +145,7 @@ class LogReader:
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
     ) -> Iterator[tuple[ChunkPlace, dict[MessageColumn, Array]]]:
         def outside(place: ChunkPlace) -> bool:
-            # The log time is rounded to ns, hence the margin.
+            # Skip a chunk only if it is 1 ns outside of the selected time: its log times are rounded to ns.
             before = start is not None and place.end * 1e-9 < start - 1e-9
             return before or (end is not None and place.start * 1e-9 > end + 1e-9)
 

@@ -23,15 +23,17 @@ _HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr
 these fields is faster than a copy of each."""
 _HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
 _HEAD_PLACE = 11
-"""Offset of these fields in a message's header, bytes."""
+"""Offset of the fields of `_HEAD` in a message's header, bytes."""
 _STAMP_PLACE = len(ENCAPSULATION)
 """Offset of a time stamp at the beginning of a message's data, bytes."""
 _CHUNK_BYTES = 4 << 20
 """Size of the rows in memory, bytes."""
 _ROOM = 1 << 20
-"""Room for other messages before the rows of a chunk, bytes: memory that is not used costs nothing."""
+"""Memory reserved for other messages before the rows of a chunk, bytes. It is large, since unused memory costs nothing."""
 _ROWS = (256, 2048)
-"""Fewest and most rows in a chunk. With fewer rows, calls cost more time than copying; with more, a kill loses more samples."""
+"""Smallest and largest number of rows in a chunk. With fewer rows, calls take longer than copying; with more rows, a killed run
+loses more samples.
+"""
 
 
 class RowBuffer:
@@ -52,7 +54,7 @@ class RowBuffer:
         self._memory = np.empty(_ROOM + self.capacity * self.row_size, np.uint8)
         self._memory[_ROOM:].reshape(self.capacity, self.row_size)[:] = np.frombuffer(row, np.uint8)
         self._times = np.zeros(self.capacity, "<u8")
-        # The constant bytes are kept for all chunks; only these views are written to.
+        # Write only to views of the variable numbers: the constant bytes of the rows stay the same in all chunks.
         self._heads: list[NDArray[Any]] = []
         self._short_heads: list[NDArray[Any]] = []
         """Heads of messages that begin with something other than a time stamp."""
@@ -61,7 +63,7 @@ class RowBuffer:
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size
-            # A number at the place of a stamp is written after the head.
+            # If a message begins with a float64 instead of a time stamp, the head writes a stamp there; the number replaces it.
             if _STAMP_PLACE in template.stamps or _STAMP_PLACE in dict(template.floats):
                 self._heads.append(self._view(start + _HEAD_PLACE, _HEAD_BYTES))
             else:
@@ -137,7 +139,7 @@ class RowBuffer:
 
 
 def _parts(samples: Samples, kind: str, name: str, rows: slice) -> Mapping[str | int, Array | float]:
-    """Numbers (n,) of each part of a quantity, a body or a contact; NaN if the samples lack it.
+    """Values (n,) of each part of a quantity, a body or a contact (see `MessageColumn.part`); NaN if the samples lack it.
 
     The numbers of a part are contiguous, since copies from strided to strided arrays take twice as long.
     """

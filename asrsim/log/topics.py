@@ -37,7 +37,7 @@ DETAIL_FIELDS: tuple[str, ...] = tuple(
 """Quantities without a separate topic. They share one message for each joint, with NaN for quantities that are not recorded."""
 
 SAMPLE_FIELDS: tuple[str, ...] = tuple(name for name, quantity in QUANTITIES.items() if not quantity.apart)
-"""Quantities in the message with all numbers of a joint."""
+"""Quantities in the message that contains all quantities of a joint."""
 
 _FIELDS: dict[str, str] = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -133,7 +133,7 @@ class Topic:
     """Short type, such as `sensor_msgs/JointState`."""
     template: CdrTemplate
     canonical: bool = True
-    """True: the numbers are read back from this topic."""
+    """True: when a log is read, the quantities of this topic are read from this topic. False: it repeats other topics."""
 
 
 def robot_topics(
@@ -215,7 +215,7 @@ def _joint_topics(joint: JointInfo, path: str, *, external: bool) -> Iterator[To
     for i in motors:
         yield from _numbers(f"{path}/torque_el{i}_state", joint, [f"elastic_torque_{i}"])
     for i, name in enumerate(reference_topics(joint.mode, joint.motors), start=1):
-        # Commands are published as they were sent.
+        # Publish commands as they were sent, before delays and other imperfections.
         sent = f"sent_reference_{i}"
         yield from _numbers(f"{path}/{name}", joint, [sent if sent in joint.quantities else f"reference_{i}"], canonical=False)
     if external:

@@ -26,8 +26,8 @@ class AskedMeasure:
         return measure_text(self.measure.name, self.options)
 
     def of(self, time: Array, series: Array, reference: Array | None) -> float:
-        """Number for a series (n,) with its own reference (n,); NaN if it is undefined, or if it needs a reference and there is
-        none.
+        """Value of the measure for a series (n,) and the reference (n,) of this series; NaN if the value is undefined, or if
+        the measure needs a reference and there is none.
         """
         if reference is None and self.measure.needs == "pair":
             return math.nan

@@ -11,7 +11,7 @@ from asrsim.samples import Array
 FLOOR = 1e-2
 """Fraction of the largest input power (-20 dB) above which a frequency counts as excited."""
 _FLANK = 0.35
-"""The band ends at the frequency at which the power falls below this fraction of the power further inside the band. A linear
+"""The band ends where the power of a frequency falls below this fraction of the power further inside the band. A linear
 chirp has a quarter of its full power at its first frequency.
 """
 _REACH = 16
@@ -33,7 +33,7 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     from scipy.signal.windows import tukey
 
     n = len(u)
-    # Remove the trend: a slow drift has power in the lowest bins, which is not excitation. The window tapers only the ends of
+    # Remove the trend: a slow drift has power in the lowest bins, but is no excitation. The window tapers only the ends of
     # the record: a smooth window would hide the first and last frequencies of a chirp.
     straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
     power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2

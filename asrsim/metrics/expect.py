@@ -56,7 +56,7 @@ class ExpectationResult:
     """Measured number; NaN if the measure is undefined: the claim then does not hold."""
     unit: str
     moving: float = 0.0
-    """Motion that is left at the end of a series that is not at rest, in the unit of the series, if the measure needs rest."""
+    """If the measure needs a series at rest: motion that is left at the end of the series, in its unit; 0 at rest."""
     moving_unit: str = ""
     reading: str = ""
     """Description of the recording's column that the run was compared with, and what is doubtful in the recording."""

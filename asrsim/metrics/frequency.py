@@ -25,11 +25,11 @@ from asrsim.metrics.spectra import Spectra, uniform
 from asrsim.samples import Array
 
 CONFIDENCE = 0.95
-"""Confidence level of the bands."""
+"""Confidence level of the confidence bands of gain and phase."""
 _STILL, _NOTHING = 1e-7, 1e-12
 """Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
 _TRUSTED = 0.5
-"""Coherence below which a point of the frequency response is unreliable."""
+"""Coherence below which a point of the frequency response is unreliable, and is not used to find resonance and bandwidth."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +148,9 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
 
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
-    """Frequency and gain of the highest peak inside the band, at least 5 % above the low end and refined by a parabola."""
+    """Frequency and gain of the highest peak inside the band, refined by a parabola. Its gain is at least 5 % above that of the
+    low end.
+    """
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
     # A gain that rises up to an end of the band has no peak there; the outermost 2 % of the points count as the end.
@@ -169,7 +171,9 @@ def _low_end(values: Array) -> float:
 
 
 def _bandwidth(f: Array, gain: Array, coherence: Array) -> float | None:
-    """Frequency at which the gain falls 3 dB below the low end; None where the coherence at one of the two is too low."""
+    """Frequency at which the gain falls 3 dB below the low end of the band; None if the coherence at this frequency or at the
+    low end is too low.
+    """
     level = _low_end(gain) / math.sqrt(2)
     below = np.flatnonzero(gain < level)
     if not len(below) or below[0] == 0:

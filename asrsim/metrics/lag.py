@@ -12,7 +12,9 @@ from asrsim.samples import Array
 _LONGEST = 200_000
 """Largest number of samples in the correlation; longer records are correlated on a coarser grid."""
 _NEAR = 0.02
-"""Peaks whose correlation differs by less than this from the best peak are equivalent; the smallest lag is chosen."""
+"""Peaks whose correlation is lower than that of the best peak by less than this are equivalent; of them, the peak with the
+smallest lag is chosen.
+"""
 _VALLEY = 0.2
 """Two peaks are distinct if the correlation between them falls by at least this amount."""
 _TOP = 0.1
@@ -136,7 +138,7 @@ def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
     """Index of the best peak (the smallest lag among equal peaks), and whether there were equal peaks."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    # The best sample may be at the edge of the search instead of a peak: for a periodic signal, part of another period's peak.
+    # Compare the best sample, too: it may lie at the edge of the search, on the flank of a peak that is outside.
     near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
     # Adjacent maxima are ripples on one peak, represented by the highest; a valley separates peaks.
     summits = [int(near[0])]

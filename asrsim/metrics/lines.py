@@ -11,7 +11,7 @@ from asrsim.samples import Array
 _BLOCKS = 16
 """Number of parts into which the record is divided; the first parts may be omitted as a transient."""
 _AS_GOOD = 1.3
-"""The first parts count as a transient if omitting them reduces the error by this factor."""
+"""The first parts of the record count as a transient if omitting them reduces the error of the fit by this factor."""
 _ROUNDING = 1e-11
 """Relative residual below which the residual consists of rounding errors."""
 _APART = 2.0
@@ -51,7 +51,7 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     middle = np.clip(np.round(cycles * count / n).astype(int), _AROUND, len(spectra) - 1 - _AROUND)
     noise_u, noise_y = np.moveaxis(spectra[middle[:, None] + np.arange(-_AROUND, _AROUND + 1)], 2, 0)
     noise = np.sum(np.abs(noise_y - response[:, None] * noise_u) ** 2, axis=1)
-    # Each fitted line removes the noise power of one bin from the residual.
+    # Count the bins whose noise the residual still contains: each fitted line removes the noise power of one bin from it.
     freedom = 2 * _AROUND + 1 - np.sum(np.abs(middle[:, None] - middle) <= _AROUND, axis=1)
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)

@@ -109,7 +109,9 @@ for _function, _unit, _needs in (
     MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""Measures that a comparison of run and recording reports of their difference. All other measures are of each of them."""
+"""Measures that a comparison of run and recording reports once, of their difference. It reports all other measures for the run
+and for the recording.
+"""
 AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
 """Measures that are undefined unless the series is at rest at its end."""
 STEP_MEASURES = ("rise", "overshoot", "settling", "steady_state")
@@ -143,7 +145,7 @@ def measure(
     found, time, arguments = _chosen(name, time, series, reference, start, end, options)
     if not len(time):
         return math.nan
-    # Other measures get the same arrays: a function that writes into them is an error.
+    # Pass read-only arrays: other measures get the same arrays, so a function must not write into them.
     lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
     result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
     with suppress(TypeError, ValueError):

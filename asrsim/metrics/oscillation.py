@@ -39,7 +39,8 @@ def frequency(time: Array, values: Array) -> float:
     even = _even(up, down)
     if even is not None:
         return even
-    # Exclude the approach to the steady state and the standstill after it, which would dominate the spectrum.
+    # Use only the part between the first and the last crossing: the approach to the steady state and the standstill after it
+    # would dominate the spectrum.
     crossed = sorted(up + down)
     ringing = (time >= crossed[0]) & (time <= crossed[-1])
     return _spectral_peak(time[ringing], x[ringing]) if ringing.sum() >= 8 else math.nan

@@ -24,8 +24,8 @@ class Spectra:
     coherence: Array
     """Magnitude-squared coherence (m,), corrected for its bias."""
     deviation: Array
-    """Relative standard deviation (m,) of the complex response; the deviation of the real or imaginary part is smaller by
-    sqrt(2).
+    """Relative standard deviation (m,) of the complex response. The deviation of its real part, or of its imaginary part, is
+    smaller by the factor sqrt(2).
     """
     freedom: float
     """Number of complex degrees of freedom from which each deviation is estimated."""

@@ -16,7 +16,7 @@ from asrsim.metrics.values import last_part, steady_state
 from asrsim.samples import Array
 
 ROUNDING = 1e-9
-"""Relative change below which a series counts as having no step, and fraction of the step below which there is no overshoot."""
+"""Relative change of a series below which it has no step, and fraction of a step's height below which it has no overshoot."""
 
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:

@@ -107,7 +107,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         ):
             below, above = margin
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
-            # The whole band is drawn; where little of the output is explained, the line is dotted.
+            # Draw the line over the whole band, dotted where the input explains little of the output.
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
             if not trusted.all():
                 ax.plot(result.frequency, values, **{**look, "linewidth": 0.9, "linestyle": DOUBTFUL}, zorder=1.9)
@@ -132,7 +132,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
 
 
 def _shown(values: Array, trusted: NDArray[np.bool_], least: float) -> Array:
-    """Values that set the limits of the axis; values of low coherence are clipped to the range of the others."""
+    """Values that set the limits of the axis; values of low coherence are clipped to a range around those of high coherence."""
     if trusted.all() or not trusted.any():
         return values
     low, high = float(values[trusted].min()), float(values[trusted].max())

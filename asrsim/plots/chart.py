@@ -68,7 +68,7 @@ class Chart:
     note: str = ""
     """Number to write into the axes."""
     places: Sequence[str] = ()
-    """Names of the places 0, 1, ... of the vertical axis, from the top, instead of numbers."""
+    """Tick labels at the values 0, 1, ... of the vertical axis, from the top; empty: the ticks show numbers."""
     mark: float | None = None
     """Value of the horizontal axis that a vertical line marks."""
 

@@ -57,7 +57,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_axis_off()  # the axes may carry the legend of the row
+                ax.set_axis_off()  # hide the axes instead of removing them: they may carry the legend of the row
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)
@@ -75,12 +75,12 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
 
 
 def _longest(names: Iterable[str]) -> int:
-    """Number of letters of the longest line."""
+    """Number of letters in the longest line of these names."""
     return max((len(line) for name in names for line in name.split("\n")), default=0)
 
 
 def _height(row: Sequence[Chart | None], height: float) -> float:
-    """Height of a row, inch; it grows with the number of lines in the names of the chart's places."""
+    """Height of a row, inch; it grows with the number of lines in the labels `places` of its charts."""
     lines = sum(name.count("\n") + 1.6 for one in row[:1] if one for name in one.places)
     return max(height, 0.15 * lines) if lines else height
 
@@ -126,7 +126,7 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         if name in chart.logarithmic and high > low * MANY:
             axis.set_major_locator(LogLocator(10.0, numticks=8))
     if chart.note:
-        # Above the axes, where it hides no curve.
+        # Write the number above the axes, where it hides no curve.
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 

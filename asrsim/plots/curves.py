@@ -24,8 +24,8 @@ EXTRA: dict[str, Quantity] = {
 }
 """Quantities that only pictures use: the position reference, which has the same name in all operation modes."""
 OBJECT, TASK_TIP = ("dx", "dy", "dz", "force"), ("dx", "dy", "dz", "reference_x", "reference_y", "reference_z", "error")
-"""Quantities of an object of the world and of the tip of a Cartesian task: displacement from the first sample; magnitude of the
-contact forces without the ground; goal and distance to the goal.
+"""Quantities of an object of the world (displacement from its first sample; magnitude of its contact forces except those with
+the ground), and of the tip of a Cartesian task (displacement, goal, and distance from the goal).
 """
 BODIES: dict[str, Quantity] = {
     name: Quantity(name, "N" if name == "force" else "m", name, "") for name in dict.fromkeys((*OBJECT, *TASK_TIP))
@@ -116,7 +116,7 @@ class CurveSource:
 
     def span(self, first: float) -> tuple[float, float]:
         """Start and end of the part to read, s; `first` is the time of its first sample."""
-        # A log begins at 0, except when the run repeats a recording.
+        # A log begins at 0, unless its run repeats a recording with another start time.
         last = (first if self._start is None else 0.0) + self.reader.duration
         return first, max(first, last if self._end is None else min(self._end, last))
 
@@ -204,7 +204,7 @@ def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def drawable_quantities(reader: LogReader) -> tuple[str, ...]:
-    """Every quantity that can be drawn from a log, derived quantities last."""
+    """All quantities that can be drawn from a log: first the stored ones, then the derived ones."""
     stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
     derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
     return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)

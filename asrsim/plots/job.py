@@ -30,7 +30,7 @@ from asrsim.scenario.carried import unknown_actuators, unknown_quantities
 
 @dataclass(frozen=True, kw_only=True)
 class PlotJob:
-    """Selection of what to draw: logs, recordings, quantities and formats."""
+    """Logs, recordings, quantities and formats that a plot job draws."""
 
     logs: tuple[Path, ...]
     folder: Path
@@ -45,7 +45,7 @@ class PlotJob:
     figures: tuple[str, ...] | None = None
     """Names of the figures of runs alone, in `asrsim.plots.FIGURES`; None: the standard ones."""
     lag: LagChoice = "auto"
-    """Lag of the recordings' clock in s, or how it is found."""
+    """Lag of the recordings' clocks behind the run's clock in s, or the method that finds the lag."""
     measures: tuple[str, ...] = ()
     """Further measures of run and recording, NAME or NAME:OPTION=VALUE,..."""
     formats: tuple[str, ...] = ("png",)
@@ -57,7 +57,7 @@ class PlotJob:
     output: str | None = None
     """Output of the frequency response; None: the link position."""
     start: float | None = None
-    """Start of the pictures of runs, s."""
+    """Simulated time at which the pictures of runs start, s."""
     end: float | None = None
 
     @property
@@ -232,7 +232,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
             label=run.label,
             joints=job.joints,
             quantities=job.quantities,
-            # A recording has one clock: the lag found with the first run is used for the other runs too.
+            # A recording has one clock: use the lag that was found with the first run for all runs.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
             measures=job.measures,
         )

@@ -43,7 +43,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
 
 
 def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
-    """Limits of the joint deflection."""
+    """Upper and lower limit of a joint's deflection. limit: deflection limit of its springs, rad (m)."""
     info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
     if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:

@@ -24,7 +24,8 @@ def measured_rows(
     joints: Sequence[str] | None = None,
     quantities: Sequence[str] | None = None,
 ) -> Iterator[MetricRow]:
-    """Measures of the joints of a log. A link position is compared with the joint's own reference; other quantities have none.
+    """Measures of the joints of a log. A link position is compared with the joint's reference; other quantities have no
+    reference.
 
     Args:
         path: File of the log.

@@ -72,7 +72,7 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
     paths = []
     for kind in formats:
         path = folder / f"{name}.{kind}"
-        # A higher compression level takes longer than the drawing itself.
+        # Compress little: a higher level would take longer than the drawing itself.
         more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
         with written(path, "picture") as stream, warnings.catch_warnings():
             # The font may lack letters of a joint's name: do not warn about the boxes drawn in their place.

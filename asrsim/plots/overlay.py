@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 3
-"""Largest number of runs whose difference is also written as a number."""
+"""Largest number of runs for which the root mean square of the difference is written into the picture."""
 _BESIDE_REFERENCE = ("link_position", "equilibrium_position")
 _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", *each_motor("motor_{}_position"))
 

@@ -113,7 +113,7 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    # Measures of a link position may need the joint's own reference.
+    # Read the position error for further measures: those of a link position may need the joint's reference.
     stored = simulated_sources([*common, *(["position_error"] if measures else [])], infos)
     samples = reader.read(quantities=stored, joints=paired).samples
     compared = []

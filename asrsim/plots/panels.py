@@ -112,7 +112,7 @@ ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
 def joint_panels() -> tuple[Panel, ...]:
-    """Panels of a joint's motion and torques; of each stage of actuators, a panel for each unit of its quantities but J."""
+    """Panels of a joint's motion and torques; for each stage of actuators, a panel for each unit of its quantities except J."""
     return (*(PANELS[key] for key in JOINT_PANELS), *(panel for stage in STAGES.loaded() for panel in _stage_panels(stage)))
 
 
@@ -123,7 +123,7 @@ def _stage_panels(stage: type[Stage]) -> Iterator[Panel]:
 
 
 def energy_panels() -> tuple[Panel, ...]:
-    """Panels of a joint's energies; losses of stages of actuators stand beside the other losses."""
+    """Panels of a joint's energies. Losses of stages of actuators are in the panel with all other losses."""
     energy, *others = (PANELS[key] for key in ENERGY_PANELS)
     losses = tuple(stage.lost for stage in STAGES.loaded() if stage.lost)
     return (replace(energy, quantities=(*energy.quantities, *losses), optional=(*energy.optional, *losses)), *others)

@@ -10,7 +10,7 @@ from asrsim.quantities import shown
 from asrsim.tables import TableColumn, from_rows
 
 _NOTHING = 1e-12
-"""Differences up to this size are rounding errors between equal numbers."""
+"""Two numbers count as equal if they differ by at most this: the difference is then a rounding error."""
 
 
 def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:

@@ -132,7 +132,7 @@ RC: dict[str, Any] = {
 
 
 def colour(quantity: str) -> str:
-    """Colour of a quantity in every picture; a quantity without a colour of its own has that of its motor."""
+    """Colour of a quantity in every picture; a quantity for which no colour is declared has the colour of its motor."""
     motor = next((i for i in MOTORS if f"_{i}_" in quantity), None)
     return COLOURS.get(quantity, BLACK if motor is None else MOTORS[motor][0])
 

@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 BRIEF = 0.005
 """Longest duration of a peak that is cut off, as a fraction of the duration of the curve."""
 PREFIXES = (("µ", 1e-6), ("m", 1e-3))
-"""Smaller units, the smallest first."""
+"""Prefixes of smaller units with their factors, the smallest factor first."""
 SMALL = 5.0
-"""Largest value of an axis in a smaller unit."""
+"""An axis is labelled in a smaller unit if its largest value in the smaller unit is below this number."""
 SMALLER = ("m", "rad", "N", "N m", "J")
-"""Units of which there are smaller ones."""
+"""Units that may get a prefix."""
 FLATTENED = 4.0
-"""A peak is cut off if the full range exceeds the range of the other values by this factor."""
+"""A peak is cut off if the range of all values exceeds the range of the values without the peak by this factor."""
 
 
 def draw_curve(
@@ -40,7 +40,7 @@ def show_time(axes: Axes, curves: Sequence[Curve]) -> None:
         return
     start, end = min(t[0] for t in times), max(t[1] for t in times)
     if end > start:
-        # A start near 0 (rounding of a lag) is set to 0; otherwise the axis would lose its label 0.
+        # If rounding of a lag moves the start slightly off 0, set it to 0; otherwise the axis would lose its label 0.
         axes.set_xlim(0.0 if abs(start) < 1e-4 * (end - start) else start, end)
 
 
@@ -86,7 +86,7 @@ def label_values(axes: Axes, words: str, unit: str) -> None:
         axes.set_ylabel(style.axis_label(words, unit))
         return
     axes.set_ylabel(style.axis_label(words, prefix + unit))
-    # Rounding would write 0.30000000000000004.
+    # Write nine digits: with all digits, a rounding error would show as 0.30000000000000004.
     axes.yaxis.set_major_formatter(lambda value, place: f"{value / scale:.9g}".replace("-", "\N{MINUS SIGN}"))
 
 

@@ -204,7 +204,7 @@ def align(
         return replace(together, lag=together.lag + start)
     result = _correlated(time_simulation, simulation, time_recording, recording, name, command)
     if start and result.how.startswith("not aligned"):
-        # The clocks may differ by more than the search allows.
+        # The clocks may differ by more than the search allows: search again from where both records begin together.
         together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
         if not together.how.startswith("not aligned"):
             return replace(together, lag=together.lag + start)
@@ -219,7 +219,7 @@ def _correlated(
     first = _held(time_simulation, simulation, step) if command else (time_simulation, simulation)
     second, values = _held(time_recording, recording, step) if command else (time_recording, recording)
     found = estimate_lag(*first, second, values)
-    # A periodic signal with reversed sign would be aligned half a period off.
+    # Try the reversed sign, too: a periodic signal with a reversed sign would be aligned half a period off.
     turned = estimate_lag(*first, second, -values)
     how = f"cross-correlation of {name}"
     if found is None:
@@ -248,7 +248,7 @@ def _held(time: Array, values: Array, step: float) -> tuple[Array, Array]:
     if not is_staircase(stairs) or step > 0.75 * np.median(np.diff(stamps)):
         return time, values
     fine = np.arange(stamps[0], stamps[-1] + 0.5 * step, step)
-    # Rounding must not delay a value by one step.
+    # Look a little ahead, so that rounding does not delay a value by one step.
     return fine, stairs[np.searchsorted(stamps, fine + 1e-3 * step, side="right") - 1]
 
 
@@ -328,6 +328,6 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
     # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
     outside = (grid < t[0] - 0.5 * step) | (grid > t[-1] + 0.5 * step)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    # Only times strictly between two samples can lie in a gap.
+    # A time lies in a gap only if it is strictly between two samples: a time at a sample has a value.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
     return np.where(outside | inside, np.nan, result)

@@ -26,7 +26,7 @@ def read_matlab(path: Path, reading: Reading) -> Content:
         start = stream.read(520)
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
         with library("h5py", "hdf5").File(path) as file:
-            # MATLAB stores the contents of objects in groups whose names begin with #.
+            # Leave out groups whose names begin with #: MATLAB stores the contents of objects in them.
             return of_tree({name: file[name] for name in file if not name.startswith("#")}, [], reading)
     from scipy.io import loadmat
 

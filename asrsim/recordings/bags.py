@@ -22,7 +22,7 @@ from asrsim.recordings.reading import Reading
 from asrsim.samples import Array
 
 _SAME_CLOCK = 1.0
-"""Largest difference between header stamps and times of recording for which both are taken to be on one clock, s."""
+"""Header stamps and times of recording count as readings of one clock if they differ by at most this time, s."""
 LONGEST = 64
 """Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
 NAMES = ("name", "names", "joint_names", "interface_names")
@@ -348,7 +348,7 @@ def _tables_of(
             findings.append(Problem(message, key=topic.name, code="too-short"))
     if not series:
         return
-    # All numbers of a topic share a time base: otherwise positions and velocities would be shifted against each other.
+    # Use one kind of times for all numbers of a topic: otherwise positions and velocities would be shifted against each other.
     by_header = _has_header_times(topic.name, groups, stated, findings)
     labels = [label for group in series for label, own in group.labels if own is None]
     nameless = [label for label in labels if label.partition("[")[0] in _JOINT_STATE]

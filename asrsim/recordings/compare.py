@@ -174,7 +174,7 @@ def _series(
 ) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
-    # The coarser record keeps its samples. Interpolation of the finer record adds the smallest error.
+    # Keep the samples of the coarser record, and interpolate the finer record: this adds the smallest error.
     coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
     base = shifted if coarse else time
     # Rounding in the last digit of a time stamp must not remove the last sample.
@@ -209,8 +209,8 @@ def _series(
 def _further(
     series: Series, asked: Sequence[AskedMeasure], ours: Array | None, theirs: Array | None
 ) -> dict[str, tuple[float, float]]:
-    """Further measures of run and recording, each with its own reference (m,); without any, measures of two series are left
-    out.
+    """Further measures of run and recording, each with its own reference (m,). ours, theirs: references of the run and of the
+    recording; if both are None, measures that need a reference are left out.
     """
     known = [one for one in asked if one.measure.needs != "pair" or ours is not None or theirs is not None]
     return {

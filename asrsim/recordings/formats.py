@@ -29,10 +29,11 @@ from asrsim.recordings.text import read_text
 from asrsim.registry import Registry, result_fault
 
 SECONDS, RATE = 60.0, 1e6
-"""Time limit for reading a binary format: s of wall-clock time, and number of file bytes that allow a further second."""
+"""Time limit for reading a binary format: SECONDS s of wall-clock time, and a further second for each RATE bytes of the file.
+"""
 MEMORY, RATIO = 2**30, 32
-"""Memory limit for reading a binary format: bytes, and further bytes per byte of the file. The code of the libraries uses half
-of the first number.
+"""Memory limit for reading a binary format: MEMORY bytes, and RATIO further bytes per byte of the file. The code of the
+libraries alone takes half of MEMORY.
 """
 
 

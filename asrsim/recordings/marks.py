@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 _OTHER = {".": ",", ",": "."}
-"""For each decimal mark the other mark, which may group the digits of large numbers in threes."""
+"""For each decimal mark the other of the two marks, which may group the digits of large numbers in threes."""
 _GROUPS = {
     mark: re.compile(rf"-?[1-9]\d{{0,2}}(?P<groups>(?:\{other}\d{{3}})+)(?P<part>\{mark}\d*)?")
     for mark, other in _OTHER.items()

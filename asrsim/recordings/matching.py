@@ -48,7 +48,7 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
         if wanted and kind != wanted:
             message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
             return Problem(message, key=column.source, code="wrong-unit")
-    # Further references and motors may have any unit (the adjuster of AwAS-II moves in m).
+    # Accept any unit of a second or later reference or motor: it may be an adjuster, which moves in m in AwAS-II.
     if not column.stated or re.match(r"(reference|motor)_[2-9]", quantity):
         return None
     kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())

@@ -94,17 +94,17 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [word for word in words_of(tokens) if not word.isdecimal()]
     said = [word for word in words_of(tokens_of(file)) if not word.isdecimal()]
-    if unsure := unknown_words(said):  # such as run in run_position, which adds nothing to position
+    if unsure := unknown_words(said):  # such as `run` in `run_position`: its meaning is unknown
         said = said if REFERENCE in said and not {*words} - {"field"} else [word for word in said if word not in unsure]
     if not {*words} - {REFERENCE, "field"}:
         words = [word for word in (*words, *said) if word != "field"]
     if words and REFERENCE not in words and (is_command(above) or (REFERENCE in said and not unsure)):
-        words.append(REFERENCE)  # for example knee.command.effort, desired.positions
+        words.append(REFERENCE)  # for example knee.command.effort and desired.positions, which are references
     if about & _ERRORS:
         words.append("error")  # for example error.positions, the error of a controller
     named = words == ["motor"] or (not words and (joint or {"joint", "axis"} & {*tokens}))
     if named and unit is not None and unit.si == "rad":
-        words.append("position")  # for example hub1_rad, Joint 1 [deg], elbow [deg]
+        words.append("position")  # for example hub1_rad, Joint 1 [deg] and elbow [deg]: the unit shows a position
     exact = "_".join(tokens)
     if exact in known:
         quantity: str | None = exact

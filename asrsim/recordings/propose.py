@@ -66,7 +66,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
         yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
     others = [column for column in columns if not (column.quantity or column.question)]
     if len(others) == len(columns):
-        # No name means anything, so the user states each meaning.
+        # No column's name has a meaning, so the user states the meaning of each column.
         for one in others:
             target = f"JOINT.QUANTITY [{_unit(one) or 'unit'}]"
             yield _line(f"  # {_yaml({one.source: target})}", "?")

@@ -102,7 +102,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
-        # The time may be in a column whose text is not a date.
+        # If no time is found, it may be in a column of text that is not a date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
@@ -203,7 +203,7 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 unnamed = joints and quantity and column.joint is None
                 if unnamed and first != name and first in names:
-                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that also does
+                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that counts from 0
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
                     raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:

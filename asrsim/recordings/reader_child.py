@@ -15,7 +15,7 @@ if __name__ == "__main__":
     sys.path.insert(0, request["root"])
     from asrsim.recordings.formats import answer_of
 
-    # A user's reader may print, and stdout carries the answer.
+    # Redirect what a user's reader prints, since stdout carries the answer.
     with redirect_stdout(sys.stderr):
         answer = answer_of(request)
     sys.stdout.buffer.write(answer)

@@ -100,7 +100,7 @@ class TimeKeys:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names or numbers of the time's columns."""
+        """Headers, or numbers in the file, of the columns that contain the time."""
         return () if self.column is None else one_or_more(self.column)
 
     @property

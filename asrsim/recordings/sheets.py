@@ -118,7 +118,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
     full = [name for name, rows in tables.items() if sum(any(isinstance(cell, float) for cell in row) for row in rows) > 1]
     if not full:
         raise RecordingError("has no sheet with rows of numbers", code="no-numbers")
-    # A row with a single filled cell is a title, not part of the table.
+    # Empty the rows with a single filled cell: such a row is a title, not part of the table.
     rows = [row if sum(cell != "" for cell in row) > 1 else [] for row in tables[full[0]]]
     found = read_cells([[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:

@@ -22,7 +22,9 @@ _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
 _FEWEST = 20
 """Smallest number of samples for a comparison of two columns."""
 _NEAR, _FAR = 1.5, 10.0
-"""Distance from all other numbers, relative to their range, above which a number is suspected to mark missing values."""
+"""A number is suspected to mark missing values if its distance from all other numbers exceeds the range of these numbers by the
+factor _NEAR for typical marks such as 999, else by the factor _FAR.
+"""
 _LIMITS = (2.0**15, 2.0**15 - 1, 2.0**16 - 1, 2.0**31, 2.0**31 - 1, 2.0**32 - 1)
 """Largest and smallest integers, which mark missing values in some files."""
 _OTHERS = 0.3
@@ -216,7 +218,8 @@ def _turns(values: Array) -> int:
         return 0
     changes = np.array([np.mean(np.abs(values[lag:] - values[:-lag])) for lag in range(1, min(41, len(values) // 2))])
     near = np.flatnonzero(changes < 0.1 * changes[0])
-    # Smooth motions change most in half a period, and a resting sensor alternates between neighbouring values.
+    # Do not suspect a smooth motion, which changes most in half a period, or a resting sensor, which alternates between
+    # neighbouring values.
     apart = changes.max() < 3 * changes[0] and changes[0] > 10 * np.diff(np.unique(values)).min()
     return int(near[0]) + 1 if len(near) and apart else 0
 

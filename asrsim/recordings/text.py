@@ -43,7 +43,7 @@ NumberedLine = tuple[int, list[str]]
 
 def split(line: str, separator: str | None) -> list[str]:
     """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
-    if " " not in line and '"' not in line:  # most files: no cell needs more work
+    if " " not in line and '"' not in line:  # as in most files, no cell has blanks or quotes to remove
         return line.split(separator)
     if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
@@ -269,7 +269,7 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
     for (_, cells), kind in zip(rows, kinds, strict=True):
         kind[:] = ["missing" if i in naming and one == "text" else one for i, one in enumerate(kind)]
         naming = naming or name_columns(_uncommented(cells))
-    # The kind of the first cell distinguishes rows of the table from lines above, such as "Samples 400 400" or "Operator Ada".
+    # The kind of its first cell distinguishes a row of the table from lines above, such as "Samples 400 400" or "Operator Ada".
     shape = Counter((len(row), row[0] == "text") for row in kinds[len(rows) // 2 :]).most_common(1)[0][0]
     columns, lowest = shape[0], reading.header or 0
     # Fraction of values among the cells of each row; None for comments and rows of another shape.
@@ -403,7 +403,7 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
     quoted = bool(reading.decimal) or any('"' in line for line in lines)
     layouts = [(word, mark) for word in words for mark in marks if word != mark or quoted]
     best, most = layouts[0], -math.inf
-    # Separators that occur are tried first: no layout with one column has the highest score, 1.
+    # Try the separators that occur first, and stop at the highest score, 1: no layout with one column has this score.
     for layout in sorted(layouts, key=lambda one: all(len(split(line, SEPARATORS[one[0]])) == 1 for line in lines)):
         found = score(layout)
         if found > most:

@@ -38,7 +38,7 @@ _DIGITS = 9
 _MOST_JOINTS = 1000
 """Largest number of joints that a column may name row by row."""
 _COARSE = 0.1
-"""Fraction of samples that may repeat the stamp of the previous sample; above it, the clock is coarser than the sampling."""
+"""If more than this fraction of the samples repeat the stamp of the previous sample, the clock is coarser than the sampling."""
 _GAP = 1.7
 """A step longer than this multiple of the usual time step contains missing samples."""
 
@@ -102,7 +102,7 @@ def is_time(name: str, unit: Unit | None = None) -> bool:
     words = _stem(name)
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
-    # LabVIEW calls the time X_Value.
+    # Accept X_Value, which is LabVIEW's name for the time.
     return words == ["x", "value"] or (bool(words) and {*words} <= TIME_WORDS and words != ["field"])
 
 
@@ -152,7 +152,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
             hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
-        # A flag column may precede the time column.
+        # A flag column may precede the time column: look for a second time first behind the time column.
         second = next((place for place in named if place > places[0]), named[0])
         _check_second_time(names, places[0], second, findings)
     alone = len(places) == 1
@@ -284,7 +284,7 @@ def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, f
     changed = np.any([values[repeated] != values[repeated - 1] for values in series], axis=0)
     if np.mean(changed) <= _COARSE:
         return None
-    # The first and the last stamp may have fewer samples than the others.
+    # Leave out the first and the last stamp, which may have fewer samples than the stamps between them.
     begin = min(1, len(stamps) - 2)
     return float(np.min(np.diff(stamps))), float((firsts[-1] - firsts[begin]) / (stamps[-1] - stamps[begin]))
 

@@ -129,7 +129,7 @@ class _Tags:
         known = (*BLOCK_TAGS, *tag_parameters(actuator))
         for name, tag in self.by_name.items():
             if name not in known:
-                # A tag that the block already has is not suggested.
+                # Do not suggest a known tag that the block already has.
                 close = nearest(name, [one for one in known if one not in self.by_name])
                 hint = f"Did you mean <{close}>?" if close else None
                 message = f"unknown tag <{name}>; it has no effect"

@@ -18,7 +18,7 @@ class Chain(NamedTuple):
     """
 
     parents: Any
-    """Body that carries each joint's body, (n,); it precedes this body."""
+    """Body that carries each joint's body, (n,); its number is smaller than that of the body it carries."""
     places: Any
     """Index (n,) of each of the robot's joints in the other arrays."""
     slides: Any
@@ -40,7 +40,7 @@ class Chain(NamedTuple):
     carried: Any
     """Work space (n, 4, 4): pseudo-inertia, in the world frame, of all bodies that each joint carries."""
     room: Any
-    """Work space (4, 4)."""
+    """Work space (4, 4) for a product of matrices."""
 
 
 def find_masses(chain: Chain, positions: Any, matrix: Any) -> None:

@@ -39,7 +39,7 @@ class Closure:
     axis: Vector
 
     def loops(self, *, points: int) -> tuple[Loop, ...]:
-        """Loops with coinciding points; at most the given number of points."""
+        """Loops that close this joint, each at one point. points: largest number of these points."""
         axis = np.array(self.axis) / np.linalg.norm(self.axis)
         across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         places = [np.zeros(3), SIZE * axis, SIZE * across / np.linalg.norm(across)]
@@ -52,7 +52,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
     closures = [*_loop_joints(findings, root, robot), *_sdf_joints(findings, root, robot)]
     while closures:
         for points in (1, 3):
-            # A fixed joint always needs its three points.
+            # Only a hinge may need fewer points: a fixed joint always needs its three.
             parts = [closure.loops(points=3 if closure.points == 3 else points) for closure in closures]
             closed = replace(robot, loops=tuple(loop for part in parts for loop in part))
             found = assembly_of(closed).errors
@@ -74,7 +74,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
 
 
 def _together(robot: Robot, number: int) -> Sequence[int]:
-    """All loops in the linkage of a loop."""
+    """Indices of all loops in the linkage to which the loop with this number belongs."""
     try:
         return next((linkage.loops for linkage in linkages_of(robot) if number in linkage.loops), (number,))
     except RobotError:
@@ -135,7 +135,7 @@ def _closure(
     poses: Sequence[Pose],
     axis: Sequence[float],
 ) -> Iterator[Closure]:
-    """The closure, if its links exist and its type can be simulated."""
+    """The closure that an element states, if its links exist and its type can be simulated."""
     name, names = name_of(element) or "loop", {link.name for link in robot.links}
     missing = [link for link in links if link not in names]
     reason = f"there is no link '{missing[0]}'" if missing else f"a joint of type '{kind}' cannot close a loop"

@@ -26,7 +26,7 @@ HEAVY = 50.0
 DENSITY = 100.0
 """Largest plausible density of a robot, over the cube around it, kg/m^3; industrial arms have 10 to 30."""
 AWAY = 2.0
-"""Largest plausible distance of a centre of mass from all known parts of the robot, m."""
+"""Largest plausible distance of a centre of mass from its link's frame, in addition to twice the size of the robot, m."""
 DEGREES = (20.0, 720.0)
 """Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
 WIDE = 100.0
@@ -34,11 +34,11 @@ WIDE = 100.0
 UNUSUAL = 1e4
 """Largest usual ratio of a parameter to its default; the smallest usual ratio is the inverse."""
 ROTORS = 0.05
-"""Relative difference between the rotor inertia in the file and the inertia of the actuator's motors above which they
-contradict each other.
+"""Relative difference between the rotor inertia in the file and the inertia of the actuator's motors, above which these two
+values contradict each other.
 """
 EXCHANGED = 1.5
-"""Smallest distance of two parameters from their defaults, in powers of ten, at which they may have been exchanged."""
+"""Two parameters may have been exchanged if each differs from its default by at least this number of powers of ten."""
 GAINS = ("proportional", "integral", "derivative")
 
 

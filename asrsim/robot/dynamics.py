@@ -151,7 +151,7 @@ class RobotModel:
         at = bodies[body] @ place @ (*point, 1.0)
         jacobian = np.zeros((*at.shape[:-1], 6, len(self._parents)))
         while body:
-            # The twist along the axes of the world, at the origin of the world.
+            # Take the twist along the axes of the world, for the point of the body at the origin of the world.
             twist = bodies[body] @ self._twists[body - 1] @ np.linalg.inv(bodies[body])
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
@@ -196,7 +196,7 @@ class RobotModel:
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
-        # The general equations, without terms of velocity and acceleration.
+        # These are the equations of `_torques` without the terms of velocity and acceleration.
         rises = self._rises(steps, backs, self._gravity)
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
@@ -250,7 +250,7 @@ class RobotModel:
     def _steps(self, positions: Array) -> Array:
         """Pose of each body in the frame of the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
         first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
-        # The square of a sliding joint's twist is 0.
+        # For a sliding joint the second-order term is 0, since the square of its twist is 0.
         second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
         return np.moveaxis(self._origins @ (np.eye(4) + first + second), -3, 0)
 
@@ -291,12 +291,12 @@ class RobotModel:
         return torques + self._armature * accelerations if self._armature.any() else torques
 
     def _lift(self, gravity: Array) -> Array:
-        """Upward acceleration (4, 4) of the base that replaces gravity."""
+        """Upward acceleration (4, 4) of the base that has the same effect as gravity."""
         lift: Array = frame(-gravity @ self._base[:3, :3], np.eye(3)) - np.eye(4)
         return lift
 
     def _rises(self, steps: Array, backs: NDArray[Any], gravity: Array) -> list[Array]:
-        """Acceleration of the base that replaces gravity, along the axes of each body."""
+        """The upward acceleration of the base that replaces gravity, along the axes of each body."""
         rises = [self._lift(gravity)]
         for parent, step, back in zip(self._parents, steps, backs, strict=True):
             rises.append(back @ rises[parent] @ step)

@@ -38,7 +38,7 @@ def edited_urdf(data: bytes, robot: Robot, changes: Mapping[str, Mapping[str, fl
     ]
     if lacking:
         raise RobotError(lacking)
-    # Comments may stand before and after the root element.
+    # Write the comments before and after the root element, too.
     parts = [*reversed([*root.itersiblings(preceding=True)]), root, *root.itersiblings()]
     texts = [etree.tostring(part, encoding="unicode", with_tail=False) for part in parts]
     return "\n".join(['<?xml version="1.0"?>', *texts, ""]).encode()
@@ -66,7 +66,8 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
         _set_text(tags[-1], value)  # if a tag is repeated, the last counts
         return True
     if name == "armature" and joint is not None:
-        # The file's rotors are the sum of the armature and the rotors of transmissions; behind a spring these have no effect.
+        # The file's rotor inertia of a joint is the sum of its armature and of the rotors of its transmissions; behind a
+        # spring, this inertia has no effect.
         dynamics = next(iter(elements(joint, "dynamics")), None)
         own = float(dynamics.get("armature") or 0.0) if dynamics is not None else 0.0
         rest = float(value) - (robot.joint(owner).rotor_inertia - own)
@@ -105,7 +106,7 @@ def _child(parent: Any, tag: str) -> Any:
 
 
 def _added(parent: Any, tag: str) -> Any:
-    """New last child, on its own line if the first child has its own line."""
+    """New last child of an element, on a separate line if the first child is on a separate line."""
     child = etree.SubElement(parent, tag)
     previous = child.getprevious()
     if previous is not None and not (parent.text or "").strip():

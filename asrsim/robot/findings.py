@@ -24,7 +24,7 @@ _HINTS = (
     (re.compile(r"[-+]?\d+,\d+"), "Write a decimal point"),
     (re.compile(r"[-+]?[\d.]+\s*[^\W\d].*"), "Write the number without its unit, in SI units"),
 )
-"""Patterns of texts that are not numbers, and what to write instead."""
+"""Patterns of texts that are no numbers, each with advice what to write instead."""
 
 
 _BLANKS = re.compile(f"[{BLANKS}]+")

@@ -24,7 +24,7 @@ FREEDOMS = ("planar", "spherical", "ball")
 STEEPEST = 1.5
 """Largest angle of the second hinge of a spherical joint, rad."""
 REACH = {"prismatic": math.inf, "revolute": STEEPEST, "continuous": math.inf}
-"""Limits of the parts in both directions, rad or m, by type."""
+"""Limit in both directions of a joint of one freedom that replaces a joint of several freedoms, rad or m, by its type."""
 
 
 def divide_joints(findings: Findings, root: Any, locked: Sequence[str]) -> bool:

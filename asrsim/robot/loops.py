@@ -34,7 +34,9 @@ exports.
 GROWN = 0.99 * ROUNDED
 """Gap at which the range of a linkage ends, m."""
 DEAD = 1e-6
-"""Smallest ratio of the singular values of a linkage's Jacobian: below, the master stands at a dead centre."""
+"""Ratio of the smallest to the largest singular value of the derivatives of a linkage's gaps by its followers, below which the
+master is at a dead centre.
+"""
 ROUNDS = 25
 """Largest number of rounds of Newton's method."""
 STRIDE = 0.15
@@ -214,9 +216,9 @@ class Linkage:
         for _ in range(ROUNDS):
             gap, jacobian = self.equations(q)
             step = -(np.linalg.pinv(jacobian[..., first:], rcond=1e-9) @ gap[..., None])[..., 0]
-            # A distant posture is approached in short steps, so that the search does not jump to another branch.
+            # Approach a distant posture in short steps, so that the search does not jump to another branch of closed postures.
             q[..., moved] += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, keepdims=True), 1e-300))
-            # The next step of Newton's method would be smaller than rounding.
+            # Stop where the next step of Newton's method would be smaller than rounding errors.
             if not np.abs(step).max(initial=0.0) > 1e-9:
                 break
         return q
@@ -321,7 +323,7 @@ class Trace:
                     break
                 stride *= 0.5
             else:
-                # If the gap grows beyond rounding, the range ends without a dead centre.
+                # The range ends here: at a dead centre if the loops are still closed, without one if the gap has grown.
                 return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)
@@ -354,7 +356,7 @@ class Trace:
         candidates = [there]
         for j in self._limited:
             k = own.joints.index(j)
-            # A follower that reverses between the two postures may exceed its limit there.
+            # A follower that reverses between the two postures may exceed its limit between them.
             if rates[k] * slopes[k] < 0.0:
                 candidates.append(self._between(here, there, rates[k] / (rates[k] - slopes[k])))
         beyond = [row for row in candidates if self._excess(row) > 0.0]

@@ -189,7 +189,8 @@ def _of_transmission(findings: Findings, transmission: Any) -> Iterator[tuple[st
         # ROS 1 writes the reduction in the actuator, ros2_control in the joint, files before ROS 1.0 in the transmission.
         places = (actuator, joints[0], transmission)
         inertia = _first(findings, places, ROTOR, name, 0.0)
-        # A ratio without an inertia has no effect, and some files still contain template text there.
+        # Read the ratio only if there is an inertia: without an inertia the ratio has no effect, and some files still contain
+        # template text in its place.
         ratio = _first(findings, places, RATIO, name, 1.0) if inertia else 1.0
         if inertia < 0.0:
             message = "the inertia of a motor must not be negative"

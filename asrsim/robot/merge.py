@@ -17,7 +17,7 @@ from asrsim.robot.poses import HERE, Pose, roll_pitch_yaw
 
 @dataclass(frozen=True, kw_only=True)
 class LinkPlacement:
-    """Position of a link of the file in the merged robot."""
+    """Body of the merged robot that contains a link of the file, and the link's pose in this body."""
 
     body: str
     """Merged link that contains the link. It is named after the root, or after the link that a moving joint carries."""

@@ -20,7 +20,9 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""Value of a parameter whose problem is already reported. It is compared by identity, since other NaNs are possible."""
+"""Value of a parameter whose problem is already reported. Compare it by identity: a NaN from elsewhere must not count as
+reported.
+"""
 STRIBECK_VELOCITY = 0.1
 """Velocity limit of a joint where the file has none, rad/s (m/s)."""
 Inertia = tuple[float, float, float, float, float, float]
@@ -162,8 +164,8 @@ class Joint:
     spring_reference: float = 0.0
     """Rest position of the passive spring, rad or m (`<springReference>`)."""
     mimic: str = ""
-    """Joint that this joint follows: its position is `multiplier` times the position of that joint, plus `offset`; empty: the
-    joint follows no other joint. The followed joint follows no other joint.
+    """Name of the joint that this joint follows: this joint's position is `multiplier` times the position of the followed
+    joint, plus `offset`. Empty: the joint follows no other joint. The followed joint itself follows no joint.
     """
     multiplier: float = 1.0
     offset: float = 0.0

@@ -111,7 +111,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
         findings.error(message, None, "robot", code="too-many-joints", hint="Remove joints that do not matter to the motion")
     driven = {(element.text or "").strip() for element in root.iter("joint")}
     links, joints = without_floating_root(findings, links, joints, driven)
-    # A joint that could not be read would make its links look like roots.
+    # Check the tree only in a file without errors so far: if a joint could not be read, its child link would look like a root.
     if not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors

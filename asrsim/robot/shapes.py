@@ -24,7 +24,7 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     """
     geometries = elements(element, "geometry")
     shapes = elements(geometries[0]) if geometries else []
-    # Some programs add elements beside the shape.
+    # Look for the shape among all elements, since some programs add further elements beside it.
     shapes = [shape for shape in shapes if shape.tag in SIZES] or shapes
     if not shapes:
         findings.error("must have a <geometry> with a shape", element, key, code="empty-shape")

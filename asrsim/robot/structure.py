@@ -29,8 +29,8 @@ EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or
 ROUNDING = 1e-15
 """Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
-"""Largest size of a negative moment that counts as a rounding error, as a fraction of the largest moment of inertia of the link
-or the robot.
+"""Largest magnitude of a negative moment of inertia that counts as a rounding error, as a fraction of the largest moment of the
+link (ROUNDED) or of the robot (NEGLIGIBLE).
 """
 X_AXIS: Vector = (1.0, 0.0, 0.0)
 WORLD = "world"

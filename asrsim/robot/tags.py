@@ -77,7 +77,7 @@ REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_t
 """Required tags: without them the toolbox crashes. asrsim does not need the last three."""
 
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
-"""Tags that are not numbers of the actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
+"""Tags of a block that are no parameters of its actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
 
 
 def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:

@@ -17,7 +17,8 @@ from asrsim.robot.tags import parameter_tags
 
 MODE_CHOICES = tuple(f"{mode.number} ({mode.name})" for mode in MODES.values())
 DEFLECTION = 1e-3
-"""Deflection at which an actuator's laws are evaluated, rad; a smaller deflection limit replaces it."""
+"""Deflection at which an actuator's laws are evaluated for a check, rad; the deflection limit is used instead if it is smaller.
+"""
 
 
 def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
@@ -144,7 +145,7 @@ def together_faults(block: ActuatorBlock) -> Iterator[Problem]:
                 code="limits-crossed",
             )
     mode = MODES[block.mode]
-    # Voltages and currents are for electric motors.
+    # In modes that command a voltage or a current, the motors need the constants of electric motors.
     lacking = missing_constants(block.values(), ACTUATORS.get(block.actuator).motors, mode) if mode.command != "torque" else ()
     if lacking:
         message = f"mode {mode.number} ({mode.name}) cannot drive its motors: {' and '.join(lacking)} must be larger than 0"

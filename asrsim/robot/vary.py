@@ -1,4 +1,4 @@
-"""Robot with other numbers: parameters of actuators, damping and friction of joints, inertias of links."""
+"""Robot with other values of its parameters: those of actuators, damping and friction of joints, and inertias of links."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
                 problems.append(Problem(message, key=key, meant=name, choices=known, code="unknown-parameter"))
             if fault:
                 problems.append(Problem(fault, key=f"{owner}.{name}", value=f"{value:g}", code="parameter-range"))
-        # One copy of each object, since every evaluation of a fit calls this function.
+        # Copy each joint or link only once, since every evaluation of a fit calls this function.
         if of_joint:
             joints[owner] = replace(joints[owner], **of_joint)
         if of_block:
@@ -98,7 +98,7 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
 def names_of(
     owner: str, blocks: Mapping[str, ActuatorBlock], joints: Mapping[str, Joint], links: Mapping[str, Link]
 ) -> tuple[str, ...]:
-    """Names of the numbers of a joint or link."""
+    """Names of the parameters of a joint or link that can be varied."""
     names: tuple[str, ...] = ()
     if owner in joints:
         names += (*(blocks[owner].parameters if owner in blocks else ()), *JOINT_NAMES)
@@ -116,7 +116,7 @@ def _declared(actuator: Any, stages: tuple[Any, ...]) -> dict[str, Parameter]:
 
 
 def _with_inertial(link: Link, numbers: Mapping[str, float]) -> Link:
-    """The link with other numbers, by the names in `LINK_NAMES`; a link without inertia has the inertia 0."""
+    """The link with other values of mass, centre and inertia, by the names in `LINK_NAMES`; a missing inertia counts as 0."""
     x, y, z = (numbers.get(name, old) for name, old in zip(CENTRES, link.centre_of_mass, strict=True))
     inertia = link.inertia
     if not _INERTIAS.isdisjoint(numbers):

@@ -74,7 +74,7 @@ def _checked_eval(expression: str, table: Any, _local: Any = None) -> Any:
         if isinstance(node, ast.Name) and (node.id.startswith("__") or node.id == _GUARD):
             raise RefusedError(f"the name '{node.id}' may not be used in an expression", code="xacro-refused")
     code = compile(ast.fix_missing_locations(_Guarding().visit(tree)), "<expression>", "eval")
-    # Xacro's symbol table is passed as the global name space, so that comprehensions see the table's names.
+    # Pass xacro's symbol table as the global name space, so that comprehensions see its names.
     table.update({"__builtins__": {}, _GUARD: _attribute})
     return eval(code, table)
 

@@ -45,7 +45,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False, notes: list[Probl
     Files that ROS and Gazebo read are mended where they are not well-formed. large: texts of more than 10 MB are valid, as in
     meshes. notes: list to which warnings about mended faults are added.
     """
-    # PyBullet's tools write the XML version 0.0, which does not exist.
+    # Replace the XML version 0.0, which does not exist, but which PyBullet's tools write.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     found: list[Problem] = []
     try:

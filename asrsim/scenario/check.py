@@ -29,7 +29,7 @@ from asrsim.scenario.starts import stated_start
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
 MOST_TICKS = 100
-"""Largest number of ticks of a sensor or a command in a step: each splits a step into pieces."""
+"""Largest number of ticks of a sensor or a command in a step: each tick splits the step into further pieces."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)

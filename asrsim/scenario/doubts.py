@@ -113,7 +113,7 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Warnings: references beyond the limits of joints, motors and springs."""
-    # Joints may share a signal.
+    # Evaluate each signal once, since joints may share it.
     known: dict[int, tuple[float, float]] = {}
 
     def ends(signal: Signal) -> tuple[float, float]:

@@ -132,7 +132,7 @@ def scenario_from_data(
     Files are found in `files` (name in the data -> path, as in `Scenario.attachments`), or else in `base_dir` (default: the
     working folder). `robot` replaces the robot of the data. Raises ScenarioError with every problem.
     """
-    # The data may be those of an old log.
+    # Accept former names of keys, since the data may come from an old log.
     known = with_new_keys(node_from_data(dict(data)), told=False)
     root = apply_overrides(known, overrides, robot)
     reading = DocumentReading(base=Path(base_dir) if base_dir is not None else Path(), files=files or {})

@@ -11,7 +11,7 @@ from asrsim.robot.mounting import reference_names
 from asrsim.scenario.data import Scenario
 
 MOVING = ("initial", "armature", "external_torques", "desired", "motion", "reference_ranges", "expect")
-"""Keys that apply to all moving joints; other keys apply to joints with an actuator."""
+"""Keys whose entries may name any moving joint; entries of other keys name joints with an actuator."""
 CHECKED_WITH_VALUES = ("actuators", "modes", "parameters")
 """Keys whose joints are checked when the scenario is applied to the robot."""
 TABLES = {

@@ -80,7 +80,7 @@ def _check_key(key: str) -> None:
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
     path = split_path(key)
     if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
-        # Sweeps and fits use JOINT.PARAMETER for a joint's parameter.
+        # Explain the key of a joint's parameter: sweeps and fits call it JOINT.PARAMETER, scenarios do not.
         raise ScenarioError(
             "is not a key of a scenario",
             key=key,

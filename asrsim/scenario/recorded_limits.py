@@ -16,7 +16,7 @@ from asrsim.samples import Array
 SPAN = 0.02
 """Time over which speeds are computed from positions, s: noise of 1 mrad then changes a speed by about 0.1 rad/s."""
 MARGIN = 1.02
-"""Factor by which the largest value must exceed the limit, as a margin for noise."""
+"""Smallest ratio of the largest recorded value to the limit at which the limit counts as exceeded, as a margin for noise."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -271,7 +271,7 @@ def _initial(
         if inside != start:
             remarks.append(f"{joint.name}: its first position {start:.6g} is outside of its limits; it starts at {inside:.6g}")
         if abs(inside) > 1e-9:
-            # A limit keeps all digits: a rounded start could exceed it.
+            # A start at a joint limit keeps all digits of the limit: a rounded start could lie beyond the limit.
             initial[joint.name] = inside if inside != start else float(f"{inside:.9g}")
     return initial
 

@@ -22,7 +22,7 @@ def relocated(scenario: Scenario, folder: Path) -> dict[str, Any]:
         for _, kind, node in walk(SCENARIO, root)
         if isinstance(kind, File) and node.value is not None
     }
-    # Robot and packages are not among the attachments.
+    # Change the paths of robot and packages here, since these files are not among the attachments.
     return {
         **root.plain(paths),
         "robot": robot_key(scenario.robot, folder, scenario.xacro_arguments, scenario.package_paths),

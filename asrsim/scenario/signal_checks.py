@@ -19,11 +19,11 @@ POINTS = 2000
 FARTHEST = 1e6
 """Largest desired position, rad or m; rounding of larger values hides motions."""
 ROUNDING = 1e-9
-"""Relative rounding error of a signal's values."""
+"""Largest relative rounding error of a signal's values."""
 GOLDEN_RATIO = 0.5 * (1.0 + math.sqrt(5.0))
-"""Its multiples modulo 1 fill the interval from 0 to 1 evenly."""
+"""Golden ratio, whose multiples modulo 1 fill the interval from 0 to 1 evenly."""
 SLACK = 2e-9
-"""Distance in s between the time of a jump that a signal states and the jump of its values, from rounding."""
+"""Largest distance in s, due to rounding, between a jump time that a signal states and the jump of its values."""
 MOST_JUMPS = 100
 """Largest number of jumps per step."""
 

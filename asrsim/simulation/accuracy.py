@@ -29,7 +29,7 @@ from asrsim.simulation.start import Start
 COMPARED = ("link_position", "link_torque")
 MEASURES = ("position_max", "position_rms", "torque_max", "torque_rms")
 BLOCK = 500
-"""Number of logged samples after which all runs are compared."""
+"""Number of logged samples between two comparisons of the runs."""
 ORDER_TOLERANCE = 0.35
 """Tolerance of the measured order of convergence: an order that is lower than the order of the scheme by more than this value
 is reported, and the estimate of the error uses the measured order. A higher order is not reported.

@@ -53,9 +53,9 @@ class Common(NamedTuple):
     sizes: Any
     """Number of substeps in each stride (s,), increasing from 1."""
     deflections: Any
-    """Deflection (s, joints) in rad up to which each stride resolves the springs of each joint in any case."""
+    """Deflection (s, joints) in rad up to which the springs of each joint are soft enough for each stride."""
     stiffest: Any
-    """Largest stiffness (s, joints) of the springs of each joint in each stride, N m/rad."""
+    """Largest stiffness (s, joints) of the springs of each joint that each stride resolves, N m/rad."""
     shares: Any
     """Length (s, s) of the kick between two strides, as a fraction of the second stride."""
 
@@ -79,9 +79,11 @@ class RowSelection(NamedTuple):
     watched: int
     """1 if energies, limits and stiffness are computed, else 0."""
     of_state: Any
-    """Recorded columns of S; in plain Python, a function that returns their numbers from a joint's state."""
+    """Columns of S that are recorded; in plain Python, a function that returns the values of these columns from a joint's
+    state.
+    """
     of_inputs: Any
-    """Recorded columns of the references; in plain Python, a function that returns their numbers from a row."""
+    """Columns of the references that are recorded; in plain Python, a function that returns their values from a row."""
 
 
 class Corrections(NamedTuple):

@@ -34,14 +34,14 @@ class InputBlock:
     row: int = 0
     """Number of rows that have been simulated."""
     steady: Inputs | None = None
-    """Inputs of all these worlds, if all rows are equal."""
+    """Inputs of all worlds of the block, if all rows are equal; else None."""
     until: int = 0
     """Substep up to which equal rows are valid, and can be used again."""
 
 
 class Blocks:
-    """Advances worlds through blocks of inputs. Calls of equal length reuse a block while only the values that callers set
-    differ.
+    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if both have equal length, and
+    their inputs differ only in the values that callers set.
     """
 
     def __init__(self, core: Core, inputs: Sequence[Inputs], *, chunk: int, threads: int) -> None:
@@ -153,7 +153,9 @@ class Blocks:
         return block
 
     def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
-        """Groups of worlds with equal inputs and times: inputs, number of the next substep, and indices in `numbers`."""
+        """Groups of worlds with equal inputs and times. For each group: its inputs, the number of its next substep, and the
+        indices of its worlds in `numbers`.
+        """
         done, first = self._core.done[numbers], self._inputs[numbers[0]]
         substep = int(done[0])
         if self._equal_inputs is None:

@@ -139,7 +139,7 @@ class NativeEngine(BoundEngine):
         self.engine, self._native, self.states, self._strides = engine, native, states, strides
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
-        # Made here, before there are threads: the first records may be those of the engine itself.
+        # Make the first call here, before there are threads: its records may be those of the engine itself.
         self._calls = [self._new_call(1, self._new_records())]
         """Calls that are free for the next thread."""
 
@@ -152,7 +152,9 @@ class NativeEngine(BoundEngine):
         return call if len(call.exchange) >= pieces else self._new_call(pieces, call.records)
 
     def _new_call(self, pieces: int, records: NDArray[np.int64]) -> EngineCall:
-        """Arguments with these addresses of records."""
+        """Arguments of the engine for a kick of up to `pieces` pieces. records: addresses of the engine's records, one per
+        stride.
+        """
         return EngineCall(self._native.address, records, np.zeros((pieces, len(self.engine.joints), 6)))
 
     def _new_records(self) -> NDArray[np.int64]:

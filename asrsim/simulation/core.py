@@ -47,8 +47,8 @@ def is_worth_compiling(joints: int, substeps: int) -> bool:
 
 
 class Core:
-    """N worlds of one robot. The worlds share an engine; a world whose links have other inertias has a separate engine, unless
-    it is the only world and the engine can take its inertias.
+    """N worlds of one robot, which share an engine. A world whose links have other inertias than the links in this engine has a
+    separate engine, unless it is the only world and the engine can take its inertias.
     """
 
     def __init__(
@@ -73,14 +73,14 @@ class Core:
 
             self._code, self._run = native, native.compiled_run()
         self._owners: list[Any] = []
-        """Functions that the kernel calls by address, which must stay alive."""
+        """References that keep the functions alive that the kernel calls by address."""
         self.shape: RowShape = shape_of(drives)
         constants = self._bind_joints()
         self._plain_joints: dict[int, list[JointState]] = {}
         self._plain_links: dict[int, list[JointConstants]] = {}
         """States and constants of the joints as records, by number of the world; the Python loop makes them when needed."""
         self._advanced: set[int] = set()
-        """Worlds whose records are newer than their rows of S: rows are written only when they are read."""
+        """Worlds whose records of joints are newer than their rows of S: the rows are updated only when they are read."""
         self._joint_states = np.zeros((worlds, len(drives), self.shape.state))
         self.P = np.repeat(constants[None], worlds, axis=0)
         """Parameters of the worlds, (worlds, joints, columns): table P of `asrsim.simulation.fields`."""
@@ -115,7 +115,8 @@ class Core:
         drives, stepping = self.prepared.drives, self.prepared.stepping
         constants = constants_table(self.prepared, self.shape)
         kinds = kinds_of(drives, self.shape)
-        # Joints with the same actuator and stages share a law: each call computes a digest and checks files in the cache.
+        # Bind a law once for all joints with the same actuator and stages: each binding computes a digest and looks for the
+        # compiled law in the cache folder.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
@@ -169,7 +170,7 @@ class Core:
     # -- engines ----------------------------------------------------------------------------------------------------
 
     def _bound(self, engine: Engine, prepared: Prepared) -> BoundEngine:
-        """Adapter for the engine. The engine has started a run before, since it offers its compiled step only from then on."""
+        """Start the engine, and return its adapter. Only an engine that has started a run offers its compiled step."""
         self._start_engine(engine, prepared)
         native = engine.native if self.compiled else None
         if native is None or self._watch is not None:
@@ -202,7 +203,7 @@ class Core:
             self._own[world] = self._engines[world] = own
 
     def _fits_shared(self, prepared: Prepared) -> bool:
-        """Whether the shared engine has these inertials. An engine of a single world takes them, if it can."""
+        """Whether the shared engine has the inertials of this scenario. The engine of a single world takes them, if it can."""
         if prepared.robot.inertials == self._shared_inertials:
             return True
         if len(self._engines) > 1 or not self._shared.engine.vary(prepared.robot):
@@ -247,7 +248,7 @@ class Core:
         """
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            # The state may have been saved before columns for further stages were added.
+            # Widen the saved rows if columns for further stages have been added since.
             table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)

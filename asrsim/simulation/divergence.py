@@ -46,9 +46,9 @@ class EnergyGuard:
     def __init__(self, prepared: Prepared) -> None:
         """prepared: the scenario with the start of the run."""
         scenario, model, self._joints = prepared.scenario, prepared.model, prepared.drives
-        # The released order is not passive and runs springs that the step does not resolve: it is not checked.
+        # Do not check runs in the released order: it is not passive, and runs springs that the step does not resolve.
         self._active = model is not None and not prepared.stepping.released
-        # The energy balance of the links ignores the work of contacts and wrenches.
+        # Check the links only without contacts and wrenches, since their energy balance ignores the work of these.
         alone = scenario.world.empty and scenario.fixed_base and not scenario.wrenches
         self._model = model if self._active and alone and _knows_masses(prepared) else None
         self._start = self._fastest = 0.0
@@ -79,7 +79,8 @@ class EnergyGuard:
         # Residuals of actuators are reported above and must not be reported again as residuals of the links.
         kinetic, potential = model.energies(positions, velocities)
         created = float(kinetic + potential - self._start - given.sum() - residual.sum())
-        # The kinetic energy is that of half a step later, so that a conversion of potential energy looks like a gain.
+        # The velocities are half a step later than the positions, so that a conversion of potential to kinetic energy looks
+        # like a gain. Allow for a fraction of the kinetic energy.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return self._joints[int(turnover.argmax())].name, f"the links have gained {created:.3g} J without a source"

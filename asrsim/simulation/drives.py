@@ -205,7 +205,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
         imperfections, sensor = for_joint(scenario.sensor_imperfections, drive.name), None
         if imperfections is not None and imperfections.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
-            # Noise generators with numbers below MOST_MOTORS belong to the commands.
+            # Number the noise generators of encoders from MOST_MOTORS on: lower numbers belong to the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
                 imperfections=imperfections,

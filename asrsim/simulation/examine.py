@@ -62,7 +62,9 @@ DRIVING = ("actuators", "locked", "modes", "parameters", "robot", "stepping")
 
 
 Beside = Callable[[Sequence[Scenario]], Iterable[Problem]]
-"""Function that returns further problems of the variants, which are reported together with those of the examination."""
+"""Function that returns further problems of the variants, which are reported together with the problems that the examination
+finds.
+"""
 
 
 class Examined(NamedTuple):
@@ -93,7 +95,8 @@ def examine(
         robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
         variant, overrides: Variant and overrides of a scenario file, as in `asrsim.run`.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
-        beside: Function that returns further problems, such as those of the folder for results, if there are problems at all.
+        beside: Function that returns further problems, such as those of the folder for results. It is called only if the
+            examination finds problems.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.
     """

@@ -176,7 +176,7 @@ class JointConstants:
 
 @dataclass(slots=True)
 class JointKind:
-    """Kind of a joint, and places of the parts of its rows whose length depends on the robot."""
+    """Kind of a joint, and the columns at which those parts of its rows begin whose length depends on the robot."""
 
     sprung: int = constant("flag: 1 if springs load the link", "", integer=True)
     controlled: int = constant("flag: 1 if a controller loads the rigid link (mode 1)", "", integer=True)

@@ -83,7 +83,7 @@ class Imperfect(Signal):
             jumps = np.union1d(jumps, ticks(self.step, start, end))
         if imperfections.quantum:
             jumps = np.union1d(jumps, self._crossings(start, end))
-            # A jump of the signal also counts as a crossing.
+            # A jump of the signal is also found as a crossing, at nearly the same time: keep only one of the two.
             jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
         return jumps
 

@@ -42,8 +42,10 @@ KEPT = 4
 
 
 class Given(NamedTuple):
-    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split. Worlds with equal inputs share a set
-    of inputs and references; worlds with equal signals and times share a set of the other tables.
+    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split.
+
+    Worlds whose rows of `inputs` and `references` are equal share a set of these two. Worlds with the same signals at the same
+    time share a set of `wrenches`, `lengths` and `cuts`.
     """
 
     inputs: Array
@@ -332,7 +334,7 @@ def chunk_at(substep: int, longest: int) -> tuple[int, int]:
 def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:
     """Values (n, rows, columns) of a table of signals at `time` (n,). columns: number of columns of a table without rows."""
     values = np.empty((len(time), len(signals), max(map(len, signals), default=columns)))
-    # Equal signals share their samples.
+    # Sample each signal object once: joints that share a signal share its samples.
     known: dict[int, Array] = {}
     for row, own in enumerate(signals):
         for column, signal in enumerate(own):

@@ -67,7 +67,7 @@ def _staged_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...]) -> 
         except UNDEFINED:
             joint.motors[0].pull = math.nan
             if task >= TASK.remember:
-                # The kick is over: the next torque has no value.
+                # The torques of this kick have been used already: let the next kick give a torque without a value.
                 joint.motors[0].position = math.nan
 
     return laws

@@ -20,7 +20,8 @@ from asrsim.simulation.ledger import update_ledger
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
-"""Number of steps in which a longer stride is possible before a world takes it, since each change disturbs the energy."""
+"""A world takes a longer stride after it was possible in this number of steps, since each change of stride disturbs the energy.
+"""
 OTHER = 2
 """Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
 FASTER = 2.0
@@ -66,7 +67,7 @@ def run(
                 observe(states, constants, kinds, scheme, x, corrections, place, substep // every)
             begin, end, on_time = step, step + 1, -1
             while cut < len(cuts) and 0 <= cuts[cut][0] <= step:
-                # The pieces of a kick are parts of a substep.
+                # Split a kick only if it is a substep long: the lengths of pieces are fractions of a substep.
                 if cuts[cut][0] == step and before == 0 and after == 0:
                     begin, end, on_time = cuts[cut][1], cuts[cut][2], cuts[cut][3]
                 cut += 1
@@ -87,7 +88,7 @@ def run(
                 joint, link, kind = joint_of(states, constants, kinds, j)
                 position, velocity, at_time = motion_of(exchange, end - begin - 1, j)
                 if before != after:
-                    # The time of the substep is not the middle of the kick.
+                    # Between two different strides, the time of the substep is not the middle of the kick: interpolate.
                     at_time = joint.engine_velocity + scheme.first_drift * (velocity - joint.engine_velocity)
                 settle(joint, link, kind, scheme, velocity, at_time, begins, jumped)
                 if watched:
@@ -97,7 +98,7 @@ def run(
                 start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
                 if before != after:
-                    # The velocity from which a whole kick would have led to the new velocity.
+                    # Store the velocity from which a kick over the whole new stride would have led to the new velocity.
                     joint.last_engine_velocity = velocity - (velocity - start) / kicks[0]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1], sound = HEALTH.ran_away, j, False
@@ -133,7 +134,7 @@ def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides:
             motor.theta = place + way if place > joint.position else place - way
             most = max(most, abs(motor.theta - joint.position))
         if strides[w, 2] == OTHER or not most <= common.deflections[longest, j]:
-            # The stiffness at the deflections that the springs can reach in the step.
+            # Compute the stiffness at the largest deflections that the springs can reach in the step.
             spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.whole)
             while longest > 0 and not joint.stiffness <= common.stiffest[longest, j]:
                 longest -= 1

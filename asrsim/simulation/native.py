@@ -156,7 +156,7 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
         if task >= TASK.remember:
-            # The kick is over: the next torque has no value.
+            # The torques of this kick have been used already: let the next kick give a torque without a value.
             motor_of(joint_at(s), 0).position = np.nan
 
 
@@ -212,7 +212,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
         inner = field.metadata.get("record")
         return _dtype(inner) if inner else np.int64 if field.metadata.get("integer") else np.float64
 
-    # Numba does not support records without fields.
+    # Give an empty record a field, since Numba does not support records without fields.
     return np.dtype([(field.name, of(field)) for field in own_fields(kind)] or [("nothing", np.float64)], align=True)
 
 
@@ -343,7 +343,8 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    # The digest of the compiled code contains values of this function that the code uses, and no results of functions.
+    # Store these results in variables: the digest of the compiled code covers variables that the code uses, but not the results
+    # of functions that it calls.
     records, memory = (_type(JointState), _type(JointConstants), _type(JointKind)), columns(JointKind)["memory"]
 
     def passed(*given: Any) -> Any:

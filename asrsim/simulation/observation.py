@@ -71,21 +71,22 @@ class Counts:
     """Number of substeps in which each limit acted during a run; arrays (n,) with an entry for each joint."""
 
     effort: Array
-    """Torque clipped at the URDF's effort limit."""
+    """Substeps in which the torque was clipped at the URDF's effort limit."""
     velocity: Array
-    """Link faster than the URDF's velocity limit (reported, not enforced)."""
+    """Substeps in which the link was faster than the URDF's velocity limit, which is reported but not enforced."""
     saturation: Array
-    """A motor at its torque limit."""
+    """Substeps in which a motor was at its torque limit."""
     motor_stop: Array
-    """A motor at its position stop."""
+    """Substeps in which a motor was at its position stop."""
     motor_speed: Array
-    """A motor at its speed limit."""
+    """Substeps in which a motor was at its speed limit."""
     deflection: Array
-    """A spring beyond its maximum deflection."""
+    """Substeps in which a spring was beyond its maximum deflection."""
     stop: Array
-    """A link at or beyond its position limit, where the engine stops the link; the impact dissipates energy."""
+    """Substeps in which the link was at or beyond its position limit, where the engine stops it; the impact dissipates energy.
+    """
     stiffest: Array
-    """Largest stiffness of the spring at a logged step, N m/rad."""
+    """Largest stiffness of the joint's springs at the logged steps, N m/rad."""
     substeps: int
 
 

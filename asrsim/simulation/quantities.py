@@ -1,4 +1,4 @@
-"""Quantities that a joint records, and their columns in the tables."""
+"""Quantities that a joint records, and their columns in the table S of states and in the rows of inputs."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ def all_recorded(drives: Sequence[SteppedJoint]) -> tuple[str, ...]:
 
 
 def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], Sequence[float]]:
-    """Function that returns these entries of a row."""
+    """Function that returns the entries of a row in these columns."""
     return itemgetter(*columns) if len(columns) > 1 else lambda row: [row[column] for column in columns]
 
 

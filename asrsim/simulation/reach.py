@@ -135,6 +135,6 @@ def _largest_below(law: Callable[[Array], Array], bounds: Array, limits: Array) 
     for _ in range(ROUNDS):
         width = width / PARTS
         above = ~(law(low[:, None] + width[:, None] * np.arange(1.0, PARTS)) <= bounds[:, None])
-        # The law exceeds its bound at the end of the last part; otherwise `free` is true.
+        # The end of the last part is not evaluated: the law exceeds its bound there, or `free` is true.
         low = low + width * np.where(above.any(axis=1), above.argmax(axis=1), PARTS - 1)
     return np.where(bounds <= 0.0, 0.0, np.where(free, limits, low + width))

@@ -82,7 +82,7 @@ class RunRecording:
         if not self._rows:
             return
         (first, *_), parts = zip(*self._rows, strict=True)
-        # A single block is not copied.
+        # Do not copy a single block.
         rows = parts[0] if len(parts) == 1 else np.concatenate(parts)
         self._rows = []
         prepared = self._prepared
@@ -95,7 +95,7 @@ class RunRecording:
             taken = whole if getattr(sink, "full_rate", False) else logged
             if len(taken.time):
                 sink.write(taken)
-        # After the first substep, the links have moved, but no work is recorded yet.
+        # Do not check the energy after the first substep: the links have moved, but no work is recorded yet.
         fault = self._guard.look(state) if check and substep > 1 else None
         if fault is not None:
             raise runaway(fault[0], min(substep, self._last) * prepared.substep, fault[1], prepared.resolution.omega_h)

@@ -21,7 +21,7 @@ from asrsim.simulation.substeps import Resolution, link_damping
 TOLERATED = 0.1
 """Largest error of an oscillation without a warning, as a fraction of its first amplitude."""
 AIM = 0.02
-"""Error that the proposed number of substeps gives."""
+"""Error that remains with the number of substeps that the warning proposes, as a fraction of the first amplitude."""
 
 
 def resonance_doubts(
@@ -71,7 +71,7 @@ def _system(drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[f
         spring[j, j], damping[j, j] = k + max(drive.joint.spring_stiffness, 0.0), link_damping(drive, k)
     for row, (j, i) in enumerate(motors, start=n):
         own = drives[j].drive
-        assert own is not None  # motors belong to drives
+        assert own is not None  # a joint with motors has a drive
         k = stiffness[j] / own.dynamic_motors
         gains = (own.proportional[i], own.derivative[i]) if own.mode.controller else (0.0, 0.0)
         mass[row, row] = own.motor_inertia[i]

@@ -25,7 +25,7 @@ NO_MOTOR = MotorConstants(**dict.fromkeys(columns(MotorConstants), 0.0))
 
 
 def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]]) -> JointKind:
-    """Kind of a joint with these stages, without the addresses of its functions."""
+    """Kind of a joint that has the given stages; the addresses of its functions are not set yet."""
     mode, sensor = drive.mode, drive.sensor
     sprung = mode is not None and mode.spring
     controlled = mode is not None and not mode.spring and mode.controller
@@ -42,7 +42,7 @@ def kind_of(drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]])
 def constants_of(
     drive: SteppedJoint, shape: RowShape, stages: Sequence[type[Stage]], *, motor_substeps: int, cutoff: bool
 ) -> JointConstants:
-    """Constants of a joint with these stages."""
+    """Constants of a joint that has the given stages."""
     joint, law, values, sensor = drive.joint, drive.link_damping, drive.values, drive.sensor
     follows = drive.mode is not None and drive.mode.spring
     low, high = joint.stops
@@ -88,7 +88,7 @@ def start_of(drive: SteppedJoint, shape: RowShape, position: float, velocity: fl
         motor.position, motor.velocity, motor.anchor, motor.integral = start
     sensor = drive.sensor
     for motor in joint.motors[: sensor.count] if sensor else ():
-        # The memory of a sensor is filled with the values at the start.
+        # Fill the memory of a sensor with the position and velocity at the start.
         x, v = (position, velocity) if sensor.on_link else (motor.position, motor.velocity)  # type: ignore[union-attr]
         seen = [*[x, v] * sensor.memory, 0.0, x, v]  # type: ignore[union-attr]
         joint.memory += [*seen, *[0.0] * (shape.ring - len(seen))]
@@ -113,7 +113,7 @@ def scheme_of(prepared: Prepared) -> Scheme:
 
 
 def kinds_of(drives: Sequence[SteppedJoint], shape: RowShape) -> list[JointKind]:
-    """Kinds of the joints, without the addresses of their functions."""
+    """Kinds of the joints; the addresses of their functions are not set yet."""
     return [kind_of(drive, shape, stages) for drive, stages in zip(drives, shape.stages, strict=True)]
 
 

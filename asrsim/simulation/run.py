@@ -33,7 +33,7 @@ class Run:
     robot: Robot
     info: RunInfo
     status: str
-    """How the run ended: `complete`, `interrupted` (stopped by the caller) or `diverged`."""
+    """State in which the run ended: `complete`, `interrupted` (stopped by the caller) or `diverged`."""
     resolution: Resolution
     counts: Counts
     wall_time: float
@@ -79,10 +79,12 @@ def simulate(
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     prepared = prepare(scenario, robot)
-    # By default the C library returns large blocks of memory to the system, and each page of a block causes a page fault when
-    # the memory is needed again. After a block just below 32 MB, its largest limit, has been freed once, it keeps such blocks.
+    # By default the C library returns freed large blocks of memory to the system, and each page causes a page fault when the
+    # memory is needed again. So free a block just below 32 MB once: from then on, the library keeps freed blocks up to this
+    # size.
     np.empty((1 << 22) - (1 << 10))
-    # Live runs of unknown length choose the loop for a long run; a repetition must use the same loop.
+    # A live run of unknown length chooses its loop as for a long run. Its repetition, which states a duration, must use the
+    # same loop.
     steps = prepared.scenario.steps * alike if duration is None else 10**6
     expected = steps * prepared.resolution.substeps
     with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:

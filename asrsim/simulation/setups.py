@@ -1,4 +1,4 @@
-"""Parameters, start and input signals of worlds; worlds with equal values share one setup."""
+"""Setups of worlds: parameters, start and input signals. Worlds with equal parameters, start and signals share a setup."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Setups:
             self._variants[key] = prepared
         inputs, started = self.home.inputs, prepared
         if prepared is not self._prepared and command_delays(prepared.drives) != command_delays(self._prepared.drives):
-            # Another delay of the commands gives other inputs.
+            # Make new inputs, since the commands of this world have other delays than those of the scenario.
             started = prepared.with_references(start.references) if start.references else prepared
             inputs = self._inputs_of(started)
         elif start.references:

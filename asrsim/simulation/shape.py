@@ -1,4 +1,4 @@
-"""Sizes of the rows of joints, and the columns of the parts whose number depends on the robot."""
+"""Sizes of the rows of joints in the tables S and P, and the columns at which the parts of a row with variable length begin."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from asrsim.simulation.layout import GOALS
 
 @dataclass(frozen=True)
 class RowShape:
-    """Sizes of the variable parts of the rows, which are the same for all joints of a robot."""
+    """Sizes of those parts of a row in S and P whose length depends on the robot. They are equal for all joints of a robot."""
 
     motors: int
     """Number of motors in every row."""
     ring: int
     """Number of values in the memory of one sensor."""
     stages: tuple[tuple[type[Stage], ...], ...]
-    """Stages of each joint, in the order of their places."""
+    """Stages of each joint, in the order of their columns."""
     kept: tuple[type[Stage], ...]
     """Stages whose state is in every row."""
     constants: int
@@ -75,7 +75,8 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
     ring = max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0)
     shape = RowShape(
         motors=max(drive.positions for drive in drives),
-        # Other parameters may shorten the delay of a sensor.
+        # Keep the earlier size of the ring: with the new parameters a sensor's delay may be shorter, but the columns must stay
+        # where they are.
         ring=ring if before is None else before.ring,
         stages=tuple(stages),
         kept=kept,

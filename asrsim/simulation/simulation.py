@@ -96,7 +96,7 @@ class Simulation:
         self._holding = self.engine
         """The engine to which these wrenches have been passed."""
         self._numbers: Numbers = {}
-        """Parameters of all resets so far."""
+        """Parameters that all resets so far have set; each reset replaces those that it names."""
         self.recording = self._new_recording(prepared)
 
     def _new_recording(self, started: Prepared) -> RunRecording:

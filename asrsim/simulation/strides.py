@@ -35,9 +35,9 @@ class Strides:
     sizes: tuple[int, ...] = (1,)
     """Number of substeps in each stride (s,)."""
     deflections: Array = field(default_factory=lambda: np.zeros((1, 0)))
-    """Deflection (s, joints) in rad up to which each stride resolves the springs of each joint in any case."""
+    """Deflection (s, joints) in rad up to which the springs of each joint are soft enough for each stride."""
     stiffest: Array = field(default_factory=lambda: np.zeros((1, 0)))
-    """Largest stiffness (s, joints) of the springs of each joint in each stride, N m/rad."""
+    """Largest stiffness (s, joints) of the springs of each joint that each stride resolves, N m/rad."""
 
     @property
     def shares(self) -> Array:
@@ -62,7 +62,7 @@ class Strides:
 
 
 ALWAYS_ALL = Strides()
-"""Worlds that take all substeps."""
+"""Strides of worlds that take all substeps."""
 
 
 def strides_of(prepared: Prepared) -> Strides:
@@ -82,7 +82,7 @@ def strides_of(prepared: Prepared) -> Strides:
 
 
 def _obstacles(prepared: Prepared) -> list[str]:
-    """Properties of the scenario that need all substeps."""
+    """Properties of the scenario with which worlds must take all substeps."""
     drives, found = prepared.drives, []
     if prepared.scenario.engine != "mujoco":
         found.append("needs the engine mujoco")

@@ -26,7 +26,7 @@ from asrsim.simulation.layout import EXTERNAL, GOALS
 from asrsim.simulation.reach import reachable_stiffness
 
 SAMPLES = 2000
-"""Number of intervals in which the references are sampled."""
+"""Number of equal intervals of a run, at whose ends the references are sampled."""
 CONFIGURATIONS = 8
 """Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
@@ -85,9 +85,9 @@ def resolution_of(
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
             if name in ranges:
-                # The largest changes: the reference jumps between its smallest and its largest value.
+                # Assume the largest changes: let the reference jump between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
-    # An engine without dynamics prescribes the motion of the links: springs need no substeps.
+    # Without a model, the engine prescribes the motion of the links, so that springs need no substeps: assume huge masses.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
     places = couplings.expand(_configurations(drives))
@@ -106,7 +106,7 @@ def resolution_of(
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
-    # The standard library's generator, since importing numpy.random takes longer than a short run.
+    # Use the standard library's generator: importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]
@@ -165,7 +165,8 @@ def _resolve(
                 "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
                 "outside"
             )
-        # The growth of motions limits the step for accuracy only, since bounded friction is stable at any step.
+        # Friction that decreases with speed lets motions grow. This growth limits the step only for accuracy: since the
+        # friction is bounded, the step cannot become unstable.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
         mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]
@@ -218,7 +219,7 @@ def _resolve(
 
 
 def _count(ratio: float) -> float:
-    """Smallest whole number of substeps, at least 1; infinite where a ratio of damaged numbers is infinite or NaN."""
+    """Smallest whole number of substeps that is at least `ratio`, and at least 1; infinite if the ratio is infinite or NaN."""
     return max(1, math.ceil(ratio - 1e-9)) if ratio < math.inf else math.inf
 
 

@@ -83,7 +83,7 @@ class WarpCore(Core):
         self._changed = True
         """Whether state or parameters have changed in the host's memory since they were copied to the device."""
         self._given: Given | None = None
-        """Inputs that have been copied to the device."""
+        """Latest inputs that have been copied to the device."""
         self._graph: Any = None
         self._rows: Any = None
         self._loaded = False
@@ -105,7 +105,7 @@ class WarpCore(Core):
         if self.prepared.scenario.world.empty:
             # Friction cones serve contacts only; without them the solver is cheaper.
             model.opt.cone, model.opt.impratio = load().mjtCone.mjCONE_PYRAMIDAL, 1.0
-        # MuJoCo Warp never resets a world by itself, and has no flag for this.
+        # Clear the flag against automatic resets, which MuJoCo Warp does not know: it never resets a world by itself.
         model.opt.disableflags &= ~int(load().mjtDisableBit.mjDSBL_AUTORESET)
         model.dof_solimp[freedoms] = HARD
         model.dof_solref[freedoms] = (-1.0, -HARD[0] / step)
@@ -270,7 +270,7 @@ class WarpCore(Core):
             for name, column in columns.items()
         }
         for one in found.values():
-            # The array keeps the memory alive.
+            # Let each array refer to the state, so that the memory that both share stays alive.
             one.state = self._s
         return found
 

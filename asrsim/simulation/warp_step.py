@@ -35,8 +35,8 @@ from asrsim.warping.translate import Call, Translation
 from asrsim.warping.values import number_as
 
 LOAD, ARMATURE, FRICTION, FRACTION = range(4)
-"""Columns of the loads of a joint: torque in N m, inertia in kg m^2 by which implicit damping acts, friction in N m, length of
-the kick as a fraction of a substep.
+"""Columns of the loads of a joint: torque in N m; inertia in kg m^2 that has the effect of implicit damping; friction in N m;
+length of the kick as a fraction of a substep.
 """
 LOADS = 4
 

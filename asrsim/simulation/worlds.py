@@ -94,9 +94,8 @@ class Worlds:
             chunk: Largest number of substeps whose inputs are sampled in one call.
             watch: Called before each step of the engine.
             engine: Name of the engine; None: the scenario's, or MuJoCo if the scenario states no engine. With "mujoco_warp",
-            MuJoCo
-                Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are not
-                computed. It is made for thousands of worlds: one world takes as long as hundreds.
+                MuJoCo Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are
+                not computed. This engine is made for thousands of worlds: one world takes as long as hundreds.
             device: Device of Warp, such as "cpu" or "cuda".
             adaptive: Whether each world takes fewer substeps while its springs are soft enough
                 (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo; excludes contacts,
@@ -147,7 +146,7 @@ class Worlds:
             self._setups = Setups(prepared, chunk=self.chunk)
             self._worlds = [self._setups.home] * count
             self.blocks = Blocks(self.core, [world.inputs for world in self._worlds], chunk=self.chunk, threads=threads)
-            """Steps of the worlds."""
+            """Object that advances the worlds through blocks of their inputs."""
             self._everyone = np.arange(count)
             self._slots: dict[tuple[str, str], tuple[int, int, float, float]] = {}
             """Joint, column and range of the references that were set, by joint and reference."""
@@ -176,7 +175,7 @@ class Worlds:
     @property
     def time(self) -> Array:
         """Simulated time of each world (N,) in s."""
-        # The formula of numpy.round, which takes four times as long for few numbers.
+        # Write out the formula of numpy.round: the function takes four times as long for a few numbers.
         found: Array = np.rint(self.core.done * self.prepared.substep * 1e12) / 1e12
         return found
 
@@ -416,7 +415,7 @@ class Worlds:
         engine = self.core.engine_of(0)
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
-        # A follower is corrected through its master.
+        # Do not correct the followers: each follows the corrected position of its master.
         followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.corrections = Corrections(observer.measured, np.array(observer.gains), engine.coordinates)
@@ -482,7 +481,7 @@ class Worlds:
         raise InputError(message, key="worlds", value=worlds, code="worlds")
 
     def _check_adaptive(self) -> None:
-        """Raise InputError if these worlds need all substeps."""
+        """Raise InputError if these worlds cannot take longer strides (`asrsim.simulation.strides`)."""
         found, hints = list(filter(is_watched, self.names)), {}
         if self._watched:
             hint = f"Record other quantities than {listed(found, 4)}" if found else "watched=False"

@@ -19,7 +19,7 @@ ROUNDS = 200
 
 
 Loads = Callable[[Array], tuple[Array, Array]]
-"""Function from positions (m, n) to the torques of gravity and the like on the joints (m, n) in N m, and to their slopes
+"""Function from positions (m, n) to the torques of gravity and other loads on the joints (m, n) in N m, and to their slopes
 (m, n, n): entry [i, j] is the change of torque j per displacement of joint i."""
 
 
@@ -80,7 +80,7 @@ def balanced(
         left = values + pulls
         slopes[:, movable] = (changes + own[:, None] * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
-        # A robot with infinite torques does not move.
+        # Leave a robot with infinite torques where it is: its Newton step is undefined.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]
         free = movable & ~pressed & finite
         residual = np.where(free, left, 0.0)
@@ -94,7 +94,8 @@ def balanced(
         along = np.einsum("mji,mj->mi", ways, residual) / np.maximum(np.abs(stiffness), FLAT)
         step = np.where(still, shove * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        # At corners of a law, steps would alternate: after a step that reverses the motion, the next step is shorter.
+        # At a corner of a spring law, steps could jump from side to side for ever: shorten the step after one that reverses the
+        # motion.
         turned = np.sum(step * before, axis=1, keepdims=True) < 0.0
         share, before = np.where(turned, 0.5 * share, np.minimum(2.0 * share, 1.0)), step
         q = np.where(free, np.clip(q + share * step, low, high), q)

@@ -39,7 +39,7 @@ INSTANTS = 8
 CLOSE = 1e-3
 """Distance from the position of rest at which its search ends, rad (m); sags are printed with two digits."""
 SHOVE = 0.1
-"""Displacement by which the search leaves an unstable equilibrium, rad (m): far, since the arm falls a long way."""
+"""Displacement by which the search leaves an unstable equilibrium, rad (m). It is large, since an arm falls far from there."""
 SAG = 0.3
 """Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
 fraction of the joint's scale (see `Holding.scale`)."""
@@ -148,7 +148,7 @@ class _Statics:
             (group, MotorsAtRest([rows[i][1] for i in group], np.stack([rows[i][2] for i in group], axis=1)))
             for group in alike([drive for _, drive, _ in rows])
         ]
-        """Motors, and the numbers of their springs, for each kind of drive."""
+        """A pair for each kind of drive: indices of its joints among those of `drives`, and their motors at rest."""
 
     def weights(self, movable: NDArray[np.bool_]) -> Loads:
         """Torques of gravity on the links in N m. movable: joints that may move."""

@@ -39,7 +39,9 @@ SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
 CARRYING = 3.0
-"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of other joints."""
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry
+none.
+"""
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
 RATIO = 0.3
@@ -53,8 +55,9 @@ class Sizing:
     joints: tuple[Holding, ...]
     """Sag of each joint that has a spring."""
     proposal: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Values of parameters, by joint and parameter, with which no joint sags too much. Empty if no joint sags too much, or if
-    no such values were found."""
+    """Values of parameters, by joint and parameter, with which no joint would sag too much. Empty if no joint sags too much
+    with the present values, or if no better values were found.
+    """
 
     @property
     def weak(self) -> tuple[Holding, ...]:
@@ -93,7 +96,7 @@ def _proposal(scenario: Scenario, robot: Robot, model: RobotModel) -> dict[str, 
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     left, proposal = weak(endless), dict[str, dict[str, float]]()
     stronger = strengthened(scenario, robot) if left else {}
-    # Stronger joints load others, which may then sag.
+    # Joints with stronger motors and springs may load other joints, which then sag: check the proposal.
     while any(joint in stronger for joint in left):
         proposal |= {joint: stronger.pop(joint) for joint in left if joint in stronger}
         left = weak(with_overrides(endless, parameters=proposal))
@@ -121,7 +124,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         else:
             soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
             why = "its motors are too weak" if one.limited else f"{soft} are too soft"
-            # One warning gives the parameters of all joints.
+            # Give the hint only with the first warning: it proposes parameters for all joints.
             message_hint, hint = hint, None
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
