@@ -66,7 +66,11 @@ def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     for text in result.remarks:
         yield text, "dim"
     if result.status == "checked":
-        yield "check only: these intervals are possible with the recordings if the start values are close", "bold"
+        yield (
+            "check only, nothing was fitted: a fit of these recordings would give about these intervals if the start values are "
+            "close to the true values",
+            "bold",
+        )
         return
     if result.status != "complete":
         yield f"{result.status}: the best fit so far", "yellow"

@@ -149,7 +149,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
         raise RecordingError(
             f"none of the columns is a time: {listed(names, 20)}",
             code="no-time",
-            hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
+            hint="Name the time column with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
         # A flag column may precede the time column.
@@ -212,7 +212,9 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
     if unit is None and not alone:
         raise RecordingError(
-            "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
+            "is one of two columns whose sum is the time, so its name must end with a unit of time, such as nanosec",
+            key=name,
+            code="unknown-unit",
         )
     if reading.time.stated is None and alone:
         _check_steps(values, unit, name=name, findings=findings)
