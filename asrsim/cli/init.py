@@ -76,7 +76,7 @@ def init(
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
         asked = "answer the questions, marked `# ?`" if "  # ?" in text else "check this file"
-        hints = [f"wrote {document}: {asked}; every command reads {experiment.name} as it states"]
+        hints = [f"wrote {document}: {asked}; every command reads {experiment.name} as this file states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

@@ -247,7 +247,9 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     message = (
         f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight, or a counter when it is full"
     )
-    findings.append(Problem(f"{message}; its times continue", key=name, code="restarted-clock"))
+    findings.append(
+        Problem(f"{message}; this period is added to the times after each restart", key=name, code="restarted-clock")
+    )
     found = values.copy()
     found[known[1:]] += period * np.cumsum(steps < 0.0)
     return found

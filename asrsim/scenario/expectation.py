@@ -53,7 +53,9 @@ class Expectation:
         default=None,
         doc="a recording to compare with, for measures of a difference",
     )
-    options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
+    options: Mapping[str, Any] = declare(
+        MapOf(of=AnyData(), noun="option", star=False), default={}, doc="options of the measure"
+    )
     line: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:

@@ -156,7 +156,9 @@ class WarpCore(Core):
             )
         self.P[world] = constants_table(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
-            raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")
+            raise SimulationError(
+                "on Warp, masses cannot vary in a world with contacts, or if they move the centre of mass of a floating base"
+            )
         for name, table in self._inertials.items():
             values = np.asarray(getattr(self._engine.raw_model, name))
             table[world] = values.reshape(table[world].shape)
