@@ -36,7 +36,7 @@ def datasheet(
         option(
             "Smallest and largest stiffness preset of the sheet, rad or m.",
             "--presets",
-            default="the actuator's",
+            default="the actuator's range",
             metavar="LOW HIGH",
         ),
     ] = None,

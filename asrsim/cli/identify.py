@@ -90,7 +90,7 @@ def identify(
             "--duration",
             metavar="SECONDS",
             min=0.0,
-            default="no end",
+            default="no limit",
         ),
     ] = None,
     sheet: Annotated[

@@ -77,7 +77,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
         complain(f"the mesh {name} has changed since the run", "yellow")
     if not repetition.identical and not repetition.partial:
         for name, (there, here) in repetition.versions.items():
-            complain(f"the log was written with {name} {there}, this is {here}", "yellow")
+            complain(f"the log was written with {name} {there}, the run was repeated with {here}", "yellow")
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
     line = f"{repetition.path}: {repetition.samples} samples compared{part}: {_verdict(repetition)}"
     if not quiet:

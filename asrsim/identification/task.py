@@ -42,7 +42,7 @@ class Experiment:
 class Wish:
     """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
 
-    start: float | None = declare(NUMBER, default=None, shown="the robot's", doc="where the search begins")
+    start: float | None = declare(NUMBER, default=None, shown="the robot's value", doc="where the search begins")
     low: float | None = declare(NUMBER, default=None, shown="what is physically possible", doc="least value")
     high: float | None = declare(NUMBER, default=None, shown="what is physically possible", doc="largest value")
     own: bool | None = declare(

@@ -93,7 +93,7 @@ class TimeKeys:
         "a date and a time of day; for messages `header` or `received`",
         default=None,
     )
-    unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the header's")
+    unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the unit in the header")
     rate: float | None = declare(
         Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz", default=None
     )

@@ -245,7 +245,10 @@ class Linkage:
                 "positions"
             )
         if not _determined(self.equations(q)[1][:, 1:]):
-            return "does not determine the motion of its joints there: this is a dead centre, or the loop has several freedoms"
+            return (
+                "does not determine the motion of the loop's joints at this position: it is a dead centre, or the loop has "
+                "several freedoms"
+            )
         return ""
 
     @cached_property

@@ -106,7 +106,7 @@ class Scenario:
         MapOf(of=block_of(GivenActuator, "mapping that describes an actuator", main="type"), bare=True),
         default={},
         doc="actuators of joints, in place of the actuators in the robot file",
-        shown="the robot file's",
+        shown="the actuators of the robot file",
     )
     modes: Mapping[str, int] = declare(
         MapOf(of=MODE, bare=True),

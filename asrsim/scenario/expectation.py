@@ -45,7 +45,7 @@ class Expectation:
     reference: str | None = declare(
         Text(text="name of a quantity"),
         default=None,
-        shown="the joint's own",
+        shown="the reference of the joint's position",
         doc="another quantity of the same joint to compare with, for measures of two series",
     )
     against: Path | None = declare(
