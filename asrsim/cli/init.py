@@ -24,7 +24,7 @@ def init(
         Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; for a recording alone FILE.yaml")
     ] = None,
     mode: Annotated[
-        int | None, option("Operation mode of all joints instead of the robot file's.", "--mode", min=0, max=8)
+        int | None, option("Operation mode of all joints, instead of the modes in the robot file.", "--mode", min=0, max=8)
     ] = None,
     actuator: Annotated[
         Texts,

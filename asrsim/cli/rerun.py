@@ -22,7 +22,7 @@ def rerun(
     log: Annotated[Path, argument("LOG", "Log of a run (MCAP), or a folder of runs.")],
     plugins: Annotated[
         Files,
-        option("Plugin file that replaces the plugin file in the log; may be repeated.", "--plugin", metavar="FILE"),
+        option("Plugin file that is run instead of its copy in the log; may be repeated.", "--plugin", metavar="FILE"),
     ] = None,
     trust_plugins: Annotated[
         bool, option("Run the plugin files (Python code) that the log contains.", "--trust-plugins")

@@ -203,7 +203,7 @@ def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     assert summary.live["clamped"] == {"joint_1.equilibrium_position": 3}
     told = [text for text in said if "further messages are only counted" in text]
     assert len(told) == len(set(told)) == len(summary.live["dropped"])
-    assert len([text for text in said if "clamped; later values are only counted" in text]) == 1
+    assert len([text for text in said if "clamped; later values outside are only counted" in text]) == 1
     command, low, *_ = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert (command.joint, command.reference) == ("joint_1", "equilibrium_position")
     assert command.value == session.simulation.scenario.ranges_of("joint_1")["equilibrium_position"][1]
