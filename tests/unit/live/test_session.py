@@ -306,7 +306,7 @@ def test_objects_that_a_program_has_excluded_from_garbage_collection_stay_exclud
         (["joint_1"], [(0.1, [math.nan], [])], "not finite"),
         (["joint_1"], [(0.1, [1e308], [-1e308]), (0.2, [-1e308], [1e308])], "too large for a robot"),
         (["joint_1"], [(1e308, [0.1], [])], "order of time"),
-        (["nobody"], [(0.1, [0.1], [])], "without commands"),
+        (["nobody"], [(0.1, [0.1], [])], "takes none on this topic"),
     ],
 )
 def test_a_wrong_trajectory_is_refused(tmp_path, names, points, why):
