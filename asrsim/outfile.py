@@ -56,7 +56,7 @@ _LOOKED_AT = 1 << 16
 
 
 def is_ours(path: Path, kind: str) -> bool:
-    """Whether asrsim wrote this file, according to its mark. An empty file counts as asrsim's: nothing can be lost."""
+    """Whether the mark of this file says that asrsim wrote it. An empty file counts as asrsim's: nothing can be lost."""
     mark = MARKS[kind]
     if path.is_symlink() or not path.is_file():
         return False
@@ -185,7 +185,7 @@ def write_json(path: Path, data: Mapping[str, Any]) -> None:
 
 
 def remove_ours(path: Path, kind: str) -> None:
-    """Delete a file if asrsim wrote it, according to its mark. Raises OutputError."""
+    """Delete a file if its mark says that asrsim wrote it. Raises OutputError."""
     if is_ours(path, kind):
         try:
             path.unlink(missing_ok=True)

@@ -127,7 +127,9 @@ def _names_of_joints(one: Any) -> list[Problem]:
     from asrsim.robot.vary import JOINT_NAMES
 
     return [
-        declaration_problem(one, "a number of every joint has this name", "bad-parameter", key=f"parameters.{parameter.name}")
+        declaration_problem(
+            one, "every joint already has a number with this name", "bad-parameter", key=f"parameters.{parameter.name}"
+        )
         for parameter in one.parameters
         if parameter.name in JOINT_NAMES
     ]

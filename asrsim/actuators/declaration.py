@@ -70,8 +70,8 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
         "equilibrium_position": (positions, 1),
     }
     why = {"elastic_torques": "every actuator needs this law", "stiffness": "every actuator needs this law"}
-    why |= {"elastic_energy": "three motors need it"} if actuator.motors > 2 else {}
-    why |= {"elastic_energy": "motors on the housing need it"} if actuator.housed else {}
+    why |= {"elastic_energy": "an actuator with three motors needs this law"} if actuator.motors > 2 else {}
+    why |= {"elastic_energy": "an actuator with motors on the housing needs this law"} if actuator.housed else {}
     for law, (arguments, count) in taken.items():
         own, problem = inspect.getattr_static(actuator, law), partial(declaration_problem, actuator, key=law)
         if arguments is spring and own is inspect.getattr_static(Actuator, law):

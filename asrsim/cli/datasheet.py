@@ -25,14 +25,24 @@ def datasheet(
         ),
     ],
     joint: Annotated[
-        Texts, option("Joint of a robot or scenario; may be repeated.", "--joint", default="all with actuators", metavar="NAME")
+        Texts,
+        option(
+            "Joint of a robot or scenario; may be repeated.", "--joint", default="all joints with actuators", metavar="NAME"
+        ),
     ] = None,
-    compare: Annotated[bool, option("Also put all actuators side by side on one page.", "--compare")] = False,
+    compare: Annotated[bool, option("Also write a page with the numbers of all sheets side by side.", "--compare")] = False,
     presets: Annotated[
         tuple[float, float] | None,
-        option("Smallest and largest preset, rad or m.", "--presets", default="the actuator's", metavar="LOW HIGH"),
+        option(
+            "Smallest and largest stiffness preset of the sheet, rad or m.",
+            "--presets",
+            default="the actuator's range",
+            metavar="LOW HIGH",
+        ),
     ] = None,
-    inertia: Annotated[float | None, option("Inertia of the test load, kg m^2.", default="3 Hz on the mean stiffness")] = None,
+    inertia: Annotated[
+        float | None, option("Inertia of the test load, kg m^2.", default="resonance at 3 Hz with the mean stiffness")
+    ] = None,
     experiment: Annotated[
         Path | None,
         option("Recording of a test bench to draw beside the law.", "--experiment", "-e", metavar="FILE"),
@@ -71,7 +81,7 @@ def datasheet(
         target, joints=joint or (), arguments=pairs(arg, "--arg"), packages=folders(package, "--package"), plugins=plugin
     )
     if experiment is not None and len(sources) != 1:
-        raise typer.BadParameter("belongs to one actuator", param_hint="--experiment")
+        raise typer.BadParameter("is a recording of one actuator: name only this actuator", param_hint="--experiment")
     sheets = []
     with FractionBar(show=not quiet) as bar:
         for i, source in enumerate(sources):
@@ -94,7 +104,7 @@ def datasheet(
             )
             for doubt in sheet.doubts:
                 say(f"note {doubt}", "yellow")
-            say(f"repeat the simulations, in {out}/: {sheet.command}")
+            say(f"to repeat the simulations, run in {out}/: {sheet.command}")
         say_written(files)
 
     return Done(data={"ok": True, "files": files, "sheets": [sheet.as_dict() for sheet in sheets]}, text=text)

@@ -15,7 +15,7 @@ from asrsim.cli.options import Files, Overrides, Plot, Texts, Variant, argument,
 @command()
 def design(
     scenario: Annotated[Path, argument("SCENARIO", "Scenario of the robot, or a fit file.")],
-    limits: Annotated[Path, option("Limits of joints, noise of sensors, gains to choose from.", metavar="FILE")],
+    limits: Annotated[Path, option("File with limits of joints, noise of sensors, and gains to choose from.", metavar="FILE")],
     duration: Annotated[float, option("Length of the experiment.", metavar="SECONDS")] = 10.0,
     free: Annotated[
         Texts,
@@ -26,14 +26,23 @@ def design(
             autocompletion=complete.robot_keys,
         ),
     ] = None,
-    tie: Annotated[Texts, option("As in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")] = None,
+    tie: Annotated[
+        Texts, option("A parameter that is a multiple of another, as in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")
+    ] = None,
     experiment: Annotated[
-        Files, option("An existing recording; may be repeated.", "--experiment", "-e", metavar="FILE")
+        Files,
+        option(
+            "A recording that will be fitted together with the designed motion; may be repeated.",
+            "--experiment",
+            "-e",
+            metavar="FILE",
+        ),
     ] = None,
     robust: Annotated[
         int,
         option(
-            "Number of further robots, with free parameters drawn within a factor of 2, for which the motion is also designed.",
+            "Number of further robots for which the motion is also designed; their free parameters are drawn within a "
+            "factor of 2 of those of the robot.",
             min=0,
         ),
     ] = 0,

@@ -13,7 +13,7 @@ from asrsim.cli.options import into_folder, option
 @command("Print nothing.", plugins=False)
 def examples(
     out: Annotated[Path, into_folder("Folder for the copies.")] = Path("examples"),
-    overwrite: Annotated[bool, option("Replace existing files with these names.", "--overwrite")] = False,
+    overwrite: Annotated[bool, option("Replace existing files that have the names of the copies.", "--overwrite")] = False,
 ) -> Done:
     """Copy the bundled examples: robots, scenarios, recordings, and a custom actuator.
 

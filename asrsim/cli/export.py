@@ -25,7 +25,12 @@ def export(
     ),
     knots: Annotated[
         int | None,
-        option("Knots on each side of the spline of a spring's law.", min=0, max=50, default="error below 0.1 mrad"),
+        option(
+            "Knots on each side of the spline that stands for a spring's law in the file.",
+            min=0,
+            max=50,
+            default="error below 0.1 mrad",
+        ),
     ] = None,
     step: Annotated[float | None, option("Time step of the model, s.", default="half of the scenario's step")] = None,
     fit: Annotated[
@@ -64,8 +69,8 @@ def export(
             [
                 TableColumn("joint", list(rows)),
                 TableColumn("RMS from asrsim", [f"{row['rms']:.3g} {row['unit']}" for row in rows.values()], right=True),
-                TableColumn("largest", [f"{row['largest']:.3g} {row['unit']}" for row in rows.values()], right=True),
-                TableColumn("spline of the spring", springs, right=True),
+                TableColumn("largest difference", [f"{row['largest']:.3g} {row['unit']}" for row in rows.values()], right=True),
+                TableColumn("error of the spring's spline", springs, right=True),
             ]
         )
         tried = f", not in {found.made_for}: {replay.untried}" if replay.untried else ""

@@ -68,7 +68,8 @@ def identify(
     accept: Annotated[
         bool,
         option(
-            "Write the robot although the model does not fit, if it explains 90 % of the variance; without this option, 95 %.",
+            "Write the robot although the model does not fit, if it explains 90 % of the variance of each channel; without "
+            "this option, 95 % are needed.",
             "--accept",
         ),
     ] = False,
@@ -89,7 +90,7 @@ def identify(
             "--duration",
             metavar="SECONDS",
             min=0.0,
-            default="no end",
+            default="no limit",
         ),
     ] = None,
     sheet: Annotated[

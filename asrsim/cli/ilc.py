@@ -142,7 +142,7 @@ def _next(plant: Plant, folder: Path, recording: Path, mapping: list[str] | None
 
 def _headings(problem: LearningProblem) -> None:
     """Print the heading above the trials."""
-    say(f"largest error of each joint and largest 2-norm in {problem.unit}")
+    say(f"largest error of each joint, and largest 2-norm of the errors of all joints, in {problem.unit}")
     _cells("trial", problem.joints, "2-norm", "s", style="bold")
 
 

@@ -24,7 +24,7 @@ def init(
         Path | None, into_file("The file to write.", ".yaml", ".yml", default="scenario.yaml; for a recording alone FILE.yaml")
     ] = None,
     mode: Annotated[
-        int | None, option("Operation mode of all joints instead of the robot file's.", "--mode", min=0, max=8)
+        int | None, option("Operation mode of all joints, instead of the modes in the robot file.", "--mode", min=0, max=8)
     ] = None,
     actuator: Annotated[
         Texts,
@@ -76,7 +76,7 @@ def init(
         text, read = propose(experiment, mapping=columns, rate=rate)
         write_new({document: text}, force=overwrite)
         asked = "answer the questions, marked `# ?`" if "  # ?" in text else "check this file"
-        hints = [f"wrote {document}: {asked}; every command reads {experiment.name} as it states"]
+        hints = [f"wrote {document}: {asked}; every command reads {experiment.name} as this file states"]
         return _done([document], read.findings, hints, recording=read)
     mounted = dict(item.rpartition("=")[::2] if "=" in item else ("*", item) for item in actuator or ())
     options: dict[str, Any] = {

@@ -26,7 +26,7 @@ def live(
         Texts,
         option("Transport: ros, foxglove, none; may be repeated.", "--on", metavar="NAME", default="all installed"),
     ] = None,
-    speed: Annotated[str, option("Simulated seconds per second, or max.", metavar="FACTOR")] = "1",
+    speed: Annotated[str, option("Simulated seconds per second of real time, or max.", metavar="FACTOR")] = "1",
     duration: Annotated[float | None, option("Simulated time, s.", min=1e-3, max=1e9, default="until Ctrl-C")] = None,
     publish_rate: Annotated[float, option("Highest publishing rate of the topics, Hz.", min=1e-3, max=1e6)] = 1000.0,
     namespace: Annotated[str, option("Prefix of the topics' names.")] = "",

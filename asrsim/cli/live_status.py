@@ -84,7 +84,10 @@ def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *
             f"{1e3 * figures['late_worst']:.1f} ms (worst); busy {100 * figures['busy'] / wall:.0f} % of the time"
         )
     if figures["slips"]:
-        say(f"fell behind {figures['slips']} times, {figures['slipped']:.2f} s in total: this machine was too slow", "yellow")
+        say(
+            f"fell behind real time {figures['slips']} times, {figures['slipped']:.2f} s in total: this machine was too slow",
+            "yellow",
+        )
     say(commands(figures) + f"; {figures['applied']} changed a reference")
     for reason, count in (*figures["dropped"].items(), *((f"{key}: clamped", n) for key, n in figures["clamped"].items())):
         say(f"  {count} x {reason}", "dim")

@@ -53,7 +53,9 @@ ColumnMap = Annotated[
     ),
 ]
 Rate = Annotated[float | None, option("Sampling rate of a recording without time column, Hz.")]
-Align = Annotated[str, option("Alignment of the recording's time.", "--align", metavar="auto|off|start|SECONDS")]
+Align = Annotated[
+    str, option("How the recording's time is aligned with the simulation's time.", "--align", metavar="auto|off|start|SECONDS")
+]
 View = Annotated[bool, option("Show the robot in a browser, as `asrsim view` does.", "--view")]
 Plot = Annotated[bool, option("Draw pictures.", "--plot/--no-plot")]
 Overwrite = Annotated[bool, option("Also replace results that another scenario or study wrote.", "--overwrite")]

@@ -59,8 +59,8 @@ def plot(
     measure: Annotated[
         Texts,
         option(
-            "Also show this measure of run and recording, of the link position unless --quantity or --experiment name others; "
-            "may be repeated.",
+            "Also show this measure of run and recording, of the link position unless --quantity or --experiment name other "
+            "quantities; may be repeated.",
             metavar="NAME[:OPTION=VALUE,...]",
             autocompletion=complete.measures,
         ),

@@ -27,7 +27,7 @@ def render(
         option("Square root of a picture's area, pixels; the motion determines its aspect ratio.", min=32, max=4000),
     ] = SIZE,
     speed: Annotated[float, option("Speed of the film; 2 is twice as fast as the run.")] = 1.0,
-    fps: Annotated[float | None, option("Frames per second.", default="GIF 15, MP4 30")] = None,
+    fps: Annotated[float | None, option("Frames per second.", default="15 for a GIF, 30 for an MP4")] = None,
     start: Start = None,
     end: End = None,
     out: Annotated[Path | None, into_folder("Folder for the pictures.", "beside the log")] = None,

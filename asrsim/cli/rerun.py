@@ -22,7 +22,7 @@ def rerun(
     log: Annotated[Path, argument("LOG", "Log of a run (MCAP), or a folder of runs.")],
     plugins: Annotated[
         Files,
-        option("Plugin file that replaces the plugin file in the log; may be repeated.", "--plugin", metavar="FILE"),
+        option("Plugin file that is run instead of its copy in the log; may be repeated.", "--plugin", metavar="FILE"),
     ] = None,
     trust_plugins: Annotated[
         bool, option("Run the plugin files (Python code) that the log contains.", "--trust-plugins")
@@ -77,7 +77,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
         complain(f"the mesh {name} has changed since the run", "yellow")
     if not repetition.identical and not repetition.partial:
         for name, (there, here) in repetition.versions.items():
-            complain(f"the log was written with {name} {there}, this is {here}", "yellow")
+            complain(f"the log was written with {name} {there}, the run was repeated with {here}", "yellow")
     part = "" if repetition.logged_status == "complete" else f" (the log is {repetition.logged_status})"
     line = f"{repetition.path}: {repetition.samples} samples compared{part}: {_verdict(repetition)}"
     if not quiet:

@@ -42,7 +42,7 @@ def run(
     ] = False,
     engine: Annotated[
         str | None,
-        option("Physics engine, like --set engine=NAME.", default="the scenario's"),
+        option("Physics engine, like --set engine=NAME.", default="the scenario's engine"),
     ] = None,
     overwrite: Overwrite = False,
     *,

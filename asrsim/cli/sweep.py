@@ -55,7 +55,7 @@ def sweep(
     run: Annotated[int | None, option("Repeat this run of a study's folder, with a log.", min=0, default="")] = None,
     result: Annotated[
         Texts,
-        option("Draw this result; may be repeated.", metavar="JOINT.MEASURE", default="the first that vary"),
+        option("Draw this result; may be repeated.", metavar="JOINT.MEASURE", default="the first results that vary"),
     ] = None,
     plot: Plot = True,
     *,

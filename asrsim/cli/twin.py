@@ -17,7 +17,7 @@ def twin(
     scenario: Scenario,
     experiment: Annotated[Path, option("Recording of commands and link positions.", "--experiment", "-e", metavar="FILE")],
     bandwidth: Annotated[
-        float | None, option("Bandwidth of the observer, Hz.", default="8, at most a twentieth of the rate")
+        float | None, option("Bandwidth of the observer, Hz.", default="8, but at most a twentieth of the rate of steps")
     ] = None,
     mapping: ColumnMap = None,
     rate: Rate = None,

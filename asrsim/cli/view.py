@@ -48,7 +48,7 @@ def view(
     align: Align = "auto",
     rate: Rate = None,
     variant: Variant = None,
-    speed: Annotated[float, option("Simulated seconds per second.", metavar="FACTOR", min=0.01, max=100.0)] = 1.0,
+    speed: Annotated[float, option("Simulated seconds per second of real time.", metavar="FACTOR", min=0.01, max=100.0)] = 1.0,
     port: Annotated[int, option("Port of the page; 0: any free port.", min=0, max=65535)] = PORT,
     duration: Annotated[float | None, option("Time after which the view ends, s.", min=0.1, default="until Ctrl-C")] = None,
     browser: Annotated[bool, option("Open the page in the browser.", "--browser/--no-browser")] = True,

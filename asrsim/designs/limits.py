@@ -79,7 +79,7 @@ def _faults(limits: DesignLimits) -> Iterator[Problem]:
             yield Problem(message, key=f"choose.{sensor}", hint=hint, code="noise")
     for key, values in limits.gains.items():
         if any(isinstance(value, str) for value in values):
-            message = f"must be numbers; names belong to '{SENSORS}'"
+            message = f"must be numbers; only the list of '{SENSORS}' contains names"
             yield Problem(message, key=f"choose.{key}", meant=key, choices=(SENSORS,), code="choose")
 
 

@@ -107,7 +107,7 @@ def design(
         known = np.zeros((len(layout), len(layout)))
         if task.experiments:
             known = _of_recordings(set_up(task, stack).problem, layout)
-            remarks.append(f"designed to follow {', '.join(one.file.name for one in task.experiments)}")
+            remarks.append(f"designed for a fit together with {', '.join(one.file.name for one in task.experiments)}")
         with located(path):
             generator = np.random.default_rng(seed)
             robots = [np.zeros(len(layout)), *(altered(layout, generator) for _ in range(robust))]
@@ -232,12 +232,15 @@ def _searched(searches: Sequence[Search], rounds: int, progress: Tell) -> tuple[
         progress(Progress(task="search", fraction=0.5 * (i + 1) / len(searches)))
         if one.best is not None:
             named = ", ".join(f"{key} = {value:g}" for key, value in one.plant.gains.items())
-            remarks.append(f"with {named}: ± {196.0 * np.exp(one.rank(one.best)):.2g} % on average")
+            remarks.append(f"with {named}: intervals of ± {196.0 * np.exp(one.rank(one.best)):.2g} % on average")
     search = min(searches, key=lambda one: np.inf if one.best is None else one.rank(one.best))
     begin = 0.5 if several else 0.0
     best = search.run(rounds, lambda told: progress(replace(told, fraction=begin + (1.0 - begin) * told.fraction)))
     if best is None:
-        message = "every motion that was tried exceeds the limits or gives unreliable information"
+        message = (
+            "every motion that was tried exceeds the limits, or its intervals differ between small and large changes of the "
+            "parameters"
+        )
         hint = "Widen the limits, free fewer parameters, or add damping to the scenario"
         raise InputError(message, key="limits", hint=hint, code="limits")
     if several:

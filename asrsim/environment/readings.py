@@ -60,7 +60,11 @@ class Readings:
             having = [j for j, own in enumerate(recorded) if name in own]
             self._joints[name] = picking(having or [0])
             if name not in KNOWN or (name == TIP and tip is None) or not (having or name == TIP):
-                why = "is recorded for no joint in its operation mode" if name in KNOWN else "cannot be observed here"
+                why = (
+                    "is recorded for no joint in its operation mode"
+                    if name in KNOWN
+                    else "is no quantity that an environment can observe"
+                )
                 why = "needs the option tip" if name == TIP else why
                 hint = None if name in KNOWN else did_you_mean(name, KNOWN)
                 problems.append(Problem(f"'{name}' {why}", key="observe", choices=choices, hint=hint, code="unknown-quantity"))
@@ -70,7 +74,7 @@ class Readings:
                 Problem(f"the robot has no link '{tip[0]}'", key="tip", choices=self._model.links, code="unknown-link")
             )
         if not names:
-            problems.append(Problem("names no quantity", key="observe", choices=choices, code="no-quantity"))
+            problems.append(Problem("must name at least one quantity", key="observe", choices=choices, code="no-quantity"))
         if problems:
             raise InputError(problems)
         self._moved = any(name in _MOTORS for name in names)

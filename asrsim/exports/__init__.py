@@ -154,7 +154,10 @@ def export(
     if result.diverged_at is not None:
         remarks.append(f"the motion in {result.program} diverges at {result.diverged_at:g} s: take a smaller --step")
     if result.apart > APART:
-        remarks.append(f"{result.program} differs from MuJoCo by {result.apart:.3g} mrad (mm) on the same file: do not use it")
+        remarks.append(
+            f"{result.program} differs from MuJoCo by {result.apart:.3g} mrad (mm) on the same file: "
+            f"do not use the file in {result.program}"
+        )
     if len(result.time) < len(run["link_position"]):
         remarks.append(f"the replay covers only the first {result.time[-1]:g} s of the scenario")
     errors = {joint: 1e3 * max(spline.error for spline in springs) for joint, springs in model.splines.items()}

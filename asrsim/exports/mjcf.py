@@ -157,8 +157,8 @@ def model_of(
             add_motors(spec, drive, () if moving else splines[drive.joint], delay_of(stepped), constructs)
             if moving and not constructs.stiffness_controls:
                 raise ScenarioError(
-                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which this program does not "
-                    "simulate correctly",
+                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which the program of --for "
+                    "does not simulate correctly",
                     key=drive.joint,
                     code="export-construct",
                 )
@@ -201,12 +201,12 @@ def model_of(
 def _check(prepared: Prepared, constructs: Constructs) -> None:
     """Raise ScenarioError for parts of the scenario that need other constructs."""
     problems = [
-        Problem(f"joint '{stepped.name}': this program does not simulate the {part} correctly", code="export-construct")
+        Problem(f"joint '{stepped.name}': the program of --for does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives
         for part in refused(stepped, constructs)
     ]
     if not constructs.contacts and not prepared.scenario.world.empty:
-        message = "this program does not simulate the contacts of ground and objects correctly"
+        message = "the program of --for does not simulate the contacts of ground and objects correctly"
         problems.append(Problem(message, code="export-construct"))
     if problems:
         raise ScenarioError(problems)

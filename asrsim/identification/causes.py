@@ -151,7 +151,7 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
             break
     explained, rest = (problem, x), mean_square(found.problem, found.x)
     if found.chosen and rest <= base - MUCH * excess:
-        more = "" if rest <= target else "; more is missing"
+        more = "" if rest <= target else "; the model lacks further effects"
         explained = found.problem, found.x
         yield Suspicion(
             text=_suspected(found, percent((rest / base) ** 0.5)) + more,

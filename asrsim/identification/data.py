@@ -169,7 +169,8 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
     end, step = max(float(channel.time[-1]) for channel in channels), scenario.step
     zeros = dict(_zeros({channel.key: channel for channel in channels}, robot))
     remarks += [
-        f"{key} is estimated, too: motor, link and deflection differ by {value:.3g} rad, so their sensors have different zeros"
+        f"{key} is estimated, too: the motor's position differs from link position plus deflection by {value:.3g} rad, so "
+        "their sensors have different zeros"
         for key, value in zeros.items()
     ]
     return Data(

@@ -91,7 +91,9 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
             span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
             reason = f"models that explain the recording better estimate {span}" if far else "the model is not shown to fit"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
-            reason = f"it is {ratio:.3g} times its start; if this is plausible, start there (--free {one.key}={one.value:.4g})"
+            reason = (
+                f"it is {ratio:.3g} times its start value; if this is plausible, start there (--free {one.key}={one.value:.4g})"
+            )
         yield replace(one, verdict=WEAK, reason=reason) if reason and one.verdict == IDENTIFIED else one
 
 
@@ -146,13 +148,13 @@ def _vanished(entry: FitParameter, value: float) -> str:
     if VANISHED < share < 1.0 / VANISHED:
         return ""
     where = "fell to" if share < 1.0 else "rose to"
-    return f"it {where} {share:.2g} of its start and has no effect there: the recordings can be explained without it"
+    return f"it {where} {share:.2g} of its start value and has no effect there: the recordings can be explained without it"
 
 
 def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> str:
     """Reason why a parameter has no effect on the compared channels."""
     if norm > NOTHING:
-        return f"its whole effect on the compared channels is {norm:.2g} of the noise"
+        return f"its whole effect on the compared channels is only {norm:.2g} times their noise"
     if any(np.isnan(left).any() for _, left in differences(problem, x)):
         return "the simulation diverges, so no effect can be computed"
     joint, _, name = entry.key.rpartition(".")

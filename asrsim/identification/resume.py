@@ -48,12 +48,12 @@ def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
     path = fit.folder / FIT
     if fit.replay is None:
         hint = "Fit again without --resume"
-        raise InputError("was made by an earlier version", file=path, key="replay", hint=hint, code="resume")
+        raise InputError("was made by an earlier version of asrsim", file=path, key="replay", hint=hint, code="resume")
     if fit.status != COMPLETE:
         raise InputError(f"the fit is {fit.status}", file=path, key="status", hint="Fit again without --resume", code="resume")
     faults = [
         Problem(
-            f"is a fit with other values of `{name}`", file=path, key=name, value=there,
+            f"was made with another value of `{name}`", file=path, key=name, value=there,
             hint="Give the options of that fit, or fit again without --resume", code="resume",
         )
         for name, there, here in (

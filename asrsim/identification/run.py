@@ -167,7 +167,7 @@ def identify(
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
     watch = FitWatch(progress=progress, seconds=math.inf if duration is None else duration)
     with one_thread(), ExitStack() as stack:
-        watch.stage("reading and preparing")
+        watch.stage("reading the recordings and preparing the simulation")
         setup = set_up(task, stack, watch)
         problem, start = setup.problem, np.zeros(len(setup.problem.layout))
         before = differences(problem.everything, start)
@@ -206,7 +206,7 @@ def _fitted(
         with watch.in_time():
             if not check:
                 search(best, watch.stage)
-                watch.stage("substeps and weights")
+                watch.stage("adapting substeps and weights to the estimates")
                 settle(best)
     except OutOfTime:
         status = UNFINISHED
@@ -245,7 +245,7 @@ def _judged(
         )
         others += [wider.layout.named(there) for wider, there in best.slow]
     if misfit:
-        watch.stage("what may be missing")
+        watch.stage("looking for effects that the model lacks")
         others += rivals
         predicted = channel_fits(problem, before, trained) if observed else fits
         causes += foreign(predicted)

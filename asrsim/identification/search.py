@@ -178,7 +178,7 @@ def _best(levels: Sequence[_Level]) -> _Level:
 
 
 def _name(level: float) -> str:
-    return f"observer at {level:g} times the motion's band" if level else "free simulation"
+    return f"observer at {level:g} times the bandwidth of the motion" if level else "free simulation"
 
 
 def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProblem, Array]:

@@ -66,13 +66,14 @@ def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     for text in result.remarks:
         yield text, "dim"
     if result.status == "checked":
-        yield "check only: these intervals are possible with the recordings if the start values are close", "bold"
+        condition = "if the start values are close to the true values"
+        yield f"check only, nothing was fitted: a fit of these recordings would give about these intervals {condition}", "bold"
         return
     if result.status != "complete":
-        yield f"{result.status}: the best fit so far", "yellow"
+        yield f"{result.status}: these are the numbers of the best fit so far", "yellow"
         return
     if result.whole:
-        yield "errors are from a fit without the held-out part; estimates are from whole recordings", "dim"
+        yield "errors are from a fit without the held-out parts; estimates are from a fit of the whole recordings", "dim"
     if result.fits:
         yield from ((text, "green") for text in praise(result.channels))
         return

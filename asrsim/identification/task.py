@@ -42,11 +42,11 @@ class Experiment:
 class Wish:
     """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
 
-    start: float | None = declare(NUMBER, default=None, shown="the robot's", doc="where the search begins")
-    low: float | None = declare(NUMBER, default=None, shown="what is physical", doc="least value")
-    high: float | None = declare(NUMBER, default=None, shown="what is physical", doc="largest value")
+    start: float | None = declare(NUMBER, default=None, shown="the robot's value", doc="where the search begins")
+    low: float | None = declare(NUMBER, default=None, shown="what is physically possible", doc="least value")
+    high: float | None = declare(NUMBER, default=None, shown="what is physically possible", doc="largest value")
     own: bool | None = declare(
-        Boolean(), default=None, shown="of clocks and starts", doc="whether each recording has a separate value"
+        Boolean(), default=None, shown="true for `clock` and `initial_...`", doc="whether each recording has a separate value"
     )
 
 

@@ -80,7 +80,7 @@ class HardwareStep:
                 f"noise of the recording, {self.noise:.2g}"
             )
         much = (
-            f"predicted to reach {self.foretold:.3g} times the best so far"
+            f"predicted to reach {self.foretold:.3g} times the largest error of the best trial so far"
             if np.isfinite(self.foretold)
             else "unbounded, since the twin diverges"
         )

@@ -123,7 +123,12 @@ def make_plant(plan: Plan) -> Plant:
     joints = tuple(block.joint for block in blocks)
     unknown = [joint for joint in learning.joint_gains if joint not in joints]
     problems += [
-        Problem("this joint does not learn", key=f"ilc.joint_gains.{joint}", choices=joints, code="unknown-joint")
+        Problem(
+            "this joint is not among the joints that learn",
+            key=f"ilc.joint_gains.{joint}",
+            choices=joints,
+            code="unknown-joint",
+        )
         for joint in unknown
     ]
     if not blocks:

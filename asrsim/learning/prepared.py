@@ -111,7 +111,7 @@ class PreparedLearning:
             cutoff = "no filter" if self.settings.filter is None else f"filter {self.settings.filter.cutoff:.3g} Hz"
             lines = [f"law paper: gains {gains}, {cutoff}"]
         elif idle:
-            lines.append(f"{', '.join(idle)}: no effect with law auto")
+            lines.append(f"{', '.join(idle)}: these keys have no effect with law auto")
         beyond = [f"beyond its limit: {demand}" for demand in self.demands[:MOST_DEMANDS] if demand.score > 1.0]
         most = [f"the largest demand is {100 * one.score:.0f} % of its limit: {one}" for one in self.demands[:1]]
         return [*lines, *(beyond or most)]

@@ -98,7 +98,7 @@ def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -
         message = f"learning cannot continue, because these inputs have changed: {', '.join(changed)}"
         raise InputError(message, file=path, hint=f"Delete {path.name} to start again", code="state-of-another-run")
     if inputs.shape[1:] != problem.reference.shape:
-        raise _fault(path, "its arrays do not fit the motion")
+        raise _fault(path, "its arrays of inputs have another size than the motion")
     rows = enumerate(zip(inputs, outputs, head["seconds"], strict=True))
     trials = (problem.trial(number, *row) for number, row in rows)
     return LearningState(
@@ -139,7 +139,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
     if wrong := misfit(head, shape):
         raise _fault(path, wrong)
     if head["format"] != FORMAT:
-        raise _fault(path, f"its format is {head['format']}")
+        raise _fault(path, f"its format is '{head['format']}', which this version of asrsim cannot read")
     if inputs.dtype != np.float64 or inputs.ndim != 3 or inputs.shape != outputs.shape or outputs.dtype != np.float64:
         raise _fault(path, "its arrays have wrong shapes or types")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):

@@ -148,7 +148,9 @@ class CommandInput:
             key = ".".join(target)
             self.clamped[key] += 1
             if self.clamped[key] == 1:
-                self._tell(f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later values are only counted")
+                self._tell(
+                    f"{key}: {value:.6g} is outside {low:.6g} to {high:.6g}: clamped; later values outside are only counted"
+                )
         return min(max(value, low), high)
 
     def _refuse(self, topic: LiveTopic, why: str) -> None:

@@ -132,7 +132,10 @@ class LogReader:
             margin = 2.0 + 1e-12 * place.end
             inside = place.start - margin <= time[0] * 1e9 and time[-1] * 1e9 <= place.end + margin
             if not (inside and np.all(np.diff(time, prepend=last) > 0.0)):
-                raise corrupt(self.path, f"times decrease, or differ from their chunk's, near {place.start * 1e-9:g} s")
+                raise corrupt(
+                    self.path,
+                    f"times decrease, or lie outside the range that their chunk states, near {place.start * 1e-9:g} s",
+                )
             last = time[-1:]
             low, high = -np.inf if start is None else start, np.inf if end is None else end
             chosen = np.flatnonzero((time >= low) & (time <= high))

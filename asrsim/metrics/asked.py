@@ -58,7 +58,7 @@ def _asked(text: str) -> AskedMeasure:
     name, _, rest = text.partition(":")
     known = MEASURES.get(name)
     if known.needs == "poses":
-        raise InputError("is a measure of the poses of a body", key=name, code="wrong-series")
+        raise InputError("measures the poses of a body, not a series of numbers", key=name, code="wrong-series")
     pairs = [one.partition("=") for one in rest.split(",") if one]
     if wrong := [key for key, equals, _ in pairs if not equals or not key.strip()]:
         raise InputError("is not OPTION=VALUE", key=name, value=wrong[0], hint=f"Write {name}:OPTION=VALUE", code="bad-option")

@@ -43,7 +43,9 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
         inside &= (f >= band[0]) & (f <= band[1])
     if not inside.any() or not power[inside].max() > 0:
         raise RecordingError(
-            f"the record resolves no frequency between {band[0]:g} and {band[1]:g} Hz" if band else "nothing is excited",
+            f"the record resolves no frequency between {band[0]:g} and {band[1]:g} Hz"
+            if band
+            else "the record varies at no frequency that it resolves",
             code="nothing-excited",
             hint=f"The record resolves {1 / (n * step):.3g} to {0.45 / step:.4g} Hz",
         )

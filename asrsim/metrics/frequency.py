@@ -113,7 +113,7 @@ def frequency_response(
             Problem(
                 f"there is a single frequency, {spectra.frequency[0]:.4g} Hz: gain and phase are points, not curves",
                 code="single-frequency",
-                hint="A chirp, a multisine or a wider band gives more",
+                hint="A chirp, a multisine or a wider band excites more frequencies",
             )
         )
     return _response(spectra, (low, high), moves, findings)

@@ -150,7 +150,9 @@ def responses(
                     continue
                 found.append(_response(info, label, variant, *pair, band, recording=one.recording))
     if not found and not problems:
-        message = f"no joint has a moving {'reference' if given is None else first}; a frequency response needs one"
+        message = (
+            f"no joint has a moving {'reference' if given is None else first}; a frequency response needs an input that moves"
+        )
         hint = "Expected a chirp, multisine or noise in the scenario's references"
         problems.append(Problem(message, file=path, hint=hint, code="no-excitation"))
     return found, problems
@@ -225,7 +227,7 @@ def _response(
     if recording is not None and u.source == _RUN:
         findings = (
             Problem(
-                "has no recorded reference; the input is the simulation's",
+                "has no recorded reference; the reference in the simulation is taken as the input",
                 file=recording.path,
                 key=joint.name,
                 code="reference-of-simulation",

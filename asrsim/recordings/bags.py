@@ -358,7 +358,7 @@ def _tables_of(
             "unless --map states their joints"
         )
         goal = understand(topic.name, topic.kind, nameless[0], None)[1] or "QUANTITY"
-        hint = f"State the joint of each: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
+        hint = f"State the joint of each value: --map '{topic.name}/{nameless[0]}=JOINT.{goal}', or =ignore"
         findings.append(Problem(message, key=topic.name, value=topic.kind, hint=hint, code="suspected-order"))
     for group in series:
         columns = [_time_of(group, by_header=by_header)]

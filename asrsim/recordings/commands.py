@@ -70,7 +70,7 @@ def _taken(kind: str, unit: Unit | None, measured: str) -> str:
     if unit is not None and kind != measured and {kind, measured} != {"torque", "force"}:
         raise CommandDoubtError(f"its name means a command of {one_of([kind])}, but its unit is {unit.symbol}")
     if kind == "stiffness":
-        raise CommandDoubtError("it is a command of a stiffness; mode 6 takes a preset, in rad", "reference_2 [rad]")
+        raise CommandDoubtError("it commands a stiffness; mode 6 takes a preset, in rad", "reference_2 [rad]")
     if kind not in TAKEN:
         what = f"of {one_of([kind])}" if unit is None or unit.si in UNIT_KINDS else f"in {unit.symbol}"
         raise CommandDoubtError(f"it is a command {what}, which no operation mode takes")

@@ -60,7 +60,7 @@ def require_one_time(tables: Sequence[RawTable]) -> None:
         raise RecordingError(message, hint="Give the files one by one, as separate recordings", code="two-clocks")
     if tables and max(table.time[0] for table in tables) >= min(table.time[-1] for table in tables):
         spans = listed([f"{table.name} from {table.time[0]:.6g} to {table.time[-1]:.6g} s" for table in tables], 4)
-        message = f"its files were not recorded at one time: {spans}"
+        message = f"its files were not recorded at the same time: {spans}"
         raise RecordingError(message, hint="Give the files one by one, as separate recordings", code="no-overlap")
 
 

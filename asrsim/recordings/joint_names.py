@@ -148,7 +148,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
         key = listed([columns[i].name for i in groups], 6)
         findings.append(Problem(message, key=key, hint=hint, code="repeated-name"))
     if not fixed:
-        message = "the names of joints change between rows; values follow the names"
+        message = "the names of joints change between rows; each value counts for the joint that its row names"
         findings.append(Problem(message, key=listed([columns[i].name for i in groups], 6), code="names-change"))
     return replace(table, columns=tuple(result))
 

@@ -196,7 +196,7 @@ def _meanings(
         if i in explicit:
             yield explicit[i]
         elif reading.columns is not None:
-            yield ColumnMap(origin=f"not used: missing in {reading.document}")
+            yield ColumnMap(origin=f"not used: not listed in {reading.document}")
         else:
             try:
                 joint, quantity = _meaning(column, name, joints)

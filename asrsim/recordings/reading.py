@@ -93,7 +93,7 @@ class TimeKeys:
         "a date and a time of day; for messages `header` or `received`",
         default=None,
     )
-    unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the header's")
+    unit: str | None = declare(Text(text="unit of time"), doc="unit of the time", default=None, shown="the unit in the header")
     rate: float | None = declare(
         Number(above=0.0), doc="sampling rate; evenly spaced times from 0 replace the file's time", unit="Hz", default=None
     )
@@ -121,7 +121,9 @@ class Reading:
     """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
 
     file: str | None = declare(Text(text="name of a file"), doc="the recording that this document describes", default=None)
-    time: TimeKeys = declare(TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column named so")
+    time: TimeKeys = declare(
+        TIME, doc="column, unit and rate of the time", default=TimeKeys(), shown="the column whose name means time"
+    )
     separator: str | None = declare(
         Choice(tuple(SEPARATORS)), doc="text: the separator of cells", default=None, shown="detected"
     )

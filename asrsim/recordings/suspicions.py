@@ -67,7 +67,7 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
     for factor, unit in _FACTORS:
         for size, what in ((factor, f"is it in {unit}"), (1 / factor, f"was it converted from {unit} twice")):
             if 0.8 < ratio / size < 1.25:
-                message = f"is {ratio:.4g} times as large as {than}, close to {size:.4g}: {what}?"
+                message = f"is {ratio:.4g} times as large as {than}, close to {size:.4g}, the ratio of two units: {what}?"
                 cure = f"Convert it: --map '{item_of(column, gain=float(f'{1 / size:.7g}'), joint=joint)}'"
                 found.append(Problem(message, hint=cure, code="suspected-unit"))
     both = np.isfinite(expected) & np.isfinite(measured)
@@ -147,8 +147,8 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         yield from _markers(column, time, numbers)
     if count := _turns(values[:1000]):
         message = (
-            f"is close to its value {count} samples before, but far from its neighbours: do the samples alternate between "
-            f"{count} joints?"
+            f"is close to its value {count} samples before, but far from the values of its neighbours: "
+            f"do the samples alternate between {count} joints?"
         )
         hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
         yield Problem(message, key=column.source, hint=hint, code="suspected-turns")

@@ -191,8 +191,10 @@ class TableLayout:
             raise RecordingError("contains no row of numbers", code="no-numbers")
         findings = []
         if ragged:
-            message = f"skipped {counted(len(ragged), 'row')} with {len(ragged[0][1])} instead of {len(columns)} fields"
-            findings.append(_problem(f"{message} (or another number)", [line for line, _ in ragged], "ragged-row"))
+            message = (
+                f"skipped {counted(len(ragged), 'row')}: expected {len(columns)} fields, found {len(ragged[0][1])} in the first"
+            )
+            findings.append(_problem(message, [line for line, _ in ragged], "ragged-row"))
         for column in columns:
             if column.faults:
                 message = f"{counted(len(column.faults), 'cell')} without a number, such as '{column.example}', read as missing"

@@ -149,7 +149,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
         raise RecordingError(
             f"none of the columns is a time: {listed(names, 20)}",
             code="no-time",
-            hint="Name the time, with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
+            hint="Name the time column with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
         # A flag column may precede the time column: look for a second time first behind the time column.
@@ -212,7 +212,9 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
     if unit is None and not alone:
         raise RecordingError(
-            "is a part of the time, so its name must end with a unit such as nanosec", key=name, code="unknown-unit"
+            "is one of two columns whose sum is the time, so its name must end with a unit of time, such as nanosec",
+            key=name,
+            code="unknown-unit",
         )
     if reading.time.stated is None and alone:
         _check_steps(values, unit, name=name, findings=findings)
@@ -245,7 +247,9 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     message = (
         f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight, or a counter when it is full"
     )
-    findings.append(Problem(f"{message}; its times continue", key=name, code="restarted-clock"))
+    findings.append(
+        Problem(f"{message}; this period is added to the times after each restart", key=name, code="restarted-clock")
+    )
     found = values.copy()
     found[known[1:]] += period * np.cumsum(steps < 0.0)
     return found

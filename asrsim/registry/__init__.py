@@ -122,7 +122,7 @@ class Registry(Generic[T]):
         if missing:
             return f"lacks the attribute `{missing[0]}`"
         if self.label and getattr(entry, self.label) != name:
-            return f"calls itself '{getattr(entry, self.label)}' in `{self.label}`: both names must be the same"
+            return f"calls itself '{getattr(entry, self.label)}' in `{self.label}`: the two names must be the same"
         return ""
 
     def _take(self, name: str, entry: T) -> T:

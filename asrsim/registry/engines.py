@@ -62,7 +62,7 @@ ENGINES.own(
     "mujoco",
     EngineEntry(
         make=partial(_make, "mujoco"),
-        doc="MuJoCo, many times faster; contacts are softer",
+        doc="MuJoCo, many times faster than PyBullet; its contacts are softer",
         module="mujoco",
         masses_of_file=True,
     ),

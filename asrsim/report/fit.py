@@ -70,7 +70,7 @@ def profile_chart(one: Profile, estimates: Sequence[Estimate]) -> Chart:
     parabola = fine**2 if len(one.values) == len(WIDTHS) else np.full(len(places), np.nan)
     lines = [
         Line(label="parabola of the interval", x=places, y=parabola, colour=style.LIGHT, width=style.WIDE),
-        Line(label="misfit, others following", x=one.values, y=one.rise, colour=style.VERMILION, kind="both"),
+        Line(label="misfit, others fitted again", x=one.values, y=one.rise, colour=style.VERMILION, kind="both"),
     ]
     top = max(9.0, float(np.nanmax(one.rise, initial=0.0)))
     words = style.in_words(one.name)
@@ -112,7 +112,10 @@ def _parameters(fit: FitFolder) -> str:
 
 def _recordings(groups: Sequence[tuple[str, Sequence[Chart]]]) -> str:
     if not groups:
-        return section("Recordings", "<p class='note'>The folder has no curves; this version of asrsim writes them.</p>")
+        return section(
+            "Recordings",
+            "<p class='note'>The folder has no curves: an earlier version of asrsim made this fit. A new fit writes them.</p>",
+        )
     words = (
         "<p class='note'>Each channel has three charts: recorded and simulated values, their difference, and its spectrum. "
         "If the difference is noise, it has no pattern, and its spectrum is flat at the dashed line.</p>"

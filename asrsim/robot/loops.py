@@ -247,7 +247,10 @@ class Linkage:
                 "positions"
             )
         if not _determined(self.equations(q)[1][:, 1:]):
-            return "does not determine the motion of its joints there: this is a dead centre, or the loop has several freedoms"
+            return (
+                "does not determine the motion of the loop's joints at this position: it is a dead centre, or the loop has "
+                "several freedoms"
+            )
         return ""
 
     @cached_property
@@ -571,7 +574,9 @@ def assembled(robot: Robot, assembly: Assembly) -> tuple[Robot, list[Problem]]:
             warnings.append(Problem(message, key=moving[j].name, value=f"{linkage.start[j]:.4g}", code="loop-limits"))
         for end, dead in zip((trace.low, trace.high), trace.dead, strict=True):
             if dead:
-                message = "is at a dead centre of its loop there: a run that moves the joint there ends with an error"
+                message = (
+                    "brings its loop to a dead centre at this position: a run that moves the joint to it ends with an error"
+                )
                 hint = f"Another master may pass this dead centre: {listed([moving[j].name for j in linkage.joints[1:]], 5)}"
                 warnings.append(Problem(message, key=master.name, value=f"{end:.4g}", hint=hint, code="dead-centre"))
     joints = tuple(changed.get(joint.name, joint) for joint in robot.joints)

@@ -199,7 +199,7 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
         findings.warn(message, tag, name, code="impossible-inertia", value=shown)
         return nearest
     elif moments[2] > (moments[0] + moments[1]) * (1.0 + 1e-6):
-        message = "inertia breaks the triangle inequality: its largest principal moment is above the sum of the others"
+        message = "inertia breaks the triangle inequality: its largest principal moment is above the sum of the other two"
         findings.warn(message, tag, name, code="triangle-inequality", value=shown)
     return matrix
 

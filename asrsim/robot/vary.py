@@ -150,7 +150,7 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
             if lack <= 1e-12 * abs(float(moments[2])):
                 break
             if not free:
-                raise RobotError(f"the inertia of '{owner}' is not physical", code="inertia")
+                raise RobotError(f"the inertia of '{owner}' is physically impossible", code="inertia")
             for name in free:
                 values[name] = full[name] + lack / len(free) * (1.0 + 1e-9)
     return result

@@ -37,7 +37,7 @@ def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
     differing = [target for path, target in pairs.items() if target.exists() and target.read_bytes() != path.read_bytes()]
     if differing and not overwrite:
         raise OutputError(
-            f"{listed(differing, 1)} differ from the example; use --overwrite to replace, or another folder with --out"
+            f"{listed(differing, 1)} differ from the example; use --overwrite to replace them, or another folder with --out"
         )
     for path, target in pairs.items():
         if not target.exists() or target in differing:

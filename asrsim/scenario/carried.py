@@ -58,7 +58,7 @@ def unknown_actuators(joints: Iterable[JointInfo], attachments: Iterable[str]) -
     hint = advice(missing_plugins(attachments))
     return [
         Problem(
-            f"the actuator '{name}' of {', '.join(names)} is not known here: no deflection, no equilibrium position",
+            f"the actuator '{name}' of {', '.join(names)} is not known here: deflection and equilibrium position are missing",
             hint=hint,
             code="actuator-not-here",
         )

@@ -106,7 +106,7 @@ class Scenario:
         MapOf(of=block_of(GivenActuator, "mapping that describes an actuator", main="type"), bare=True),
         default={},
         doc="actuators of joints, in place of the actuators in the robot file",
-        shown="the robot file's",
+        shown="the actuators of the robot file",
     )
     modes: Mapping[str, int] = declare(
         MapOf(of=MODE, bare=True),
@@ -192,8 +192,15 @@ class Scenario:
     motor_substeps: int | None = declare(
         _COUNT, default=None, doc="substeps of motors and springs in each substep of the links", shown="auto"
     )
-    max_substeps: int = declare(Integer(minimum=1), default=100, doc="a spring that needs more substeps is an error")
-    compiled: bool | None = declare(Either((Null("auto"), Boolean())), default=None, doc="the compiled loop", shown="auto")
+    max_substeps: int = declare(
+        Integer(minimum=1), default=100, doc="most substeps of the links in each step; a spring that needs more is an error"
+    )
+    compiled: bool | None = declare(
+        Either((Null("auto"), Boolean())),
+        default=None,
+        doc="whether the loop of a run is compiled to machine code",
+        shown="auto",
+    )
     velocity_cutoff: bool | None = declare(
         Either((Null("auto"), Boolean())),
         key="velocity_limit_cutoff",

@@ -45,7 +45,7 @@ class Expectation:
     reference: str | None = declare(
         Text(text="name of a quantity"),
         default=None,
-        shown="the joint's own",
+        shown="the reference of the joint's position",
         doc="another quantity of the same joint to compare with, for measures of two series",
     )
     against: Path | None = declare(
@@ -53,7 +53,9 @@ class Expectation:
         default=None,
         doc="a recording to compare with, for measures of a difference",
     )
-    options: Mapping[str, Any] = declare(MapOf(of=AnyData(), noun="option", star=False), default={}, doc="of the measure")
+    options: Mapping[str, Any] = declare(
+        MapOf(of=AnyData(), noun="option", star=False), default={}, doc="options of the measure"
+    )
     line: int | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:

@@ -48,8 +48,10 @@ class CartesianTask:
         ListOf(of=JOINT), default=(), doc="joints that move", shown="all actuated joints between base and link"
     )
     gain: float = declare(POSITIVE, default=10.0, unit="1/s", doc="gain of the closed loop")
-    damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="damping of the least squares")
-    interpolation: str = declare(Choice(("minimum_jerk", "linear")), default="minimum_jerk", doc="between the poses")
+    damping: float = declare(POSITIVE, default=1e-3, unit="m", doc="damping of the least squares that invert the kinematics")
+    interpolation: str = declare(
+        Choice(("minimum_jerk", "linear")), default="minimum_jerk", doc="motion of the point between two poses"
+    )
     gravity_compensation: bool = declare(
         Boolean(), default=False, doc="add the springs' deflection under gravity to the equilibrium"
     )

@@ -194,7 +194,7 @@ def cross_check(
         message = f"the run diverges with {other}: {error}"
         finding, note = ("", message) if contacts else (message, "")
     except AsrsimError as error:
-        note = f"{other} cannot run this: {error}"
+        note = f"{other} cannot run the scenario: {error}"
     difference = np.nan_to_num(found[:, 0])
     worst = int(difference.argmax())
     if contacts:

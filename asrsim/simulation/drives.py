@@ -233,7 +233,7 @@ def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoin
         imperfections = drive.command_imperfections if commands else drive.sensor.imperfections if drive.sensor else None
         longest = imperfections.delay if imperfections else 0.0
         if imperfections is None or not 0.0 <= value <= longest:
-            message = f"must be 0 to {longest:g} s, the delay of the scenario"
+            message = f"must be 0 to {longest:g} s, the delay that the scenario states"
             hint = f"State the longest delay under imperfections.{'commands' if commands else 'sensors'}"
             raise InputError(message, key=f"{drive.name}.{name}", value=value, hint=hint, code="parameter-range")
         other = replace(imperfections, delay=float(value))

@@ -62,7 +62,8 @@ def prepare_worlds(
     """
     if isinstance(scenario, Prepared):
         if engine not in (None, WARP, scenario.scenario.engine):
-            raise InputError("the scenario is prepared for another engine", key="engine", value=engine, code="engine")
+            message = f"the scenario is already prepared for the engine '{scenario.scenario.engine}'"
+            raise InputError(message, key="engine", value=engine, code="engine")
         return scenario
     plan = examine(scenario, variant=variant, overrides=overrides, plugins=plugins)
     if engine == WARP or (engine is None and not plan.scenario.states_engine and ENGINES.get("mujoco").available):

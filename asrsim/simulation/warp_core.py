@@ -147,13 +147,18 @@ class WarpCore(Core):
 
     def take_over(self, world: int, prepared: Prepared) -> None:
         """Give a world other parameters. The world must then be started again."""
-        if shape_of(prepared.drives, self.shape) != self.shape:
+        rows = zip(prepared.drives, self.shape.stages, strict=True)
+        new = [stage.name for drive, own in rows for stage in drive.stages if stage not in own]
+        if new:
             raise SimulationError(
-                "on Warp, worlds can have only the stages that act in the scenario: set the parameters of this stage there"
+                f"on Warp, a world cannot switch on the stage '{new[0]}', which is off in the scenario: set its parameters in "
+                "the scenario"
             )
         self.P[world] = constants_table(prepared, self.shape)
         if prepared.robot.links != self._engine.robot.links and not self._engine.vary(prepared.robot):
-            raise SimulationError("these masses move the base of the robot's model: they cannot vary on Warp")
+            raise SimulationError(
+                "on Warp, masses cannot vary in a world with contacts, or if they move the centre of mass of a floating base"
+            )
         for name, table in self._inertials.items():
             values = np.asarray(getattr(self._engine.raw_model, name))
             table[world] = values.reshape(table[world].shape)

@@ -39,7 +39,7 @@ SAID = {
     "check --stage": r"^clutch: all checks passed$",
     "init examples/urdf/plain_arm": r"; run it: asrsim run arm\.yaml$",
     "init examples/urdf/dof2_vertical": r"^find the robot's parameters: asrsim identify lab\.fit\.yaml$",
-    "init --experiment": r": check this file; every command reads bench_motion\.csv as it states$",
+    "init --experiment": r": check this file; every command reads bench_motion\.csv as this file states$",
     "run arm": r"^arm / stiff  3 s simulated in .* step 1 ms, 2 substeps, leapfrog",
     "run lab": r"^pass joint_1: rmse of link_position against two_joints\.csv is .*, expected < .* rad: holds; compared with",
     "ilc": r"^play the learned inputs: asrsim run out/ilc_2dof/ilc/learned\.yaml$",
@@ -52,7 +52,7 @@ SAID = {
     "export": r"^Replayed in MuJoCo \(.*\)\.\nNot in the file:\n  ",
     "twin": r"^joint_1: its positions follow the commands .* s later than in the model",
     "sweep": r"^step_2dof: 20 of 20 runs, 20 complete$",
-    "datasheet qbmove": r"^repeat the simulations, in datasheet/: asrsim run qbmove\.yaml$",
+    "datasheet qbmove": r"^to repeat the simulations, run in datasheet/: asrsim run qbmove\.yaml$",
     "actuators qbmove": r"^motors  2; second reference in rad$|^<gazebo>$",
 }
 """What commands say, by their first words. What they name as written must be there."""

@@ -41,7 +41,7 @@ def test_new_ilc_session_reports_what_it_replaces(asrsim_command, lift, tmp_path
 def test_keys_of_fixed_gains_are_told_to_have_no_effect_with_the_automatic_law(asrsim_command, lift):
     lift.write_text(lift.read_text().replace("law: paper", "law: auto\n  gain_decay: 0.9"))
     told = asrsim_command("ilc", lift, "--out", "here", "--no-plot", "--set", "ilc.max_iterations=1").out
-    assert "gain, gain_decay: no effect with law auto" in told
+    assert "gain, gain_decay: these keys have no effect with law auto" in told
     assert "filter" not in told
 
 

@@ -75,7 +75,7 @@ def test_comments_of_a_starter_name_the_actuator_the_mode_and_the_units(tmp_path
     elbow, slide = {"name": "elbow", "mode": 3}, {"name": "slide", "kind": "prismatic", "actuator": "sea", "mode": 2}
     write_starter(write_robot(tmp_path, elbow, slide), tmp_path / "s.yaml")
     text = (tmp_path / "s.yaml").read_text()
-    mode = "mode 3 (SpringEqPres: ideal motors, through the reference map)"
+    mode = "mode 3 (SpringEqPres: ideal motors stand at the positions from the reference map)"
     assert f"  elbow:  # qbMove Advanced (agonistic-antagonistic VSA), {mode}\n    equilibrium_position:  # rad\n" in text
     mode = "mode 2 (SpringRefs: ideal motors stand at the references)"
     assert f"  slide:  # Series elastic actuator, {mode}\n    reference_1:  # m\n" in text

@@ -53,7 +53,7 @@ def test_the_end_of_a_live_run_states_lateness_commands_and_how_to_repeat_it(qui
     said = " ".join(capsys.readouterr().out.split())
     for words in (
         "ticks late by 0.10 ms (median), 2.50 ms (p99), 12.3 ms (worst); busy 25 % of the time",
-        "fell behind 4 times, 0.75 s in total: this machine was too slow",
+        "fell behind real time 4 times, 0.75 s in total: this machine was too slow",
         "7 commands, 2 clamped, 3 dropped; 5 changed a reference",
         "3 x /elbow/x: not a number", "2 x elbow.equilibrium_position: clamped",
         "repeat it: asrsim rerun out/log.mcap --plugin mine.py",

@@ -617,7 +617,7 @@ def test_marks_by_which_no_file_would_be_found_are_refused(wrong, said):
 def test_a_parameter_cannot_have_the_name_of_a_number_of_the_joint(tmp_path):
     code = (EXAMPLES / "plugins" / "my_vsa.py").read_text()
     (tmp_path / "mine.py").write_text(code.replace('"linear"', '"damping"').replace('"my_vsa"', '"own_vsa"'))
-    with pytest.raises(ActuatorError, match=r"parameters\.damping: a number of every joint has this name"):
+    with pytest.raises(ActuatorError, match=r"parameters\.damping: every joint already has a number with this name"):
         load_plugin_file(tmp_path / "mine.py")
 
 

@@ -131,7 +131,11 @@ def test_laws_with_a_motor_on_the_housing_are_checked(preload):
     ("old", "new", "message"),
     [
         ("housed = 1", "housed = 3", "housed: must be less than the number of motors, 3"),
-        ("def elastic_energy", "def other_energy", "elastic_energy: is missing; motors on the housing need it"),
+        (
+            "def elastic_energy",
+            "def other_energy",
+            "elastic_energy: is missing; an actuator with motors on the housing needs this law",
+        ),
     ],
 )
 def test_a_wrong_declaration_of_motors_on_the_housing_is_named(preload, old, new, message):

@@ -110,7 +110,7 @@ STIFFNESS = replace(INERTIA, key="joint_1.spring_stiffness", name="joint_1.sprin
         (STIFFNESS, False, {"joint_1.spring_stiffness": 1.6}, "models that explain the recording better estimate 1.6$"),
         (STIFFNESS, False, {"joint_1.spring_stiffness": 1.55}, "the model is not shown to fit"),
         (replace(STIFFNESS, value=0.2), True, {}, ""),
-        (INERTIA, True, {}, r"it is 10.8 times its start; if this is plausible, start there \(--free link_1.izz=10.8\)"),
+        (INERTIA, True, {}, r"it is 10.8 times its start value; if this is plausible, start there \(--free link_1.izz=10.8\)"),
         (replace(INERTIA, start=10.0), True, {}, ""),
     ],
 )

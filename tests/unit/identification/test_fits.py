@@ -382,7 +382,7 @@ def test_a_command_without_a_unit_is_what_the_mode_takes(tmp_path, unit, modes):
     assert make_plan(load_robot(tmp_path / "lab.urdf"), read, step=1e-3, idle=()).modes == modes
 
 
-@pytest.mark.parametrize("stage", ["free simulation", "judgement", "what may be missing"])
+@pytest.mark.parametrize("stage", ["free simulation", "judgement", "looking for effects that the model lacks"])
 def test_stopping_keeps_the_best_fit_so_far(lab, stage):
     """After the stop, the fit takes little more than one simulation for each parameter."""
     told, asked = [], []
@@ -408,7 +408,7 @@ def test_a_fit_out_of_time_returns_its_best_estimate(lab):
     assert result.status == "unfinished"
     assert len(result.estimates) == 3
     assert all(one.verdict != "identified" for one in result.estimates)
-    assert [text for text, _ in judgement(result)][-1] == "unfinished: the best fit so far"
+    assert [text for text, _ in judgement(result)][-1] == "unfinished: these are the numbers of the best fit so far"
 
 
 def test_progress_estimates_the_remaining_time(lab, monkeypatch):

@@ -139,7 +139,7 @@ def test_a_gain_needs_a_joint_that_learns():
     block = {"tolerance": 0.01, "trajectory": {"joint_1": {"minimum_jerk": {"duration": 0.5, "to": 0.2}}}}
     scenario = {"duration": 1.0, "references": {"*": {"stiffness_preset": 0.3}}}
     assert make_plant(examine(make_scenario(arm, ilc={**block, "joint_gains": {"joint_1": 0.3}}, **scenario)))
-    with pytest.raises(ScenarioError, match=r"ilc\.joint_gains\.joint_2: this joint does not learn"):
+    with pytest.raises(ScenarioError, match=r"ilc\.joint_gains\.joint_2: this joint is not among the joints that learn"):
         make_plant(examine(make_scenario(arm, ilc={**block, "joint_gains": {"joint_2": 0.3}}, **scenario)))
 
 

@@ -203,7 +203,7 @@ def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     assert summary.live["clamped"] == {"joint_1.equilibrium_position": 3}
     told = [text for text in said if "further messages are only counted" in text]
     assert len(told) == len(set(told)) == len(summary.live["dropped"])
-    assert len([text for text in said if "clamped; later values are only counted" in text]) == 1
+    assert len([text for text in said if "clamped; later values outside are only counted" in text]) == 1
     command, low, *_ = list(open_log(tmp_path / "run" / "log.mcap").commands())
     assert (command.joint, command.reference) == ("joint_1", "equilibrium_position")
     assert command.value == session.simulation.scenario.ranges_of("joint_1")["equilibrium_position"][1]
@@ -306,7 +306,7 @@ def test_objects_that_a_program_has_excluded_from_garbage_collection_stay_exclud
         (["joint_1"], [(0.1, [math.nan], [])], "not finite"),
         (["joint_1"], [(0.1, [1e308], [-1e308]), (0.2, [-1e308], [1e308])], "too large for a robot"),
         (["joint_1"], [(1e308, [0.1], [])], "order of time"),
-        (["nobody"], [(0.1, [0.1], [])], "without commands"),
+        (["nobody"], [(0.1, [0.1], [])], "takes none on this topic"),
     ],
 )
 def test_a_wrong_trajectory_is_refused(tmp_path, names, points, why):

@@ -47,7 +47,7 @@ def test_with_a_map_no_meaning_is_taken_from_a_name(tmp_path):
     assert read_recording(path, mapping=["1=time [ms]"]).joints == ("joint_1",)
     (tmp_path / "lab.csv.yaml").write_text(WHOLE, encoding="utf-8")
     assert read_recording(path).joints == ("elbow",)
-    assert "missing in lab.csv.yaml" in read_recording(path).channels["q1"].origin
+    assert "not listed in lab.csv.yaml" in read_recording(path).channels["q1"].origin
 
 
 def test_the_command_line_overrules_the_document(tmp_path):

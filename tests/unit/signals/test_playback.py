@@ -63,7 +63,7 @@ def test_a_changed_file_is_read_again(tmp_path):
             {"column": "q"},
             ["ref.csv:3: q: cells must contain numbers up to 1e+30", "lines 3, 4", "left out: line 5"],
         ),
-        ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "row with 1 instead of 2 fields"]),
+        ("time,q\n0,1\n1\n2,3\n3,4\n4,5\n", {"column": "q"}, ["ref.csv:3", "row: expected 2 fields, found 1"]),
         ("time,q,note\n0,1,a\n1,2,b\n", {"column": "note"}, ["no numeric column 'note'"]),
         (CSV, {}, ["column"]),
     ],
