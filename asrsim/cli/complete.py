@@ -69,9 +69,10 @@ def _beginning(names: Iterable[object], incomplete: str) -> list[str]:
 
 
 def _path() -> Path:
-    """First file or folder named on the line that is completed; the shells pass the line in these variables.
+    """First existing file or folder on the command line that is being completed. The shells pass this line in environment
+    variables.
 
-    The parser gives no arguments for a line that ends in an option without a value.
+    The parser cannot be asked: it gives no arguments for a line that ends in an option without a value.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:

@@ -62,7 +62,7 @@ End = Annotated[float | None, option("End of the pictures, s.", default="the log
 
 
 _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf", ".svg", ".gif", ".mp4", ".urdf", ".parquet")
-"""Suffixes of files that asrsim reads or writes."""
+"""Suffixes of the files that asrsim reads or writes, by which a file is recognised where a folder is needed."""
 
 
 def into_folder(words: str, default: str | None = None) -> Any:

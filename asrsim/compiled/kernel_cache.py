@@ -1,4 +1,4 @@
-"""Folder of the compiled code. Numba runs any code in this folder, so other users must not be able to write to it."""
+"""Folder of the compiled code. Numba runs whatever code is in this folder, so other users must not be able to write to it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def cache_file(digest: str) -> Path | None:
                 _warn_of_cache(one)
                 return None
         if not path.exists():
-            # Another process may write the same file: write a temporary file, then rename it.
+            # Another process may write the same file at the same time: write a temporary file, then rename it.
             aside = path.with_suffix(f".{os.urandom(8).hex()}")
             with aside.open("x", encoding="utf-8") as stream:
                 stream.write("# asrsim keeps compiled code beside this file; safe to delete.\n")

@@ -19,7 +19,7 @@ _KEPT_VARIABLES = ("PATH", "PYTHONPATH", "PYTHONHOME", "LANG", "LC_ALL", "SYSTEM
 
 
 class ConfinedError(Exception):
-    """The script gave no result; the message gives the reason, `code` a short form: `timeout` or `failed`."""
+    """The script gave no result. The message states the reason; `code` is its short form: `timeout` or `failed`."""
 
     def __init__(self, message: str, code: str) -> None:
         super().__init__(message)
