@@ -89,7 +89,7 @@ class Result:
 
     @property
     def ok(self) -> bool:
-        """Whether the run completed and satisfies every claim of the scenario."""
+        """Whether the run is complete and satisfies every claim of its scenario."""
         return self.summary.ok
 
     @cached_property
@@ -191,7 +191,7 @@ def run(
 
     Args:
         scenario: Scenario file, or a scenario from `asrsim.make_scenario` or `asrsim.load_scenario`.
-        variant: Name of the variant; optional if there is only one.
+        variant: Name of the variant; optional if the scenario has only one.
         overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replacement for the scenario's robot: a file, or a loaded robot, possibly changed.
         plugins: Python files with users' actuators.

@@ -38,7 +38,7 @@ class Problem:
     """Dotted path of the key, tag or column, as the user wrote it."""
     value: object | None = None
     choices: tuple[str, ...] = ()
-    """All valid choices, if the list is short."""
+    """All valid choices for the invalid value, if they are few."""
     hint: str | None = None
     """What the user can do about the problem, in a sentence."""
     meant: str | None = None

@@ -1,5 +1,6 @@
-"""Safe writing of files: a file is written completely or not at all. Links are never replaced, and files that asrsim did not
-write are replaced only if the user permits it.
+"""Safe writing of files: a file is written completely or not at all.
+
+Links are never replaced. Files that asrsim did not write are replaced only if the user permits it.
 """
 
 from __future__ import annotations

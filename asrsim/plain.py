@@ -19,7 +19,7 @@ def one_or_more(given: Any) -> tuple[Any, ...]:
 
 
 def finite_or_none(value: float) -> float | None:
-    """Number for JSON; None for infinity and NaN, which JSON lacks."""
+    """The number for JSON; None in place of infinity and NaN, which JSON lacks."""
     return value if math.isfinite(value) else None
 
 

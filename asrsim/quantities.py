@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """Scalar signal of one joint."""
+    """A scalar signal of one joint that is logged or computed from the log."""
 
     name: str
     """Name in logs and commands."""

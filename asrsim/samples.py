@@ -1,5 +1,4 @@
-"""Data that a simulation produces: arrays by quantity and joint. Logs are written from these classes and read back into
-them."""
+"""Data that a simulation produces: arrays by quantity and joint. Logs are written from these classes and read into them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of an actuator: named parameters and three laws as functions of numbers, independent of the engine.
+"""The interface of an actuator: named parameters, and three laws that are functions of numbers and need no engine.
 
 The laws are static methods that take floats and use only the module `math` and the functions of this module, so that the
 interpreted and the compiled loop run the same source with identical bits. A law receives `parameters` as a tuple of floats, in
@@ -162,7 +162,7 @@ def sinh(value: float) -> float:
 
 
 def cosh(value: float) -> float:
-    """Hyperbolic cosine; see `sinh`."""
+    """Hyperbolic cosine, even to the bit; from one exponential, as `sinh`."""
     growing = exp(abs(value))
     return 0.5 * (growing + 1.0 / growing)
 

@@ -27,7 +27,7 @@ SAMPLES, VARIED = 200, 1000
 FAR = 4.0
 """Multiple of the deflection limit up to which torques must be finite."""
 INSIDE = 0.95
-"""Multiple of the deflection limit up to which slopes are measured: at the limit the slope jumps."""
+"""Multiple of the deflection limit up to which slopes are measured: at the limit itself, the slope of a torque jumps."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
 """Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error: near a
 corner of a law the smaller steps are accurate."""
@@ -118,10 +118,10 @@ class Points:
         """Values (n,) of each parameter of the spring; the first `SAMPLES` points have the default values."""
         names = [parameter.name for parameter in actuator.parameters]
         self.limit = dict(zip(names, self.parameters, strict=True)).get("max_deflection", np.full(count, FREE_RANGE))
-        """Largest deflections (n,), rad."""
+        """Largest deflection (n,) of the springs at each point, rad."""
         q = source.uniform(-2.0, 2.0, count)
         self.moving = 1 + actuator.positions() - actuator.adjuster
-        """Number of positions of link and motors."""
+        """Number of positions that move: those of the link and the motors, not that of an adjuster."""
         offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
         # Deflections of springs between link and housing are sums of several angles.
         offsets /= 1.0 + actuator.housed
@@ -137,7 +137,8 @@ class Points:
         return over_arrays(law)(*(self.positions + shift), self.parameters)
 
     def forces(self, shift: Array | float = 0.0) -> Array:
-        """Torques (moving, n) of the springs on the link and the motors. An adjuster does not move."""
+        """Torques (moving, n) of the springs on the link and the motors, at shifted positions; an adjuster is left out, since
+        it does not move."""
         springs = self.apply(self.actuator.elastic_torques, shift)
         return np.vstack([self.actuator.on_link(springs), -springs])[: self.moving]
 

@@ -99,7 +99,7 @@ class Drive:
 
     @cached_property
     def max_torque(self) -> tuple[float, ...]:
-        """Largest torque of each motor at rest in N m."""
+        """Largest torque of each motor in N m while the motor is at rest."""
         return tuple(min(one.limit, one.stall) for one in self.electric) if self.mode.motor else ()
 
     @cached_property
@@ -119,7 +119,7 @@ class Drive:
 
     @cached_property
     def max_velocity(self) -> tuple[float, ...]:
-        """Largest speed of each motor in rad/s."""
+        """Speed limit of each motor in rad/s."""
         return self._of_motors("max_velocity")
 
     @cached_property
@@ -130,7 +130,7 @@ class Drive:
     def motor_constants(self, index: int) -> MotorConstants:
         """Constants of motor `index` (1, 2, ...) for the simulation."""
         own = {name: self.values[f"motor_{index}_{name}"] for name in MOTOR_NAMES}
-        # Without controller, the reference is the command.
+        # Without a controller, the reference itself is the command: gains of 1, 0 and 0 give it.
         gains = {"proportional": 1.0, "integral": 0.0, "derivative": 0.0}
         if self.mode.controller:
             gains = {name: self.values[f"controller_{index}_{name}"] for name in gains}

@@ -23,7 +23,7 @@ class Electric(NamedTuple):
     stall: float
     """Torque in N m at the voltage limit and at rest; infinite without a limit."""
     limit: float
-    """Largest torque in N m."""
+    """Largest torque of the motor in N m, by its torque limit and its current limit."""
 
     def torque_of(self, command: Any) -> Any:
         """Torque at rest in N m for a command (number or array)."""

@@ -62,7 +62,7 @@ def motor_kick(
     implicitness: float,
     own: MotorConstants,
 ) -> tuple[float, float, float, float, float, float]:
-    """State of a motor after the motor has accelerated for `step` s at a fixed position.
+    """State of a motor after a kick: the motor has accelerated for `step` s at a fixed position.
 
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;

@@ -13,11 +13,11 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import Array, over_arrays
 
 ROUNDS = 50
-"""Largest number of rounds over the motors; one round is enough if each spring depends on one motor."""
+"""Largest number of rounds over the motors of a drive; one round is enough if each spring depends on one motor only."""
 MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
 TOLERANCE = 4e-15
-"""Smallest step of a root search, rad or m (relative for values above 1)."""
+"""Smallest step of a root search in rad or m; for values above 1, relative to the value."""
 FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 NUDGE = 1e-6
@@ -208,8 +208,8 @@ class MotorsAtRest:
 
 
 def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques: Array, motor: int) -> bool:
-    """Whether the torque on a motor does not depend on the other motors. found: positions of the motors with these torques;
-    wanted: other positions."""
+    """Whether the torque of the spring on a motor does not depend on the other motors. found: positions of the motors at which
+    the springs have the torques `torques`; wanted: other positions to compare."""
     trial = wanted.copy()
     trial[motor] = found[motor]
     return np.array_equal(pulls(trial)[motor], torques[motor])

@@ -217,13 +217,13 @@ class StageTrial:
         """Rows of numbers, one for each kick, in the order of the fields of `Kick`."""
 
     def _largest(self, unit: str) -> float:
-        """Largest magnitude of the stage's parameters in this unit."""
+        """Largest magnitude of the stage's parameters that have this unit; 0 if none has it."""
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 
     @cached_property
     def kicks(self) -> Sequence[tuple[Any, Any, Kick]]:
-        """Memory before and after each kick, and the kick."""
+        """For each kick of the motion: memory before it, memory after it, and the kick."""
         memory, kicks = self.stage.Memory(), []
         for row in self.trajectory.tolist():
             after, kick = replace(memory), Kick(*row)

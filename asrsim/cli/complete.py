@@ -13,18 +13,18 @@ from typing import Any
 
 
 def variants(incomplete: str) -> list[str]:
-    """Variants of the scenario."""
+    """Variants of the scenario on the command line."""
     found = _plain().get("variants")
     return _beginning(found if isinstance(found, Mapping) else (), incomplete)
 
 
 def joints(incomplete: str) -> list[str]:
-    """Joints of the first log."""
+    """Joints of the first log on the command line."""
     return _beginning((joint.name for joint in _logged()), incomplete)
 
 
 def quantities(incomplete: str) -> list[str]:
-    """Quantities of the first log."""
+    """Quantities of the first log on the command line."""
     return _beginning((name for joint in _logged() for name in joint.quantities), incomplete)
 
 
@@ -43,7 +43,7 @@ def measures(incomplete: str) -> list[str]:
 
 
 def figures(incomplete: str) -> list[str]:
-    """Names of all figures."""
+    """Names of all figures that `asrsim plot` can draw."""
     from asrsim.plots import FIGURES
 
     return _beginning(FIGURES.names(), incomplete)

@@ -129,7 +129,7 @@ def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
 
 
 def number(value: object) -> object:
-    """Value for JSON: infinite numbers become text."""
+    """Value for JSON, in which an infinite number becomes the text inf or -inf."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

@@ -103,7 +103,7 @@ def pairs(texts: Sequence[str] | None, flag: str) -> dict[str, str]:
     """Values by name, parsed from the texts NAME=VALUE of the option `flag`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
-        # ROS uses `:=` instead of `=`.
+        # Accept `:=` in place of `=`, as ROS writes it.
         name, separator, value = text.replace(":=", "=", 1).partition("=")
         if not separator or not name:
             raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=flag)

@@ -116,7 +116,7 @@ class FitBar(Bar):
     """Progress bar of a fit: task, cost and evaluations."""
 
     def update(self, progress: FitProgress) -> None:
-        """Show stage, cost, number of evaluations and remaining time of the fit."""
+        """Show the current stage of the fit, its cost, its number of evaluations, and the remaining time."""
         cost = f"cost {progress.cost:.4g}, " if math.isfinite(progress.cost) else ""
         left = f", about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
         self.draw(None, f"{progress.task}: {cost}{progress.evaluations} evaluations{left}")

@@ -28,7 +28,7 @@ from asrsim.compiled.rebind import called_names, rebind
 T = TypeVar("T")
 
 LOADED = 64
-"""Largest number of compiled functions that this process keeps in memory for later calls."""
+"""Number of compiled functions that this process keeps in memory for later calls, at most."""
 NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 """Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
 substep, and without tests for divisions by 0, which give inf or NaN.
@@ -78,7 +78,7 @@ def compile_function(
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        # nogil: threads run worlds in parallel.
+        # nogil: the function releases the interpreter's lock, so that threads run worlds in parallel.
         dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 

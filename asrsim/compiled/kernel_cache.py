@@ -42,7 +42,7 @@ def _is_own(path: Path) -> bool:
     try:
         status = path.lstat()
     except FileNotFoundError:
-        # Another process of this user has just renamed the file.
+        # Another process of this user has just renamed the file, so that it no longer has this name.
         return True
     writable = stat.S_IWOTH | (stat.S_IWGRP if stat.S_ISDIR(status.st_mode) else 0)
     return status.st_uid == os.geteuid() and not stat.S_ISLNK(status.st_mode) and not status.st_mode & writable

@@ -59,7 +59,7 @@ class Sheet:
     """Name in comparisons of sheets: name of the actuator or of the joint."""
     title: str
     source: str
-    """Publication of the law."""
+    """Publication of the actuator's law."""
     law: str
     origin: str
     """Source of the parameter values."""

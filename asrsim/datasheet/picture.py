@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from asrsim.plots.chart import Chart
 
 HEIGHT = 2.0
-"""Height of a row of charts, inch."""
+"""Height of a row of charts in inches."""
 LINE, LETTER, SIZE = 0.175, 0.066, 8.0
 """Height of a line of the table in inches, width of a letter in inches, and font size in pt."""
 LEFT, TOP, GAP = 0.12, 0.42, 0.25

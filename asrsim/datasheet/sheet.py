@@ -45,7 +45,7 @@ def make_sheet(
     Args:
         source: The actuator and its values.
         presets: Smallest and largest second reference; None: the range of the actuator.
-        inertia: Inertia of the test load, kg m^2; None: the inertia that gives 3 Hz on the mean stiffness.
+        inertia: Inertia of the test load, kg m^2; None: the one with a natural frequency of 3 Hz on the mean stiffness.
         measured: Curves of test benches, drawn beside the law.
 
     Raises InputError for presets that the actuator cannot have.

@@ -32,12 +32,12 @@ class Source:
     short: str
     """Name in comparisons of sheets: name of the actuator or of the joint."""
     drive: Drive
-    """Drive in `SHEET_MODE`."""
+    """The actuator's drive in the mode `SHEET_MODE`."""
     origin: str
     stated: Mapping[str, float]
     """Parameter values that differ from the defaults, by name."""
     effort: float = math.inf
-    """Effort limit of the joint, N m."""
+    """Effort limit of the joint, N m; infinite if the actuator is on no joint."""
     stops: tuple[float, float] = (-math.inf, math.inf)
     """Limits of the joint, rad."""
     prismatic: bool = False

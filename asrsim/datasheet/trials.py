@@ -32,7 +32,7 @@ STEP, LEAST = 0.2, 0.05
 """Size of the step of the equilibrium position: as a fraction of the largest deflection of the softest setting, but at least
 `LEAST` rad."""
 AT, LASTS = 0.1, 2.0
-"""Time of the steps, and duration of a trial, s."""
+"""Time at which the references step, and duration of a trial, s."""
 BAND = 0.1
 """The stiffness counts as settled while it differs from its new value by less than this fraction of its change."""
 MEASURE = "settling"
@@ -43,7 +43,7 @@ TOLERANCE = 0.01
 CHANGES = ("stiffness_free", "stiffness_loaded")
 """Variants of this scenario in which the preset steps, to change the stiffness."""
 STILL = 1e-9
-"""Relative change of the stiffness below which the stiffness counts as constant."""
+"""Change of the stiffness, relative to its largest value, below which the stiffness counts as constant."""
 LOADED = 0.2
 """Load during a change of stiffness if no nominal torque is stated, as a fraction of the torque that every setting holds."""
 JOINT = "joint_1"

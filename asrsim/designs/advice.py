@@ -40,7 +40,7 @@ class _Motion:
 
 
 def _moved(result: FitResult) -> dict[str, _Motion]:
-    """Motion of each joint over all recordings."""
+    """Motion of each joint, over all recordings of the fit."""
     found: dict[str, _Motion] = {}
     for one in (one for one in result.channels if one.key.endswith("position")):
         joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])

@@ -44,7 +44,7 @@ class Piece:
     """Sizes of the motion (references, windows); size 1 covers the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
-        """Motion (references, n) as fractions of each reference's range, from -1 to 1."""
+        """Values (references, n) of the piece at the times `time`, as fractions of each reference's range, from -1 to 1."""
         middles = _middles(self.scales.shape[1]) * length
         rows = [
             np.interp(time, middles, scales) * _row(u, time, length)
@@ -99,7 +99,7 @@ def step(presets: Array) -> Piece:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Piece:
-    """Chirp with random frequencies and constant stiffness presets; some of its numbers are replaced by random numbers."""
+    """Chirp with random frequencies and constant stiffness presets; some of its free numbers are replaced by random ones."""
     first, last = SLOWEST * (FASTEST / SLOWEST) ** generator.random(2)
     base = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0]))
     for row in base.numbers:
@@ -119,7 +119,7 @@ def varied(piece: Piece, generator: np.random.Generator) -> Piece:
             size=1 if together else part.stop - part.start
         )
     numbers[:, PHASE] %= 1.0
-    # Numbers are reflected at their bounds, so that the bounds are not reached too often.
+    # Reflect numbers that pass 0 or 1 there: clipped numbers would too often be exactly 0 or 1.
     return Piece(1.0 - np.abs(1.0 - np.abs(numbers) % 2.0), piece.scales)
 
 

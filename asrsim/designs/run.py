@@ -86,13 +86,13 @@ def design(
 
     Args:
         scenario: Scenario, with `free` among the options; or a fit file, whose recordings count as earlier experiments.
-        limits: File with `limits:`, and `noise:` and `choose:`.
-        duration: Length of the experiment.
+        limits: File with the keys `limits`, `noise` and `choose`.
+        duration: Duration of the experiment, s.
         experiments: Recordings of earlier experiments.
         robust: Number of further robots for which the motion is also designed; their parameters differ by up to a factor of 2.
-        rounds, seed: Length and random seed of the search.
-        progress: Called with the finished fraction.
-        stop: Called often; True ends the search with the best motion so far.
+        rounds, seed: Number of rounds of the search, and its random seed.
+        progress: Called with the finished fraction of the search.
+        stop: Called often; if it returns True, the search ends with the best motion so far.
         options: Options of `asrsim.identification.task_of`.
 
     Raises:

@@ -76,7 +76,7 @@ class Search:
     motions: dict[str, Found] = field(default_factory=dict)
     """Best whole motions by name: `design`, chirps and one step."""
     best: Found | None = None
-    """Best whole motion whose information is confirmed."""
+    """Best whole motion so far whose information is confirmed."""
     library: list[Found] = field(default_factory=list)
     """Pieces within the limits that have been tried."""
     picked: list[Found] = field(default_factory=list)
@@ -109,7 +109,7 @@ class Search:
         return float(self.score(found.information))
 
     def fitted(self, pieces: Sequence[Piece], rows: int, robots: int) -> Sequence[Piece] | None:
-        """Pieces scaled into the limits; None if no tried size keeps the limits.
+        """The pieces, scaled into the limits; None if no size that was tried keeps the limits.
 
         A single piece is scaled in each window until each joint uses its goal, a fraction of its limits. Several pieces
         together are only made smaller.
@@ -213,7 +213,7 @@ class Search:
         return found
 
     def try_fresh(self, count: int) -> None:
-        """Try random pieces."""
+        """Try `count` random pieces."""
         for _ in range(count):
             self.try_piece(fresh(self.generator, self.plant.presets))
 

@@ -77,7 +77,7 @@ def kind_of(path: Path, root: Node | None = None) -> str | None:
 
 
 def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | None:
-    """Problem if the file or folder is clearly of another kind than `wanted`; None otherwise."""
+    """Problem if the file or folder is clearly of a kind other than `wanted`; None otherwise."""
     kind = kind_of(path, root)
     if kind is None or kind == wanted:
         return None
@@ -88,7 +88,8 @@ def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | Non
 def read_document(
     path: Path, wanted: str, *, error: type[InputError] = InputError, faults: list[Problem] | None = None
 ) -> tuple[Node, str]:
-    """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects files of another kind."""
+    """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects a file of a kind other than
+    `wanted`."""
 
     def require(root: Node | None = None) -> None:
         if (other := mistaken(path, wanted, root)) is not None:

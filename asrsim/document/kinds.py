@@ -169,7 +169,7 @@ class Number(Kind[float]):
 
     minimum: float | None = None
     above: float | None = None
-    """Exclusive lower limit."""
+    """Lower limit that the number must exceed; None: no such limit."""
     maximum: float | None = None
     noun: ClassVar[str] = "number"
     json_type: ClassVar[str] = "number"

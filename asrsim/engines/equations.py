@@ -36,7 +36,7 @@ class EquationEngine(RigidEngine):
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        """Raises RobotError for a floating base, and for a world with ground or objects."""
+        """Make the engine. Raises RobotError for a floating base, and for a world with ground or objects."""
         if not scenario.fixed_base or not scenario.world.empty:
             message = f"the engine '{scenario.engine}' needs a fixed base and a world without ground and objects"
             raise RobotError(message, file=robot.path, code="engine")
@@ -131,7 +131,7 @@ class EquationModel(RobotModel):
         return self.couplings.fold(self._equations(q)[1], q)
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
-        """Joint torques (..., n) in N m that give the accelerations."""
+        """Joint torques (..., n) in N m that give these accelerations at these positions and velocities."""
         q = self.couplings.expand(positions)
         v = self.couplings.expand_rates(velocities, q)
         a = self.couplings.expand_accelerations(accelerations, v, q)

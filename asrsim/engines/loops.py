@@ -71,7 +71,7 @@ class Loops(NamedTuple):
     gamma: AnyArray
     """Acceleration of each of the library's velocities while the velocities of the masters are constant, (w,)."""
     arms: AnyArray
-    """Work space: axis, origin, and column of J for each entry, (k, 9)."""
+    """Work space: axis and origin of each entry's joint, and the entry's column of J, (k, 9)."""
     work: AnyArray
     """Work space: rotation, three vectors, gap, drift of the gap, right-hand side, (30,)."""
     normal: AnyArray

@@ -74,7 +74,7 @@ class MujocoRecord(NamedTuple):
     wrench_point: AnyArray
     """Point (m) at which each wrench acts, in the frame of the wrench's body; shape (w, 3)."""
     wrench_turn: AnyArray
-    """Rotation of the frame of each wrench's link, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
+    """Rotation of the link of each wrench, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
     wrench_local: AnyArray
     """Flags (w,): 1 for wrenches that are given in the frame of their link."""
     floats: int

@@ -72,7 +72,7 @@ class Room(NamedTuple):
     scheme: AnyArray
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
-    """1 if the base floats."""
+    """1 if the base floats, else 0."""
     reduced: int
     """1 if joints are coupled or have rotors: the equations of the library must then be reduced by `reduce`."""
     qpos: AnyArray
@@ -104,7 +104,7 @@ class Room(NamedTuple):
     rebound: AnyArray
     """Factor (v,) on the velocity after the kick of a joint that leaves its stop; see `aim`."""
     impacts: AnyArray
-    """Number (1,) of degrees of freedom that have struck their stops in the last drift."""
+    """Number of degrees of freedom that have struck their stops in the last drift, (1,)."""
     velocity: AnyArray
     """Velocity (v,) before a piece of the kick. `asrsim.engines.exact_friction.settle` explains this field, and the eight
     fields that follow `middle`."""
@@ -134,7 +134,7 @@ class Room(NamedTuple):
     armature: AnyArray
     """Inertia of the rotors of each joint, as felt at the joint, (n,), kg m^2 (kg)."""
     loops: Loops
-    """Closed chains."""
+    """Linkages of the robot, whose joints form closed chains."""
     lower: AnyArray
     """Lower stops of the joints (n,), rad or m."""
     upper: AnyArray
@@ -455,7 +455,7 @@ def _leave_stops(room: Any, state: Any) -> None:
 
 
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
-    """Compute the drift after the kick, and the new state."""
+    """Compute the drift after the kick, and write the new state to `state` and `exchange`."""
     step = room.scheme[STEP]
     if room.impacts[0]:
         _leave_stops(room, state)
@@ -609,7 +609,7 @@ class Calculation:
         return self._compiled
 
     def __call__(self, *arrays: Array) -> None:
-        """Apply the function to numbers, exchange, forces and lengths."""
+        """Apply the function to a vector of numbers, an exchange, forces and lengths."""
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
             if self._make is None and "numba" in sys.modules:
                 self.compile()

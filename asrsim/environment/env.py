@@ -47,7 +47,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         return observations[0], {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
-        """Apply one action for one control period. If the simulation diverges, the episode is terminated."""
+        """Apply one action for one control period. If the simulation diverges, this terminates the episode."""
         observations, rewards, ended, truncated, _ = self._many.step(np.asarray(action)[None])
         return observations[0], float(rewards[0]), bool(ended[0]), bool(truncated[0]), {}
 

@@ -65,7 +65,7 @@ class Episode:
 
 
 class ControlTask:
-    """A scenario as a learning task; see `asrsim.environment.make_env`."""
+    """A scenario as a task for reinforcement learning; see `asrsim.environment.make_env`."""
 
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None) -> None:
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;

@@ -1,4 +1,4 @@
-"""Ranges for domain randomisation: the intervals of a fit as fields of the MuJoCo model."""
+"""Ranges for domain randomisation: the intervals of a fit as values of fields of the MuJoCo model."""
 
 from __future__ import annotations
 

@@ -174,5 +174,5 @@ def charts(found: Replay) -> list[list[Chart]]:
 
 
 def draw_replay(found: Replay, path: Path) -> list[Path]:
-    """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
+    """Draw both motions and their difference; the picture goes to the folder of the model. Raises OutputError."""
     return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in {found.program}")

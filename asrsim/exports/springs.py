@@ -10,7 +10,7 @@ import numpy as np
 from asrsim.samples import Array
 
 POINTS = 1001
-"""Number of deflections on each side at which a spring law is evaluated."""
+"""Number of deflections on each side of 0 at which a spring law is evaluated."""
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; the first one with an error of the spline below `ERROR` rad is taken."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
@@ -38,7 +38,7 @@ class Spline:
     """Largest difference of the torques within `reach`, divided by the local stiffness, rad."""
 
     def torque(self, deflection: Array) -> Array:
-        """Torques at deflections in rad, N m."""
+        """Torques of the spring in N m at deflections in rad."""
         low, high, *stiffness = self.pieces.T
         x = np.asarray(deflection)[..., None]
         u = np.maximum(x - high, 0.0) + np.minimum(x - low, 0.0)

@@ -19,7 +19,7 @@ GROUP = "asrsim.stages"
 
 
 class Stages(Registry[type[Stage]]):
-    """Table of the stages; the quantities of a stage are known from its registration on."""
+    """Table of the stages; when a stage is registered, its quantities become known to logs."""
 
     def loaded(self) -> tuple[type[Stage], ...]:
         """All registered stages, in the order of registration. The stages of a package act as soon as the package is

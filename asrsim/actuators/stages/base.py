@@ -61,7 +61,8 @@ class Stage:
     source: ClassVar[str] = ""
     """Publication of the model."""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    """Parameters of the stage. They are shared by all motors of a joint; at their defaults the stage must not act."""
+    """Parameters of the stage. They are shared by all motors of a joint; while all have their defaults, the stage must not
+    act."""
     Memory: ClassVar[Any] = NoMemory
     """Record of the state of the stage at one motor: a dataclass with slots of numbers `asrsim.records.value`."""
     Constants: ClassVar[Any]
@@ -84,7 +85,7 @@ class Stage:
 
     @staticmethod
     def torque(memory: Any, own: Any, deflection: float, velocity: float) -> float:
-        """Torque in N m of a part parallel to the spring: it pulls the link towards the motor.
+        """Torque in N m of a part parallel to the spring; a positive torque pulls the link towards the motor.
 
         deflection: motor minus link, rad; velocity: rate of the deflection, rad/s.
         """
