@@ -36,9 +36,9 @@ this if the parameters of the stage make it act only on larger or faster motions
 BEYOND = 2.0
 """Factor by which the deflection and the speed of a motion exceed the stage's largest parameter in rad and in rad/s."""
 LARGEST = 5.0
-"""Torque limit of the motor, and largest torques of motor and spring in a motion, N m."""
+"""Torque limit, and largest torques of motor and spring in a motion, N m."""
 MOTOR = 0.7
-"""Frequencies of the motor's own motion, relative to those of the deflection."""
+"""Frequencies of the motor's motion, relative to those of the deflection."""
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
 SAMPLE = Kick(
@@ -223,7 +223,7 @@ class StageTrial:
 
     @cached_property
     def kicks(self) -> Sequence[tuple[Any, Any, Kick]]:
-        """For each kick of the motion: memory before it, memory after it, and the kick."""
+        """Memory before and after each kick, and the kick."""
         memory, kicks = self.stage.Memory(), []
         for row in self.trajectory.tolist():
             after, kick = replace(memory), Kick(*row)
