@@ -63,8 +63,8 @@ class Design:
 
     @property
     def needed(self) -> Array:
-        """Durations in s for which the motion must be repeated until the half-width of each parameter's interval is `WANTED`;
-        at least `SHORTEST`."""
+        """Durations in s for which the motion must be repeated until the half-width of each parameter's interval falls to
+        `WANTED`; at least `SHORTEST`."""
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 

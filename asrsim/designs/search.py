@@ -22,7 +22,7 @@ FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
 FULL, ENOUGH = 0.97, 0.93
 """Fraction of each limit to which a motion is scaled; fraction of this goal from which the motion counts as large enough."""
 MARGIN = 0.88
-"""Fraction of each limit that a robust design may use on the robots that are tried, since other robots may need more."""
+"""Fraction of each limit that a robust design may use on the robots that are tried, since other robots may use more of it."""
 TRIES, SHRINKING = 8, 4
 """Largest number of simulations in which a motion is scaled into the limits; number of the last of these simulations, in which
 the motion may only shrink.
