@@ -194,13 +194,12 @@ def run(
         variant: Name of the variant; optional if the scenario has only one.
         overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replacement for the scenario's robot: a file, or a loaded robot, possibly changed.
-        plugins: Python files with users' actuators.
+        plugins: Python files that define users' actuators, signals and so on.
         out: Folder for `log.mcap` and `summary.json`; None: no files are written.
         overwrite: Whether the results of another run in this folder may be replaced.
         keep: Whether to keep all samples in memory; if False (only with `out`), they are read from the log when needed.
         certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also
-        does
-            what `cross_check` does, if another engine is installed.
+            does what `cross_check` does, if another engine is installed.
         cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`.
         progress: Called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
         stop: Called every few thousand substeps; if it returns True, the run ends cleanly.
@@ -211,7 +210,7 @@ def run(
     Raises:
         ScenarioError: The scenario is invalid, or has several variants and `variant` is missing.
         RobotError, ActuatorError, UnresolvedSpringError: The run cannot be built.
-        DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
+        DivergenceError: The motion became physically impossible; the error's `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
     plan = examine(

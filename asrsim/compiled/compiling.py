@@ -46,7 +46,7 @@ _types: dict[Any, Any] = {}
 
 
 def numba_available() -> bool:
-    """Whether Numba is installed (the extra `fast`)."""
+    """Whether Numba, which the extra `fast` installs, is installed."""
     from importlib.util import find_spec
 
     return find_spec("numba") is not None

@@ -20,7 +20,7 @@ MOST_POINTS = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredCurve:
-    """Measured points of a torque curve."""
+    """Measured points of a curve of torque over deflection."""
 
     label: str
     deflection: Array

@@ -14,7 +14,7 @@ from asrsim.plots.chart import Chart
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """Statement of a publication about an actuator."""
+    """Statement that a publication makes about an actuator."""
 
     key: str
     """Key of the entry to which the statement belongs; "" for a remark."""
@@ -26,7 +26,7 @@ class Published:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One line of a sheet."""
+    """One line of a data sheet: a number and how it was found."""
 
     key: str
     words: str

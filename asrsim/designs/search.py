@@ -86,7 +86,7 @@ class Search:
 
     @property
     def count(self) -> int:
-        """Number of pieces of the motion."""
+        """Number of pieces of which the whole motion consists."""
         return min(MOST, max(1, round((self.plant.rows - 1) * self.plant.step / LENGTH)))
 
     @property

@@ -19,7 +19,7 @@ class Rejected(Exception):  # noqa: N818 - internal: the problem is already reco
 
 @dataclass(kw_only=True)
 class DocumentReading:
-    """Collects the problems and the files of a document."""
+    """Collects the problems of a document, and the files that it names, while it is read."""
 
     base: Path = field(default_factory=Path)
     """Folder to which paths in the document are relative."""

@@ -99,7 +99,7 @@ class _Saved:
 
 
 class BulletEngine(RigidEngine):
-    """A robot in a world without contacts."""
+    """A robot in a world without contacts; PyBullet gives mass matrix and bias."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"

@@ -63,7 +63,7 @@ ended far from the solution."""
 
 
 class MujocoEngine(RigidEngine):
-    """A robot in a world without contacts."""
+    """A robot in a world without contacts; MuJoCo gives mass matrix and bias."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()

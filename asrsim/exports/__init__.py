@@ -87,15 +87,15 @@ def export(
     """Write a scenario's robot as MJCF for a program, and replay the scenario there.
 
     Args:
-        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
+        scenario: Scenario whose joints have modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As in `asrsim.run`.
         program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only
             constructs that this program simulates correctly. The replay is in this program if it is installed, else in MuJoCo.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         step: Time step of the model, s; None: half of the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
-            randomisation.
+        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges
+            for domain randomisation.
         plot: Whether to draw the error of each joint.
 
     Raises:

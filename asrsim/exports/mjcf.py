@@ -87,7 +87,7 @@ def model_of(
     Args:
         prepared: The scenario.
         run: Results of the scenario's run in asrsim; springs are fitted over its deflections.
-        path: Path of the model's file.
+        path: Path of the file that the model is for.
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
         timestep: Time step of the model, s; None: half of the scenario's step.

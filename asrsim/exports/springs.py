@@ -23,7 +23,7 @@ torque.
 
 @dataclass(frozen=True, kw_only=True)
 class Spline:
-    """Approximation of a spring law, torque over deflection, by a sum of polynomial springs with dead bands."""
+    """Approximation of a spring law (torque over deflection) by a sum of polynomial springs, each with a dead band."""
 
     pieces: Array
     """Rows (n, 5): lower and upper end of the dead band, rad; coefficients k_1, k_2, k_3 in N m/rad, N m/rad^2, N m/rad^3.

@@ -1,4 +1,4 @@
-"""Interface of the programs that an exported file can be made for."""
+"""Interface of the programs for which an exported file can be made."""
 
 from __future__ import annotations
 
