@@ -27,7 +27,7 @@ FREQUENCY, RATIO = 3.0, 0.2
 geometric mean of the softest and the stiffest setting.
 """
 SOFTEST = 1e-4
-"""Smallest stiffness that enters this mean, as a fraction of the largest stiffness."""
+"""Smallest stiffness that enters the mean for the test load, as a fraction of the largest stiffness."""
 STEP, LEAST = 0.2, 0.05
 """Size of the step of the equilibrium position: as a fraction of the largest deflection of the softest setting, but at least
 `LEAST` rad."""
@@ -41,7 +41,7 @@ OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
 TOLERANCE = 0.01
 """Relative tolerance of the claims in the scenario that repeats the trials."""
 CHANGES = ("stiffness_free", "stiffness_loaded")
-"""Variants of this scenario in which the preset steps, to change the stiffness."""
+"""Variants of the trials' scenario in which the preset steps, to change the stiffness."""
 STILL = 1e-9
 """Change of the stiffness, relative to its largest value, below which the stiffness counts as constant."""
 LOADED = 0.2
@@ -59,7 +59,7 @@ class Trials:
     change_times: Mapping[str, float]
     """Time in s after which the stiffness stays within `BAND` of its change, for each variant in which it settles."""
     ends: Mapping[str, tuple[float, float]]
-    """Stiffness before and after the change, N m/rad, for the same variants."""
+    """Stiffness before and after its change, N m/rad, for each variant of `change_times`."""
     unchanged: Collection[str]
     """Variants in which the preset does not change the stiffness."""
     load: Load

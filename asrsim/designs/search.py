@@ -20,7 +20,7 @@ FRESH, BATCH = 100, 40
 FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
 """First and last frequencies of chirps, Hz; number of the best chirps with each preset that are extended to whole motions."""
 FULL, ENOUGH = 0.97, 0.93
-"""Fraction of each limit to which a motion is scaled; fraction of this goal from which the motion counts as large enough."""
+"""Fraction of each limit to which a motion is scaled; fraction of its goal from which a motion counts as large enough."""
 MARGIN = 0.88
 """Fraction of each limit that a robust design may use on the robots that are tried, since other robots may use more of it."""
 TRIES, SHRINKING = 8, 4

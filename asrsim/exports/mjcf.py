@@ -57,7 +57,7 @@ LACKS = {
 }
 """Parts that the model lacks if a parameter is set, by the end of the parameter's name, in words for a remark."""
 DIRECT_LACKS = {"_max_velocity": "its motors have no speed limit", "_integral": "its controllers have no integral action"}
-"""The same for motors whose command is a voltage or a current."""
+"""Parts that the model lacks for motors whose command is a voltage or a current, by the end of the parameter's name."""
 
 
 @dataclass(frozen=True, kw_only=True)

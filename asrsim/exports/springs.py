@@ -14,7 +14,7 @@ POINTS = 1001
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
 """Numbers of knots that are tried in turn; the first one with an error of the spline below `ERROR` rad is taken."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
-"""The same two values for springs that are made of linear pieces."""
+"""`KNOTS` and `ERROR` for springs that are made of linear pieces."""
 FAR = 1e6
 """End of a dead band that no motion reaches, rad; also the rest position of a weak spring, which gives a nearly constant
 torque.

@@ -24,7 +24,7 @@ from asrsim.simulation.drives import SteppedJoint, ranges_of
 from asrsim.simulation.prepared import Prepared
 
 FILES = "__init__", "robot", "reach", "train"
-"""Modules of this package; their texts are in the folder `mjlab_package`."""
+"""Modules of the package that is written for mjlab; their texts are in the folder `mjlab_package`."""
 UNLIMITED = -1.0, 1.0
 """Range of an action that sets a reference without limits, in the unit of the reference."""
 
