@@ -27,7 +27,7 @@ LONGEST = 0.2
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 NEAR = 1e-3
-"""If the largest step of the motors is below this, in rad, they need no further step: its error is of second order."""
+"""Largest step of the motors in rad after which they need no further step: the remaining error is of second order in it."""
 ROUNDING = 1e-12
 """Distance in rad beyond the border of a controller's range at which a step that crosses this border ends."""
 INTEGRATING = 1e9
@@ -140,7 +140,7 @@ class MotorsAtRest:
 
     def follow(self, position: Array) -> tuple[Array, Array]:
         """Torques (joints, n) in N m on the links at `position` (joints, n) in rad with the motors at rest, and the changes of
-        these torques per displacement of the links. For a search of the links' positions by Newton's method.
+        these torques per displacement of the links. A search of the links' positions by Newton's method needs both.
 
         The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
         steps if that step was long. Torques and changes are linearised about the last step.

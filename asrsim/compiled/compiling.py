@@ -28,7 +28,7 @@ from asrsim.compiled.rebind import called_names, rebind
 T = TypeVar("T")
 
 LOADED = 64
-"""Number of compiled functions that this process keeps in memory for later calls, at most."""
+"""Largest number of compiled functions that stay in the memory of this process for later calls."""
 NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 """Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
 substep, and without tests for divisions by 0, which give inf or NaN.

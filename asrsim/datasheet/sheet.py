@@ -28,8 +28,8 @@ WIDE = 50.0
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
-"""A setting counts as having no stiffness up to this fraction of the largest stiffness: a bandwidth computed there would be a
-rounding error.
+"""A setting counts as having no stiffness up to this fraction of the largest stiffness: a bandwidth from so little
+stiffness would be a rounding error.
 """
 
 

@@ -37,7 +37,7 @@ BAND = 0.1
 """The stiffness counts as settled while it differs from its new value by less than this fraction of its change."""
 MEASURE = "settling"
 OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
-"""The measure that gives the time in which the stiffness changes has these options."""
+"""Options of `MEASURE`, the measure that gives the time in which the stiffness changes."""
 TOLERANCE = 0.01
 """Relative tolerance of the claims in the scenario that repeats the trials."""
 CHANGES = ("stiffness_free", "stiffness_loaded")

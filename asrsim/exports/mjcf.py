@@ -100,7 +100,7 @@ def model_of(
     _check(prepared, constructs)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
-        # MuJoCo versions before this one read the gains of DC motors in volts.
+        # MuJoCo versions before 4 read the gains of DC motors in volts.
         raise SimulationError(
             f"files with DC motors need MuJoCo 4, but MuJoCo {library_version()} is imported here: install mujoco-core 4 in an "
             "environment without mujoco 3, or write for mjx or mjlab, whose files have no DC motors"
@@ -201,7 +201,7 @@ def model_of(
 
 
 def _check(prepared: Prepared, constructs: Constructs) -> None:
-    """Raise ScenarioError if the scenario has parts that need constructs other than these."""
+    """Raise ScenarioError if the scenario has parts that need constructs other than `constructs`."""
     problems = [
         Problem(f"joint '{stepped.name}': this program does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives

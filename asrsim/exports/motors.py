@@ -64,7 +64,7 @@ def set_limits(joint: Any, stops: tuple[float, float], damping: float, friction:
 
 
 def refused(stepped: SteppedJoint, constructs: Constructs) -> Iterator[str]:
-    """Parts of a joint that a program with only these constructs cannot step, in words."""
+    """Parts of a joint that a program with only the constructs `constructs` cannot step, in words."""
     drive = stepped.drive
     if not constructs.delays and delay_of(stepped):
         yield "delay of its commands"
