@@ -7,7 +7,7 @@ import sys
 
 
 def main() -> None:
-    """Entry point of the script, which reports interruptions before and after the command."""
+    """Entry point of the script `asrsim`. It also reports interruptions before and after the command itself."""
     try:
         from asrsim.cli.app import main as call
 
@@ -16,9 +16,10 @@ def main() -> None:
         sys.stderr.write("asrsim: aborted\n")
         sys.exit(130)
     finally:
-        # All files are written. A later signal would end Python without a message and with another exit code.
+        # All files are written: from here on, a signal would only end Python without a message and with another exit code.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        exec("pass")  # clears the flag of an interrupted `exec` (dataclasses use it), with which Python ends by SIGINT
+        # Clear the flag of an interrupted `exec` (dataclasses use it): with this flag, Python would end by SIGINT.
+        exec("pass")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""asrsim as a library: runs a scenario and returns arrays by joint and quantity. Prints nothing."""
+"""asrsim as a library: runs a scenario and returns arrays, by joint and quantity. Prints nothing."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 
 
 class JointSeries(Mapping[str, Array]):
-    """Quantities of a joint by name, each (n,), SI: `series["link_position"]` or `series.link_position`.
+    """Quantities of one joint by name, each an array (n,) in SI units: `series["link_position"]` or `series.link_position`.
 
-    Contains the recorded quantities and the derived ones: `deflection`, `equilibrium_position`, `position_error`. Names and
-    units are those of `asrsim.quantities.QUANTITIES` and `DERIVED`.
+    Contains the recorded quantities and the quantities derived from them: `deflection`, `equilibrium_position`,
+    `position_error`. Names and units are those of `asrsim.quantities.QUANTITIES` and `DERIVED`.
     """
 
     def __init__(self, samples: Samples, info: JointInfo) -> None:
@@ -77,24 +77,24 @@ class Result:
     """Result of a run: arrays, the summary, and the path of the log."""
 
     run: Run
-    """Finished run with its scenario, robot, substeps and counts."""
+    """The finished run, with its scenario, robot, substeps and counts."""
     summary: RunSummary
     log: Path | None = None
     """Path of the log, if a log was written."""
 
     @property
     def status(self) -> str:
-        """Status: complete or interrupted; a diverging run raises an error."""
+        """Status of the run: `complete` or `interrupted`. A run that diverges has no result: it raises an error."""
         return self.run.status
 
     @property
     def ok(self) -> bool:
-        """Whether the run completed and satisfies every claim of the scenario."""
+        """Whether the run is complete and satisfies every claim of its scenario."""
         return self.summary.ok
 
     @cached_property
     def samples(self) -> Samples:
-        """All logged samples; read from the log if the run did not keep them in memory."""
+        """All logged samples. They are read from the log if the run has not kept them in memory."""
         if self.run.samples is not None:
             return self.run.samples
         if self.log is None:
@@ -135,7 +135,8 @@ class Result:
         return as_html(self)
 
     def plot(self, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-        """Figure of the joints, or of the named quantities; a notebook displays it. Raises LogError for unknown names."""
+        """Figure of the given joints or quantities; by default of all joints. A notebook displays it. Raises LogError for
+        unknown names."""
         from asrsim.notebook import run_picture
 
         return run_picture(self, joints=joints, quantities=quantities)
@@ -154,19 +155,20 @@ class Result:
         return page_of(self, beside, port)
 
     def to_pandas(self) -> Any:
-        """Table as a pandas DataFrame indexed by time, with columns by joint and quantity; needs pandas."""
+        """Table as a pandas DataFrame: one row per sample with the time as its index, one column per joint and quantity. Needs
+        pandas."""
         from asrsim.notebook import as_pandas
 
         return as_pandas(self)
 
     @property
     def bodies(self) -> Mapping[str, Array]:
-        """Poses (n, 7) of each body: position in m, orientation as quaternion x y z w."""
+        """Poses (n, 7) of each body, by name: position in m, orientation as quaternion x y z w."""
         return self.samples.bodies
 
     @property
     def contacts(self) -> Mapping[str, Array]:
-        """Contact force (n, 3) on the first body of each pair of bodies, N."""
+        """Contact force (n, 3) in N on the first body of each pair of bodies, by pair."""
         return self.samples.contacts
 
 
@@ -189,18 +191,18 @@ def run(
 
     Args:
         scenario: Scenario file, or a scenario from `asrsim.make_scenario` or `asrsim.load_scenario`.
-        variant: Name of the variant; optional if there is only one.
+        variant: Name of the variant; optional if the scenario has only one.
         overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replacement for the scenario's robot: a file, or a loaded robot, possibly changed.
-        plugins: Python files with users' actuators.
+        plugins: Python files that define users' actuators, signals and so on.
         out: Folder for `log.mcap` and `summary.json`; None: no files are written.
-        overwrite: Replace the results of another run there.
-        keep: Keep all samples in memory; if False (with `out`), they are read from the log when needed.
-        certify: Repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also does
-            `cross_check` if another engine is installed.
-        cross_check: Repeat the run in another engine; the differences are in `.summary.cross_check`.
+        overwrite: Whether the results of another run in this folder may be replaced.
+        keep: Whether to keep all samples in memory; if False (only with `out`), they are read from the log when needed.
+        certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also
+            does what `cross_check` does, if another engine is installed.
+        cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`.
         progress: Called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
-        stop: Called every few thousand substeps; True ends the run cleanly.
+        stop: Called every few thousand substeps; if it returns True, the run ends cleanly.
 
     Returns:
         Result; results of the claims (`expect:`) are in `.summary.claims`. A claim that does not hold raises no error.
@@ -208,7 +210,7 @@ def run(
     Raises:
         ScenarioError: The scenario is invalid, or has several variants and `variant` is missing.
         RobotError, ActuatorError, UnresolvedSpringError: The run cannot be built.
-        DivergenceError: The motion became physically impossible; its `.run` contains the samples so far.
+        DivergenceError: The motion became physically impossible; the error's `.run` contains the samples so far.
         OutputError: `out` cannot be written.
     """
     plan = examine(

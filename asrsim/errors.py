@@ -1,4 +1,4 @@
-"""All error classes, and `Problem`: a fault of an input with its place and a remedy.
+"""All error classes, and `Problem`: a fault of an input with its position in the file and a remedy.
 
 Errors are raised where input is read (a file, a command line) and list *all* problems of a file.
 The library raises errors and prints nothing; the command line prints them and exits with code 1.
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from typing import Unpack
 
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters that a terminal executes, or that change the order of text (not tab and newline), and lone surrogates."""
+"""Control characters that a terminal executes, or that change the order of text (without tab and newline); lone surrogates."""
 
 
 def printable(text: str) -> str:
@@ -38,13 +38,13 @@ class Problem:
     """Dotted path of the key, tag or column, as the user wrote it."""
     value: object | None = None
     choices: tuple[str, ...] = ()
-    """All valid choices, if the list is short."""
+    """All valid choices for the invalid value, if they are few."""
     hint: str | None = None
-    """Remedy for the user."""
+    """What the user can do about the problem, in a sentence."""
     meant: str | None = None
-    """Unknown name in the input, for which the hint suggests the most similar choice."""
+    """Unknown name in the input: the hint then suggests the choice that is most similar to this name."""
     code: str = ""
-    """Stable short name of the kind of problem, such as `unknown-tag`, for programs."""
+    """Short name of the problem's kind, such as `unknown-tag`, which programs can rely on."""
 
     def __post_init__(self) -> None:
         if self.meant is not None and self.hint is None:
@@ -64,7 +64,7 @@ class Problem:
         return printable(text).replace("\n", "\\n")
 
     def as_dict(self) -> dict[str, object]:
-        """Problem as data for `--json`, without empty entries."""
+        """The problem as data for `--json`, without entries that are empty."""
         items: dict[str, object] = {
             "code": self.code,
             "message": self.message,
@@ -79,7 +79,7 @@ class Problem:
 
 
 def shortened(text: str) -> str:
-    """Value as text, shortened: a single line of a file may be a megabyte."""
+    """Text of a value for a message, shortened: one line of a file may be a megabyte long."""
     return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
@@ -97,7 +97,7 @@ class Details(TypedDict, total=False):
 
 
 class Place(Details, total=False):
-    """Fields of a `Problem` that describe an invalid value and its place."""
+    """Fields of a `Problem` that describe an invalid value and its position in the file."""
 
     line: int | None
     key: str | None
@@ -106,8 +106,8 @@ class Place(Details, total=False):
 class InputError(AsrsimError):
     """An input (file, option) is invalid; the error lists all its problems.
 
-    problems: list of problems, or the message of a single problem, completed by the other arguments. warnings: further
-    findings, not part of the error's text.
+    problems: list of problems, or the message of a single problem, whose further fields are the other arguments. warnings:
+    further findings about the input, which are not part of the error's text.
     """
 
     def __init__(
@@ -139,7 +139,7 @@ class ScenarioError(InputError):
 
 
 class RecordingError(InputError):
-    """A recording of an experiment cannot be read or compared."""
+    """A recording of an experiment cannot be read, or cannot be compared with a simulation."""
 
 
 class LogError(InputError):
@@ -166,23 +166,23 @@ class DivergenceError(SimulationError):
         self.joint = joint
         self.time = time
         self.run: object | None = None
-        """Run up to the divergence, if its samples were kept."""
+        """Run up to the divergence, if its samples were kept in memory; else None."""
 
 
 def nearest(name: str, choices: Sequence[str]) -> str | None:
-    """Choice most similar to `name`, for "did you mean"; None if no choice is similar."""
+    """Choice that is most similar to `name`, for "did you mean"; None if no choice is similar."""
     found = difflib.get_close_matches(name, choices, n=1, cutoff=0.6)
     return found[0] if found else None
 
 
 def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
-    """Hint with the most similar choice; None if no choice is similar."""
+    """Hint that suggests the choice most similar to `name`; None if no choice is similar."""
     found = nearest(name, choices)
     return f"Did you mean '{found}'?" if found else None
 
 
 def folded(names: Sequence[str], most: int = 20) -> list[str]:
-    """The names. If they are more than `most`, names that differ only in a number are joined: `motor_{1..8}_torque`."""
+    """The names. If there are more than `most`, names that differ only in a number become one: `motor_{1..8}_torque`."""
     if len(names) <= most:
         return list(names)
     families: dict[str, list[str]] = {}
@@ -202,18 +202,18 @@ def _span(numbers: Sequence[str]) -> str:
 
 
 def listed(words: Iterable[object], most: int, between: str = ", ") -> str:
-    """Words as a list in text: `a, b and 3 more`."""
+    """Words as a list in a sentence, of which at most `most` are written out: `a, b and 3 more`."""
     texts = [str(word) for word in words]
     return between.join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
 
 
 def counted(number: int, noun: str) -> str:
-    """Number followed by the noun; the noun is in the plural unless the number is 1."""
+    """Number followed by the noun, which gets a plural s unless the number is 1."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def similar_file(path: Path) -> str | None:
-    """Hint with the name of a similar file for a path that does not exist; None without a similar file."""
+    """Hint with the name of a similar file in the same folder, for a path that does not exist; None if no file is similar."""
     try:
         names = [] if path.exists() else [one.name for one in path.parent.iterdir() if one.is_file()]
     except OSError:

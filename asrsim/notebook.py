@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from asrsim.viewer import View
 
 WIDTH = 900
-"""Width of the picture that a result displays, pixels."""
+"""Width in pixels of the picture that a notebook displays for a result."""
 
 
 def run_picture(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-    """First picture of `asrsim plot` for the run: its joints, or the given quantities."""
+    """The first picture that `asrsim plot` draws for the run: its joints, or only the given quantities."""
     from asrsim.plots.curves import read_curves
     from asrsim.plots.figures import run_pages
     from asrsim.plots.output import styled
@@ -37,7 +37,7 @@ def run_picture(result: Result, *, joints: Sequence[str] | None = None, quantiti
 
 
 def film_strip(result: Result, *, count: int) -> Image:
-    """Film strip of the run, as drawn by `asrsim render`."""
+    """Film strip of the run with `count` frames, as drawn by `asrsim render`."""
     from asrsim.render import Film, strip_of
 
     with _logged(result) as log:
@@ -54,7 +54,7 @@ def page_of(result: Result, beside: Sequence[str | Path], port: int) -> View:
 
 @contextmanager
 def _logged(result: Result) -> Iterator[Path]:
-    """Path of the log of a result; a result without log gets a temporary one."""
+    """Path of the log of a result. For a result without a log, a temporary log is written."""
     from asrsim.log import LogWriter
 
     if result.log is not None:
@@ -69,7 +69,7 @@ def _logged(result: Result) -> Iterator[Path]:
 
 
 def as_html(result: Result) -> str:
-    """HTML with a short table of the joints and a picture."""
+    """HTML of a result for a notebook, with a short table of the joints and a picture."""
     from io import BytesIO
 
     from asrsim.report.html import bullets, column_table, data_address
@@ -92,7 +92,7 @@ def as_html(result: Result) -> str:
 
 
 def as_pandas(result: Result) -> Any:
-    """DataFrame with one row per sample, indexed by time in s, and columns by joint and quantity, recorded and derived."""
+    """DataFrame with one row per sample, indexed by time in s, and one column per joint and quantity, recorded or derived."""
     pandas = library("pandas", "notebook")
     table = {(joint, name): result[joint][name] for joint in result.joints for name in result[joint]}
     table = {key: values for key, values in table.items() if not np.isnan(values).all()}

@@ -1,5 +1,6 @@
-"""Safe writing of files: a file is written completely or not at all. Links, and files that asrsim did not write, are never
-replaced.
+"""Safe writing of files: a file is written completely or not at all.
+
+Links are never replaced. Files that asrsim did not write are replaced only if the user permits it.
 """
 
 from __future__ import annotations
@@ -48,9 +49,9 @@ MARKS = {
     "sheet robot": rb"<!-- Test load of the data sheet of ",
     "schema": rb'"title": "asrsim scenario"',
 }
-"""Mark at the start or end of each kind of file, by which files written by asrsim are recognised."""
+"""Mark at the start or end of each kind of file, by which asrsim recognises the files that it wrote."""
 ABANDONED = 60.0
-"""Age in s from which an unfinished file that nobody has locked counts as left by a killed process."""
+"""Age in s from which an unfinished file that no process has locked counts as left by a killed process."""
 _LOOKED_AT = 1 << 16
 """Number of bytes at the start and the end of a file that are searched for the mark."""
 
@@ -74,7 +75,7 @@ def is_ours(path: Path, kind: str) -> bool:
 def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace: bool = False) -> None:
     """Check that a file of this kind may be written to `path`.
 
-    inputs: files that the same command reads. replace: the user permits replacing any file except the inputs.
+    inputs: files that the same command reads. replace: whether the user permits replacing any file except the inputs.
     Raises OutputError if `path` is an input, a link or a folder, or a file that asrsim did not write.
     """
     for one in inputs:
@@ -87,19 +88,20 @@ def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace:
         return
     if path.is_symlink():
         raise OutputError(f"{path}: is a link: use the path of its target")
-    # A kind without a mark is an error for new files, too.
+    # Also for a new file, a kind that has no mark is an error of the caller: `is_ours` raises KeyError.
     if not is_ours(path, kind) and path.exists() and not replace:
         raise OutputError(f"{path}: exists and was not written by asrsim: remove it, or choose another path")
 
 
 def is_special(path: Path) -> bool:
-    """Whether the path is a device or a pipe, which is written to directly."""
+    """Whether the path is a device or a pipe: these are written to directly, not replaced."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
 @contextmanager
 def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryIO]:
-    """Open stream whose content replaces `path` when the block ends without error; otherwise `path` stays unchanged.
+    """Open stream for the new content of `path`. It replaces the old content when the block ends without an error; otherwise
+    `path` stays unchanged.
 
     kind: key of `MARKS`; replace: as in `check_output`. Raises OutputError, also for a full disk.
     """
@@ -108,7 +110,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
         with _with_output_error(path), path.open("wb") as stream:
             yield stream
         return
-    # A random name and exclusive creation: no existing link or file is followed or overwritten.
+    # The part file has a random name and must be new: so no existing link or file is followed or overwritten.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     _remove_abandoned(path.parent)
     try:
@@ -124,7 +126,7 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
 
 
 def lock(file: int) -> None:
-    """Lock an open file until it is closed, or until the process ends. Raises OSError if it is locked elsewhere."""
+    """Lock an open file until it is closed, or until the process ends. Raises OSError if the file is locked elsewhere."""
     if sys.platform == "win32":
         import msvcrt
 
@@ -132,12 +134,12 @@ def lock(file: int) -> None:
     else:
         import fcntl
 
-        # flock locks the open file, not the process, so that two threads exclude each other too.
+        # flock locks the open file, not the process, so that two threads of one process exclude each other too.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def _remove_abandoned(folder: Path) -> None:
-    """Remove unfinished files of killed processes from the folder: files that nobody has locked for a minute."""
+    """Remove the unfinished files of killed processes from the folder: files older than a minute that no process has locked."""
     if sys.platform == "win32":  # Windows cannot remove open files
         return
     for part in folder.glob(".asrsim-" + "[0-9a-f]" * 16 + ".part"):
@@ -162,13 +164,13 @@ def _with_output_error(path: Path) -> Iterator[None]:
 
 
 def write_text(path: Path, text: str, kind: str, *, replace: bool = False) -> None:
-    """Write a UTF-8 file as `written` does; its folder must exist. Raises OutputError."""
+    """Write a text to a UTF-8 file as `written` does. The folder of the file must exist. Raises OutputError."""
     with written(path, kind, replace=replace) as stream:
         stream.write(text.encode())
 
 
 def csv_text(headings: Sequence[str], table: Array) -> str:
-    """Table (rows, columns) as CSV text whose numbers read back exactly: `repr` gives the shortest such text."""
+    """Table (rows, columns) as CSV text. Each number is the shortest text that reads back exactly, as `repr` gives it."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(headings)
@@ -177,7 +179,7 @@ def csv_text(headings: Sequence[str], table: Array) -> str:
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write plain data as a JSON document that names asrsim and its version. Raises OutputError."""
+    """Write plain data as a JSON document, with the name and version of asrsim. Raises OutputError."""
     from asrsim import __version__
 
     document = {"generator": f"asrsim {__version__}", **data}

@@ -1,4 +1,4 @@
-"""Plain data for JSON, and validation of data from files that others may have edited against an expected structure."""
+"""Plain data for JSON, and comparison of data from files that others may have edited with an expected structure."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any
 
 PlainShape = Any
 """Expected structure: str, bool, int, float (any number except NaN), None, object (anything), a tuple of alternatives, [shape]
-for a list, or a mapping from keys to shapes: `"key?"` is optional, `"*"` stands for all other keys.
+for a list of such values, or a mapping from keys to shapes: a key `"key?"` is optional, `"*"` stands for all other keys.
 """
 
 
 def one_or_more(given: Any) -> tuple[Any, ...]:
-    """Tuple from one value or several: a single text or path becomes a tuple with one entry."""
+    """Tuple of one or several values: a single text or path becomes a tuple with one entry."""
     return (given,) if isinstance(given, str | PathLike) else tuple(given)
 
 
 def finite_or_none(value: float) -> float | None:
-    """Number for JSON; None for infinity and NaN, which JSON lacks."""
+    """The number for JSON; None in place of infinity and NaN, which JSON lacks."""
     return value if math.isfinite(value) else None
 
 
@@ -31,7 +31,7 @@ def mapped(data: Any, leaf: Callable[[Any], Any]) -> Any:
 
 
 def misfit(data: Any, shape: PlainShape, place: str = "") -> str:
-    """Description of the first deviation of plain data from the structure `shape`; empty if nothing deviates."""
+    """Description of the first place at which plain data deviate from the structure `shape`; empty if nothing deviates."""
     if isinstance(shape, tuple):
         return "" if any(not misfit(data, one) for one in shape) else f"{place or 'it'} is {_words(data)}"
     if isinstance(shape, list):
@@ -79,11 +79,11 @@ _FITS: dict[Any, Callable[[Any], bool]] = {
     None: lambda data: data is None,
     object: lambda _: True,
 }
-"""Whether data have a simple structure."""
+"""Function that tells whether a value has each of the simple structures."""
 
 
 def is_text(text: str) -> bool:
-    """Whether a text contains only complete characters: JSON can escape half of a surrogate pair."""
+    """Whether a text contains only whole characters: JSON can contain half of a surrogate pair."""
     try:
         text.encode()
     except UnicodeEncodeError:

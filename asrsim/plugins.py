@@ -1,4 +1,4 @@
-"""Plugin files: Python files of users, given on the command line, which register actuators, signals, engines and so on."""
+"""Plugin files: Python files that users name on the command line. They register actuators, signals, engines and so on."""
 
 from __future__ import annotations
 
@@ -24,13 +24,14 @@ from asrsim.registry import Registry, all_or_none, plugin_file
 C = TypeVar("C")
 
 _MISFIT_CALL = re.compile(r"([\w.]+)\(\) (?:takes|missing|got) ")
-"""Beginning of Python's message on a call with arguments that the function does not take."""
+"""Beginning of Python's message about a call with arguments that the function does not take."""
 MODULES = "asrsim_plugin_"
-"""Prefix of the module names of plugin files."""
+"""Prefix of the names under which plugin files are imported as modules."""
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError if `file` lists plugins that are not in `named`: a data file must not run code without consent."""
+    """Raise ActuatorError if `file` lists plugins that the user has not named: a data file must not run code without
+    consent."""
     known = {Path(one).resolve() for one in named}
     problems = [
         Problem("is Python code, which runs only if you name it", file=file, key="plugins", value=one,
@@ -47,12 +48,12 @@ def plugin_options(files: Iterable[Path | str]) -> list[str]:
 
 
 def command_line(name: str, file: Path | str, plugins: Iterable[Path | str] | None = ()) -> str:
-    """The shell command `asrsim NAME FILE`, for the user to paste. plugins: plugin files that the file needs."""
+    """The shell command `asrsim NAME FILE`, which the user can paste. plugins: plugin files that the file needs."""
     return shlex.join(["asrsim", name, str(file), *plugin_options(plugins or ())])
 
 
 def load_plugin_files(files: str | Path | Sequence[str | Path]) -> tuple[Path, ...]:
-    """Run plugin files and register what they define, as `load_plugin_file` does; returns their paths."""
+    """Run plugin files and register what they define, as `load_plugin_file` does. Returns the paths of the files."""
     paths = tuple(Path(file) for file in one_or_more(files))
     for path in paths:
         load_plugin_file(path)
@@ -84,7 +85,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         )
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
-        # The parameters of these stages belong to the actuators, too.
+        # Register the stages first: their parameters belong to every actuator, too.
         with plugin_file(str(path.resolve())):
             for stage in stages:
                 STAGES.add(stage.name, stage, replace=True)
@@ -100,7 +101,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
 
 
 def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
-    """Classes derived from `base` that a module defines, except those whose names begin with an underscore."""
+    """Classes derived from `base` that a module itself defines, except those whose names begin with an underscore."""
     return [
         entry
         for name, entry in vars(module).items()
@@ -112,7 +113,7 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
 
 
 def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: Path) -> list[Problem]:
-    """Problems of a plugin file's classes whose names are already used by another file, or by an earlier class of this file."""
+    """Problems of classes of a plugin file whose names are taken: by another file, or by an earlier class of the same file."""
     names = [one.name for one in found]
     taken = {name for name in names if name in registry and file_of(registry.get(name)) != path.resolve()}
     return [
@@ -123,7 +124,7 @@ def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: 
 
 
 def _names_of_joints(one: Any) -> list[Problem]:
-    """Problems of parameters whose names are taken by numbers of the joint itself, such as `elbow.damping`."""
+    """Problems of parameters whose names are taken by a number that every joint has, such as `elbow.damping`."""
     from asrsim.robot.vary import JOINT_NAMES
 
     return [
@@ -137,7 +138,8 @@ def _names_of_joints(one: Any) -> list[Problem]:
 
 @contextmanager
 def blame_plugins() -> Iterator[None]:
-    """Convert exceptions that a plugin file raises to an ActuatorError with file and line; asrsim's own errors stay."""
+    """Convert exceptions that a plugin file raises to an ActuatorError with file and line; errors of asrsim stay as they
+    are."""
     try:
         yield
     except (Exception, SystemExit) as error:
@@ -148,8 +150,8 @@ def blame_plugins() -> Iterator[None]:
 
 
 def plugin_fault(error: BaseException) -> ActuatorError | None:
-    """An ActuatorError with file and line if `error` was raised in a plugin file; None for other errors, and for asrsim's own,
-    which state their cause.
+    """An ActuatorError with file and line if `error` was raised in a plugin file. None for other errors, and for errors of
+    asrsim, which state their own cause.
     """
     if isinstance(error, AsrsimError):
         return None
@@ -161,8 +163,8 @@ def plugin_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _call_fault(error: BaseException) -> ActuatorError | None:
-    """An ActuatorError if asrsim called a function of a plugin file with arguments that this function does not take: Python
-    raises this error at the call, outside of the file."""
+    """An ActuatorError if asrsim called a function of a plugin file with arguments that the function does not take. Python
+    raises such an error at the call, so that no frame of the plugin file contains it."""
     match = _MISFIT_CALL.match(str(error)) if isinstance(error, TypeError) else None
     if match is None:
         return None
@@ -180,7 +182,7 @@ def _call_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _law_hint(frame: FrameType) -> str:
-    """The command that checks the law whose code a frame runs; empty for code that is not a law."""
+    """Hint with the command that checks the law whose code a frame runs; empty if the code is not that of a law."""
     for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
         for one in registry.loaded():
             law = inspect.getattr_static(one, frame.f_code.co_name, None)
@@ -206,7 +208,7 @@ def _run(path: Path) -> ModuleType:
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
-        # Output of the plugin goes to stderr, since stdout may carry JSON.
+        # What the plugin prints goes to stderr, since stdout may contain JSON.
         with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

@@ -1,4 +1,4 @@
-"""Progress reports of long work, and requests to stop it: the functions `progress` and `stop` that callers may pass."""
+"""Progress of long work, and requests to stop it: the types of the functions `progress` and `stop` that callers may pass."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Progress:
     """Progress of long work: its current part, and the finished fraction of this part."""
 
     task: str = ""
-    """Name of the current part of the work, such as `finer steps`; "": the work has no parts."""
+    """Name of the current part of the work, such as `finer steps`; "": the work does not consist of parts."""
     fraction: float = math.nan
     """Finished fraction of this part, from 0 to 1; nan: unknown."""
     time: float = math.nan
@@ -23,13 +23,13 @@ class Progress:
 Tell: TypeAlias = Callable[[Progress], None]
 """Function that long work calls now and then with its progress."""
 Stop: TypeAlias = Callable[[], bool]
-"""Function that long work calls often; the work ends early when it returns True."""
+"""Function that long work calls often. If it returns True, the work ends early."""
 
 
 def tell_nobody(_: Progress) -> None:
-    """Function `progress` that ignores the progress."""
+    """A function `progress` that does nothing with the progress."""
 
 
 def never() -> bool:
-    """Function `stop` that never stops the work."""
+    """A function `stop` that never stops the work."""
     return False

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """Scalar signal of one joint."""
+    """A scalar signal of one joint that is logged or computed from the log."""
 
     name: str
     """Name in logs and commands."""
@@ -20,7 +20,7 @@ class Quantity:
     doc: str
     """Meaning, for tables and logs."""
     apart: bool = False
-    """Whether the quantity belongs to an optional model and has a separate topic, outside the common messages."""
+    """Whether the quantity belongs to an optional model: it then has a topic of its own, outside of the common messages."""
 
     def __post_init__(self) -> None:
         if self.unit == "1":
@@ -28,16 +28,17 @@ class Quantity:
 
 
 MOST_MOTORS = 8
-"""Largest number of motors of an actuator."""
+"""Largest number of motors that an actuator can have."""
 
 
 def each_motor(name: str) -> tuple[str, ...]:
-    """Names of a quantity of each possible motor, with {} for the number of the motor."""
+    """Names of a quantity for all possible motors. `name` has {} in place of the number of the motor."""
     return tuple(name.format(i) for i in range(1, MOST_MOTORS + 1))
 
 
 def of_motors(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> tuple[Quantity, ...]:
-    """A quantity of each motor, with {} for its number. The toolbox's messages have two motors; other motors are apart."""
+    """One quantity for each possible motor; texts have {} in place of its number. The toolbox's messages have only two motors,
+    so the quantities of further motors are `apart`."""
     return tuple(
         Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
         for i in range(1, MOST_MOTORS + 1)
@@ -92,8 +93,8 @@ QUANTITIES: dict[str, Quantity] = {
         ),
     )
 }
-"""Every quantity that a run may record, by name. Quantities that a joint lacks (motor 2 of an SEA) are absent from a log, not
-zero.
+"""Every quantity that a run may record, by name. A quantity that a joint lacks (such as motor 2 of an SEA) is absent from its
+log, rather than zero.
 """
 
 DERIVED: dict[str, Quantity] = {
@@ -104,7 +105,7 @@ DERIVED: dict[str, Quantity] = {
         Quantity("position_error", "rad", "$e$", "reference position minus link position"),
     )
 }
-"""Quantities that `asrsim.log.derived` computes from a log; they are not stored."""
+"""Quantities that `asrsim.log.derived` computes from those in a log; they are not stored in logs."""
 
 LIMITS = {
     "effort": "effort limit",
@@ -115,28 +116,28 @@ LIMITS = {
     "deflection": "deflection limit",
     "stop": "joint stop",
 }
-"""By limit: heading of the column with the number of substeps that each joint spent at this limit."""
+"""Heading of the column with the number of substeps that each joint spent at a limit, by name of the limit."""
 
 
 def linear_unit(unit: str) -> str:
-    """Unit of a prismatic joint that corresponds to a unit of a revolute joint."""
+    """Unit for a prismatic joint that corresponds to this unit for a revolute joint."""
     return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
 
 
 PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}
-"""Units of a prismatic joint by the corresponding unit of a revolute joint, for recordings and references."""
+"""Unit for a prismatic joint, by the corresponding unit for a revolute joint; for recordings and references."""
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
-    """Whether this quantity is compared between a simulation and a recording: yes if `wanted` names it; without `wanted`, yes
-    unless it is an energy. Only simulations have energies, and these follow from other quantities.
+    """Whether this quantity is compared between a simulation and a recording: yes if `wanted` names it. Without `wanted`, all
+    quantities are compared except energies: only simulations have these, and they follow from other quantities.
     """
     return unit_of(name) != "J" if wanted is None else name in wanted
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
-    """SI unit of a quantity, recorded or derived; "" for a pure number, or if the unit depends on the operation mode, or is
-    unknown: a log may have quantities of a user's stage that is not loaded here.
+    """SI unit of a recorded or derived quantity. "" for a pure number, for a unit that depends on the operation mode, and for
+    an unknown quantity: a log may have quantities of a user's stage that is not loaded here.
     """
     known = QUANTITIES.get(name) or DERIVED.get(name)
     unit = known.unit if known else ""
@@ -144,7 +145,7 @@ def unit_of(name: str, *, prismatic: bool = False) -> str:
 
 
 def shown(value: float, unit: str = "", digits: int = 3) -> str:
-    """Number and unit for people: `0.075 mm` for 7.5e-05 m. A small number takes a smaller unit instead of a power of ten."""
+    """Number and unit for people: `0.075 mm` for 7.5e-05 m. A small number gets a smaller unit instead of a power of ten."""
     scale, unit = prefixed((value,), unit)
     return f"{value * scale:.{digits}g} {unit}".rstrip()
 
@@ -166,4 +167,4 @@ def prefixed(values: Sequence[float], unit: str) -> tuple[float, str]:
 
 
 _PREFIXED = ("m", "rad", "N", "N m", "J", "s", "V", "A", "W")
-"""Units that may take a prefix."""
+"""Units that may get the prefix m or µ."""

@@ -1,7 +1,7 @@
 """Records: dataclasses of numbers that state, constants and laws share, each number declared once with its unit and meaning.
 
 In plain Python a record is an object. In compiled code it is an address in a row of numbers, in which the numbers of nested
-records follow in order: `asrsim.simulation.native` gives the same names to these places in memory.
+records follow in order: `asrsim.simulation.native` gives the same names to the columns of the row.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ R = TypeVar("R")
 
 
 def value(doc: str, unit: str, *, start: float = 0.0, log: str = "", watched: bool = False) -> Any:
-    """A number of the state. start: value at the start of a run; log: name of its quantity in logs, where {} stands for the
-    number of the motor; watched: whether it is computed for watched worlds only.
+    """A number of the state. start: value at the start of a run; log: name in logs of the quantity that this number is, with {}
+    for the number of the motor; watched: whether it is computed only for worlds that are watched.
     """
     return field(default=start, metadata={"doc": doc, "unit": unit, "log": log, "watched": watched})
 
@@ -28,18 +28,18 @@ def constant(doc: str, unit: str, *, integer: bool = False) -> Any:
 
 
 def record(kind: Any, doc: str, *, log: bool = False) -> Any:
-    """A record within a record. log: whether its numbers are logged."""
+    """A record inside another record. log: whether the numbers of the inner record are logged."""
     return field(default_factory=kind, metadata={"doc": doc, "record": kind, "log": log})
 
 
 def several(doc: str) -> Any:
-    """Records or numbers whose count depends on the robot; they follow the record in its row."""
+    """Records or numbers whose count depends on the robot. In a row of numbers, they follow the record that contains them."""
     return field(default_factory=list, metadata={"doc": doc, "several": True})
 
 
 @cache
 def own_fields(kind: Any) -> tuple[Field[Any], ...]:
-    """Fields of a record, except those whose count depends on the robot."""
+    """Fields of a record, except the fields whose count of values depends on the robot."""
     return tuple(one for one in fields(kind) if not one.metadata.get("several"))
 
 
@@ -59,7 +59,7 @@ def declared(kind: Any) -> Mapping[str, Mapping[str, Any]]:
 
 @cache
 def columns(kind: Any) -> Mapping[str, int]:
-    """Column of each number of a record in the record's part of a row, by its path."""
+    """Column of each number of a record, by path of the number; the first column of the record is 0."""
     return {path: column for column, path in enumerate(declared(kind))}
 
 
@@ -72,11 +72,11 @@ def _getter(kind: Any) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def numbers(one: Any) -> tuple[Any, ...]:
-    """Numbers of a record, in the order of its columns."""
+    """Numbers of a record, in the order of their columns."""
     kind: Any = type(one)
     return _getter(kind)(one)
 
 
 def filled(kind: Callable[..., R], row: Iterator[Any]) -> R:
-    """A record with the next numbers of a row."""
+    """A record of the given kind, filled with the next numbers of a row."""
     return kind(*[filled(inner, row) if (inner := one.metadata.get("record")) else next(row) for one in own_fields(kind)])

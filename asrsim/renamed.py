@@ -1,4 +1,4 @@
-"""Names of the last version that have changed: they still work in this version, with a warning."""
+"""Names that have changed since the last version: the old names still work in this version, with a warning."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ OPTIONS = {
     "twin": {"--lag": "--clock-offset"},
     "view": {"--lag": "--align"},
 }
-"""Options of each command: old and new name."""
+"""New name of each option that has changed, by command and old name."""
 NAMES = {"asrsim": {"repeat": "rerun"}, "asrsim.identification": {"Result": "FitResult"}}
-"""Names of each package: old and new name."""
+"""New name of each name that has changed, by package and old name."""
 STUDY_KEYS = {"design": "sampler"}
-"""Keys of a study: old and new name."""
+"""New name of each key of a study that has changed, by old name."""
 KEYS = {"effects": "imperfections", "substep_cap": "max_substeps"}
-"""Keys of a scenario: old and new name. Logs keep the old names forever."""
+"""New name of each key of a scenario that has changed, by old name. In logs, the old names work forever."""
 OLD_KEYS = STUDY_KEYS | KEYS
-"""Keys of all documents: old and new name."""
+"""New name of each key of any document that has changed, by old name."""
 
 
 class OldKeyWarning(FutureWarning):
@@ -43,12 +43,13 @@ class OldKeyWarning(FutureWarning):
 
 
 def tell(old: str, new: str) -> str:
-    """Sentence about a name that has changed."""
+    """Sentence that tells the user about a changed name."""
     return f"{old} is called {new} now; the next version drops the old name"
 
 
 def new_name(package: str, old: str) -> str:
-    """New name of the member that a package called `old`, with a warning. Raises AttributeError if it never had this name."""
+    """New name of the member that `package` once called `old`, with a warning. Raises AttributeError if there was no such
+    name."""
     new = NAMES[package].get(old)
     if new is None:
         raise AttributeError(f"module '{package}' has no attribute '{old}'")
@@ -73,7 +74,8 @@ def renamed(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _caller() -> int:
-    """Level of the stack, as `warnings.warn` counts from the calling function, of the line outside asrsim that called it."""
+    """Level of the stack at which code outside of asrsim called asrsim, as `warnings.warn` in the calling function counts
+    levels."""
     level, found, frame = 1, 1, sys._getframe(1)
     while frame.f_back is not None:
         frame, level = frame.f_back, level + 1
@@ -83,7 +85,8 @@ def _caller() -> int:
 
 
 def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
-    """Dotted key of a document with its present name; warns if `key` is an old name. place: file and line, if known."""
+    """Dotted key of a document by its present name; warns if `key` is an old name. place: file and line of the key, if
+    known."""
     head, dot, rest = key.partition(".")
     if head not in names:
         return key

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STAIRS = 0.5
-"""Fraction of changes that directly follow another change. Commands below this fraction are piecewise constant, others
-smooth.
+"""A command is piecewise constant if less than this fraction of its changes directly follow another change; else it is smooth.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointInfo:
-    """Description of a joint that is needed to interpret its numbers in a log."""
+    """Description of a joint, which is needed to interpret the joint's numbers in a log."""
 
     name: str
     actuator: str
@@ -29,7 +28,7 @@ class JointInfo:
     namespace: str = ""
     """ROS namespace without slashes at the ends; topics are `/<namespace>/<joint>/...`."""
     motors: int = 0
-    """Number of motor positions of the actuator (SEA 1, qbMove 2; AwAS-II 2: motor and adjuster)."""
+    """Number of motor positions that the actuator has (SEA 1, qbMove 2; AwAS-II 2: motor and adjuster)."""
     prismatic: bool = False
     quantities: tuple[str, ...] = ()
     """Names of the quantities in `asrsim.quantities.QUANTITIES` that this joint records."""
@@ -55,20 +54,20 @@ class Frame:
 
 @dataclass(frozen=True)
 class Command:
-    """Value that a client sets in a live run, and the substep from which the value is in effect."""
+    """Value that a client sets in a live run, and the substep from which the value acts."""
 
     substep: int
-    """Number of completed substeps when the value was set; the value applies from the next substep on."""
+    """Number of completed substeps when the value was set; the value acts from the next substep on."""
     joint: str
     reference: str
     """Name of the reference in the joint's mode, or `external_torque`."""
     value: float | None
-    """Value, SI units; None: the scenario's reference applies again."""
+    """Value in SI units; None: the reference of the scenario acts again."""
 
 
 @dataclass(frozen=True)
 class HeldWrench:
-    """Force and torque on a body, which act until they are replaced."""
+    """Force and torque that act on a body until they are replaced."""
 
     body: str
     """Name of a link or of an object of the world."""
@@ -77,60 +76,60 @@ class HeldWrench:
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Torque in N m, world frame."""
     point: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point of the body at which the force acts, in the frame of the body, m."""
+    """Point of the body at which the force acts, in the body's frame, m."""
 
 
 @dataclass(frozen=True)
 class WrenchCommand:
-    """Wrench that is set in a live run, and the substep from which it is in effect, as for `Command`."""
+    """Wrench that is set in a live run, and the substep from which it acts, as in `Command`."""
 
     substep: int
     wrench: HeldWrench
 
 
 TIP, TIP_GOAL = "tip", "tip_goal"
-"""Bodies of a Cartesian task: its tip, and the desired position of the tip."""
+"""Names of two bodies in the log of a Cartesian task: the tip, and the desired position of the tip."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Samples:
-    """Samples of a run or of a part of it: n samples at whole steps."""
+    """Samples of a run or of a part of a run: n samples at whole steps."""
 
     time: Array
     """Simulated times (n,), s."""
     joints: tuple[str, ...]
     values: Mapping[str, Array]
-    """Values (n, number of joints) of each quantity, SI; a column is NaN if the joint does not record the quantity."""
+    """Values (n, joints) of each quantity in SI units, by name; a column is NaN if its joint does not record the quantity."""
     bodies: Mapping[str, Array] = field(default_factory=dict)
-    """Poses (n, 7) by name of the object or link: position x y z in m, orientation quaternion x y z w, world frame."""
+    """Poses (n, 7) of each object or link, by name: position x y z in m, orientation as quaternion x y z w, world frame."""
     contacts: Mapping[str, Array] = field(default_factory=dict)
-    """Contact force (n, 3) on the first body of a pair such as "object/link" or "object/ground", N, world frame."""
+    """Contact force (n, 3) in N, world frame, on the first body of each pair, by pair: "object/link" or "object/ground"."""
 
     def __repr__(self) -> str:
         span = f", {self.time[0]:g} to {self.time[-1]:g} s" if len(self.time) else ""
         return f"Samples({len(self.time)} of {', '.join(self.joints)}{span}: {', '.join(self.values)})"
 
     def forces_on(self, body: str) -> dict[str, Array]:
-        """Contact forces (n, 3) on this body by name of the other body, N, world frame; 0 without contact."""
+        """Contact forces (n, 3) in N, world frame, on this body, by name of the other body; 0 without contact."""
         forces = {}
         for pair, force in self.contacts.items():
             first, _, second = pair.partition("/")
             if body in (first, second):
-                # The logged force acts on the first body; the second body feels the opposite force. NaN means no contact.
+                # The logged force acts on the first body; the opposite force acts on the second. NaN means no contact.
                 forces[second if body == first else first] = np.nan_to_num(force) * (1.0 if body == first else -1.0)
         return forces
 
     def joint(self, name: str) -> dict[str, Array]:
-        """All recorded quantities of one joint, each (n,)."""
+        """All recorded quantities of one joint, each an array (n,), by name."""
         index = self.joints.index(name)
         columns = {quantity: values[:, index] for quantity, values in self.values.items()}
         return {quantity: column for quantity, column in columns.items() if not np.all(np.isnan(column))}
 
 
 def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantities: Sequence[str] = ()) -> Samples:
-    """Samples joined in time. Bodies and contacts that a part lacks are NaN there.
+    """Samples joined in time. Bodies and contacts that one of the parts lacks are NaN in that part.
 
-    joints, quantities: names for the result if `parts` is empty.
+    joints, quantities: names of the result's joints and quantities if `parts` is empty.
     """
     if not parts:
         return Samples(time=np.empty(0), joints=tuple(joints), values={name: np.empty((0, len(joints))) for name in quantities})
@@ -160,7 +159,7 @@ def concatenate(parts: Sequence[Samples], *, joints: Sequence[str] = (), quantit
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class RunInfo:
-    """Description of a run without its time series: sufficient to repeat the run from its log."""
+    """Description of a run without its time series; with it, the run can be repeated from its log."""
 
     robot: str
     """Name of the robot."""
@@ -168,28 +167,28 @@ class RunInfo:
     step: float
     """Time step of the simulation loop, s."""
     log_every: int = 1
-    """Number of steps between logged samples."""
+    """Number of steps from one logged sample to the next."""
     variant: str = ""
     urdf: str = ""
     """URDF text as loaded, after xacro expansion."""
     urdf_path: str = ""
     scenario: str = ""
-    """Scenario text as read; empty for runs started from the library without a file."""
+    """Scenario text as read; empty for a scenario that was made in the library without a file."""
     scenario_path: str = ""
     resolved: Mapping[str, Any] = field(default_factory=dict)
     """Resolved scenario and parameters as plain data, needed to repeat the run."""
     metadata: Mapping[str, str] = field(default_factory=dict)
     """Versions, seed, engine, stepping, substeps and similar entries as text."""
     attachments: Mapping[str, bytes] = field(default_factory=dict)
-    """Content of further files needed to repeat the run (CSV playbacks, manager YAML), by name."""
+    """Content of each further file that is needed to repeat the run (CSV playbacks, manager YAML), by name."""
     frames: tuple[Frame, ...] = ()
-    """Frames of the links for `/tf`; not read back from a log."""
+    """Frames of the links, for the topic `/tf`; they are not read back from a log."""
     frame_rate: float = 30.0
-    """Highest rate of `/tf`, Hz."""
+    """Highest rate of messages on the topic `/tf`, Hz."""
 
     @property
     def scenario_name(self) -> str:
-        """Name of the scenario, by default that of its file; empty for a scenario without a file."""
+        """Name of the scenario; by default that of its file without suffix; empty for a scenario without a file."""
         file = PurePath(self.scenario_path).stem
         return file and str(self.resolved.get("scenario", {}).get("name", file))
 
@@ -198,18 +197,18 @@ class RunInfo:
 
 
 def picking(rows: list[int]) -> Any:
-    """Index for rows of an array: a slice for adjacent rows, which avoids a copy."""
+    """Index that selects rows of an array. For adjacent rows it is a slice, which avoids a copy."""
     neighbours = rows == list(range(rows[0], rows[0] + len(rows)))
     return slice(rows[0], rows[0] + len(rows)) if neighbours else np.array(rows)
 
 
 def grid(first: int, count: int, step: float) -> Array:
-    """Times of steps, s; rounded so that 3 * 0.1 gives 0.3."""
+    """Times of `count` steps from step `first` on, s; rounded so that 3 * 0.1 gives 0.3."""
     return np.round(np.arange(first, first + count) * step, 12)
 
 
 def is_staircase(values: Array) -> bool:
-    """Whether a command with these samples (n,) is piecewise constant: most changes are followed by an equal value."""
+    """Whether a command with these samples (n,) is piecewise constant: an equal value then follows most of its changes."""
     changes = np.diff(values) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
     return following < STAIRS

@@ -1,4 +1,4 @@
-"""Tables of texts as columns: one form for terminal, notebook and page."""
+"""Tables of texts, as columns: the same form for terminal, notebook and page."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ class TableColumn(NamedTuple):
     """Column of a table."""
 
     heading: str
-    """Heading. It may contain newlines for narrow terminals, also after a hyphen within a word."""
+    """Heading. For narrow terminals it may contain newlines, also after a hyphen inside a word."""
     cells: Sequence[str]
     right: bool = False
     """Whether the cells are right-aligned, as numbers are."""
 
 
 def from_rows(headings: Sequence[str], rows: Sequence[Sequence[str]], *, right: Container[int] = ()) -> list[TableColumn]:
-    """Table from its rows. right: indices of the right-aligned columns."""
+    """Columns of a table that is given by rows. right: indices of the right-aligned columns."""
     return [TableColumn(head, [row[i] for row in rows], right=i in right) for i, head in enumerate(headings)]

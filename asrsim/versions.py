@@ -1,4 +1,4 @@
-"""Versions of installed packages, read without `importlib.metadata`, whose import slows every start."""
+"""Versions of installed packages. They are read without `importlib.metadata`, whose import would slow every start."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of an actuator: named parameters and three laws as functions of numbers, independent of the engine.
+"""The interface of an actuator: named parameters, and three laws that are functions of numbers and need no engine.
 
 The laws are static methods that take floats and use only the module `math` and the functions of this module, so that the
 interpreted and the compiled loop run the same source with identical bits. A law receives `parameters` as a tuple of floats, in
@@ -48,9 +48,9 @@ class Actuator:
     """Number of motors with dynamics. With three or more motors, laws also take `theta_3` and so on, and the class must define
     `elastic_energy`."""
     housed: ClassVar[int] = 0
-    """Number of motors, the last ones, that are mounted on the housing of the actuator, such as a motor that preloads springs:
-    their angles are relative to the housing, and the torques of the springs on them do not act on the link. The class must
-    define `elastic_energy`."""
+    """Number of motors that are mounted on the housing of the actuator, such as a motor that preloads springs. They are the
+    last motors. Their angles are relative to the housing, and the torques of the springs on them do not act on the link. The
+    class must define `elastic_energy`."""
     adjuster: ClassVar[bool] = False
     """Whether the second reference directly sets the position of an adjuster (`theta_2` of the laws), which has no motor (paper
     section 2.3)."""
@@ -76,8 +76,8 @@ class Actuator:
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness -d tau_q / dq in N m/rad, as in the toolbox: beyond the deflection limit the stiffness does not drop to
-        0."""
+        """Stiffness -d tau_q / dq in N m/rad. As in the toolbox, the stiffness does not drop to 0 beyond the deflection limit,
+        although the torque is constant there."""
         raise NotImplementedError
 
     @staticmethod
@@ -104,7 +104,7 @@ class Actuator:
 
     @classmethod
     def on_link(cls, torques: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Torque (...) on the link in N m, from the torques (springs, ...) of the springs."""
+        """Torque (...) on the link in N m, for the torques (springs, ...) of the springs on the motors in N m."""
         total: NDArray[np.float64] = torques[: len(torques) - cls.housed].sum(axis=0)
         return total
 
@@ -162,7 +162,7 @@ def sinh(value: float) -> float:
 
 
 def cosh(value: float) -> float:
-    """Hyperbolic cosine; see `sinh`."""
+    """Hyperbolic cosine, even to the bit; from one exponential, as `sinh`."""
     growing = exp(abs(value))
     return 0.5 * (growing + 1.0 / growing)
 

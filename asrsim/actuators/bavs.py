@@ -9,7 +9,10 @@ from asrsim.actuators.parameters import Parameter
 
 
 class Bavs(Antagonistic):
-    """tau_1 = k (b exp(k_e d_1) - a exp(-k_e d_1)), tau_2 = k (a exp(k_e d_2) - b exp(-k_e d_2))."""
+    """tau_1 = k (b exp(k_e d_1) - a exp(-k_e d_1)), tau_2 = k (a exp(k_e d_2) - b exp(-k_e d_2)).
+
+    d_i = sat(theta_i - q) is the deflection of spring i.
+    """
 
     name = "bavs"
     title = "BAVS (bidirectional antagonistic VSA)"

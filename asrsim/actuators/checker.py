@@ -1,7 +1,7 @@
 """Checks that the laws of an actuator agree with each other and with physics.
 
 Every check evaluates the laws at seeded random points: deflections inside the limit, default and perturbed parameters. The
-check reports the worst value, and the point at which this value occurs.
+check reports the largest deviation from its condition, and the point at which this deviation occurs.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ SAMPLES, VARIED = 200, 1000
 FAR = 4.0
 """Multiple of the deflection limit up to which torques must be finite."""
 INSIDE = 0.95
-"""Multiple of the deflection limit up to which slopes are measured: at the limit the slope jumps."""
+"""Multiple of the deflection limit up to which slopes are measured: at the limit itself, the slope of a torque jumps."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
-"""Steps of the differences, as fractions of the deflection limit. Near a corner of a law, the smaller steps are accurate."""
+"""Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error: near a
+corner of a law the smaller steps are accurate."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +42,11 @@ class Check:
     doc: str
     """The condition that the check tests."""
     figure: float | None = None
-    """Worst value that the check measured; None if the check measures no value."""
+    """Largest deviation from the condition; None if the check measures no deviation."""
     limit: float | None = None
     """Largest allowed `figure`."""
     detail: str = ""
-    """Point of the worst value, or the reason of the failure."""
+    """Point of the largest deviation, or the reason of the failure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +70,8 @@ def check_actuator(actuator: type[Actuator]) -> CheckReport:
 
 
 def report_of(kind: type[Any], problems: Sequence[Problem], doc: str, checks: Iterable[Check]) -> CheckReport:
-    """Report on a class: the check of its declaration, described by `doc`, and the other checks, which are not made if there
-    are problems of the declaration."""
+    """Report on a class: the check of its declaration, described by `doc`, and the other checks. If the declaration has
+    problems, the other checks are not made."""
     detail = "; ".join(f"{problem.key}: {problem.message}" for problem in problems)
     declaration = Check(name="declaration", passed=not problems, doc=doc, detail=detail)
     return CheckReport(
@@ -117,10 +118,10 @@ class Points:
         """Values (n,) of each parameter of the spring; the first `SAMPLES` points have the default values."""
         names = [parameter.name for parameter in actuator.parameters]
         self.limit = dict(zip(names, self.parameters, strict=True)).get("max_deflection", np.full(count, FREE_RANGE))
-        """Largest deflections (n,), rad."""
+        """Largest deflection (n,) of the springs at each point, rad."""
         q = source.uniform(-2.0, 2.0, count)
         self.moving = 1 + actuator.positions() - actuator.adjuster
-        """Number of positions of link and motors."""
+        """Number of positions that move: those of the link and the motors, not that of an adjuster."""
         offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
         # Deflections of springs between link and housing are sums of several angles.
         offsets /= 1.0 + actuator.housed
@@ -136,7 +137,8 @@ class Points:
         return over_arrays(law)(*(self.positions + shift), self.parameters)
 
     def forces(self, shift: Array | float = 0.0) -> Array:
-        """Torques (moving, n) of the springs on the link and the motors. An adjuster does not move."""
+        """Torques (moving, n) of the springs on the link and the motors, at shifted positions; an adjuster is left out, since
+        it does not move."""
         springs = self.apply(self.actuator.elastic_torques, shift)
         return np.vstack([self.actuator.on_link(springs), -springs])[: self.moving]
 
@@ -155,7 +157,7 @@ class Points:
         return np.reshape(rows, (len(DIFFERENCES), self.moving, *rows[0].shape))
 
     def text(self, i: int) -> str:
-        """Description of point `i` with the torque on the link and the stiffness there."""
+        """Description of point `i`, with the torque on the link and the stiffness at this point."""
         q, *thetas = self.positions[:, i]
         values = ", ".join(f"{value[i]:.6g}" for value in self.parameters)
         motors = ", ".join(f"theta_{number}={theta:.4g}" for number, theta in enumerate(thetas, start=1))
@@ -168,7 +170,7 @@ def _pure(points: Points) -> Array:
     calls: list[Any] = list(zip(*points.positions.tolist(), np.transpose(points.parameters).tolist(), strict=True))
     first = np.array([(*torques(*call), stiffness(*call)) for call in calls])
     again = np.empty_like(first)
-    # Calls in another order reveal a hidden state, such as a counter.
+    # Call the laws again in another order: other results reveal a hidden state, such as a counter.
     for i in np.random.default_rng(3).permutation(len(calls)).tolist():
         again[i, -1], again[i, :-1] = stiffness(*calls[i]), torques(*calls[i])
     return np.asarray(np.abs(again - first).max(axis=1))
@@ -199,7 +201,7 @@ def _passive(points: Points) -> Array:
 def _energy(points: Points) -> Array:
     energy, forces = points.actuator.elastic_energy, points.forces()
     if energy is Actuator.elastic_energy:
-        # An energy that is integrated from torques needs no check.
+        # This energy is the integral of the torques, so its derivatives need no check.
         return np.zeros(len(points.limit))
     errors = np.abs(points.slopes(partial(points.apply, energy)) + forces).max(axis=1).min(axis=0)
     # Where the torques are small, errors are relative to a fraction of the largest torque.
@@ -212,7 +214,7 @@ def _reference(points: Points) -> Array:
     points.positions[1:] = over_arrays(actuator.motor_references)(equilibrium, presets)
     back = over_arrays(actuator.equilibrium_position)(*points.positions[1:])
     offset = points.forces()[0] / (np.abs(points.stiffness()).max() + 1e-12)
-    # With other parameters than the defaults, opposing springs may be unequal.
+    # Only the default parameters count: with perturbed ones, opposing springs may be unequal, so that the link rests elsewhere.
     return np.asarray(np.maximum(np.abs(back - equilibrium), np.abs(offset))[:SAMPLES])
 
 

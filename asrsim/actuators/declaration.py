@@ -1,4 +1,4 @@
-"""Problems of classes of actuators that do not follow the interface of `Actuator`."""
+"""Problems of classes that are derived from `Actuator` but do not follow its interface."""
 
 from __future__ import annotations
 
@@ -19,7 +19,8 @@ from asrsim.quantities import MOST_MOTORS
 
 
 def declaration_problems(actuator: type[Actuator]) -> tuple[Problem, ...]:
-    """Problems of a class that does not follow the interface of `Actuator`. Laws are checked if the attributes are valid."""
+    """Problems of a class that does not follow the interface of `Actuator`. Laws are checked only if all attributes are
+    valid."""
     wrong = [
         declaration_problem(actuator, f"must be {text}", "bad-declaration", key=key, value=getattr(actuator, key, None))
         for key, (text, is_valid) in ATTRIBUTES.items()
@@ -58,8 +59,8 @@ ATTRIBUTES: dict[str, tuple[str, Callable[[Any], bool]]] = {
 
 
 def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
-    """Problems of laws that are missing, do not take the right arguments, or do not return the expected number of numbers at
-    rest."""
+    """Problems of laws that are missing, do not take the right arguments, or return too few or too many numbers when they are
+    called at rest."""
     positions = dict.fromkeys((f"theta_{i + 1}" for i in range(actuator.positions())), 0.0)
     spring = {"q": 0.0, **positions, "parameters": tuple(parameter.default for parameter in actuator.parameters)}
     taken: dict[str, tuple[Mapping[str, object], int]] = {
@@ -93,7 +94,7 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
 
 
 def file_of(actuator: type[Any]) -> Path | None:
-    """File that defines the class."""
+    """File in which the class is defined."""
     file = getattr(sys.modules.get(actuator.__module__), "__file__", None)
     return Path(file).resolve() if file else None
 

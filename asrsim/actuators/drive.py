@@ -1,4 +1,4 @@
-"""The drive of one joint: an actuator, its mode and its parameter values, and quantities that follow from them."""
+"""The drive of one joint: an actuator, its mode and its parameter values, and quantities that follow from these three."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOTOR_NAMES = tuple(parameter.name for parameter in MOTOR_PARAMETERS)
 class Drive:
     """An actuator on its joint, for simulation, gravity compensation and learning.
 
-    Tuples about controllers or motors have one entry per motor; these tuples are empty in modes without controllers or motors.
+    Tuples about controllers or motors have one entry per motor. They are empty in modes without controllers or without motors.
     """
 
     joint: str
@@ -43,27 +43,29 @@ class Drive:
 
     @property
     def max_deflection(self) -> float:
-        """Deflection in rad beyond which the springs' torques stay constant; infinite for a law without this parameter."""
+        """Deflection in rad beyond which the springs' torques stay constant; infinite if the law has no parameter
+        `max_deflection`."""
         return self.values.get("max_deflection", math.inf)
 
     @cached_property
     def stages(self) -> Mapping[str, tuple[Any, ...]]:
-        """Constants at each motor of the stages that act, by name of the stage; None at motors where a stage does not act."""
+        """Constants of each stage that acts, by name of the stage: one entry per motor, None at motors where the stage does not
+        act."""
         motors = range(1, self.actuator.motors + 1) if self.mode.spring else ()
         found = {one.name: tuple(self._constants(one, i) for i in motors) for one in STAGES.loaded()}
         return {name: own for name, own in found.items() if any(one is not None for one in own)}
 
     def _constants(self, stage: type[Stage], motor: int) -> Any:
-        """Constants of a stage at motor 1, 2, ...; None if the stage does not act there. Between link and a motor on the
-        housing there is no spring, to which a stage could be parallel or in series.
+        """Constants of a stage at motor 1, 2, ...; None if the stage does not act there. Stages parallel to or in series with a
+        spring do not act at a motor on the housing, since no spring connects this motor to the link.
         """
         if self.actuator.is_housed(motor - 1) and (stage.has("torque") or stage.has("place")):
             return None
         return stage.constants(self.values, motor, self.mode)
 
     def placed(self, motor: int, deflection: Array) -> Array:
-        """Deflections (...) of the spring of motor 1, 2, ... in rad at rest, for deflections (...) of the joint: behind the
-        stages in series with the spring."""
+        """Deflections (...) of the spring of motor 1, 2, ... in rad at rest, for deflections (...) of the joint. The two differ
+        by the deflections of the stages in series with the spring, such as a play."""
         for name, constants in self.stages.items():
             stage, own = STAGES.get(name), constants[motor - 1]
             if stage.has("place") and own is not None:
@@ -77,7 +79,7 @@ class Drive:
 
     @cached_property
     def electric(self) -> tuple[Electric, ...]:
-        """Relation between command and torque of each motor."""
+        """Relation between the command and the torque of each motor."""
         return tuple(electric_of(self.values, i, self.mode) for i in range(1, self.actuator.motors + 1))
 
     @cached_property
@@ -97,7 +99,7 @@ class Drive:
 
     @cached_property
     def max_torque(self) -> tuple[float, ...]:
-        """Largest torque of each motor at rest in N m."""
+        """Largest torque of each motor in N m while the motor is at rest."""
         return tuple(min(one.limit, one.stall) for one in self.electric) if self.mode.motor else ()
 
     @cached_property
@@ -117,7 +119,7 @@ class Drive:
 
     @cached_property
     def max_velocity(self) -> tuple[float, ...]:
-        """Largest speed of each motor in rad/s."""
+        """Speed limit of each motor in rad/s."""
         return self._of_motors("max_velocity")
 
     @cached_property
@@ -128,7 +130,7 @@ class Drive:
     def motor_constants(self, index: int) -> MotorConstants:
         """Constants of motor `index` (1, 2, ...) for the simulation."""
         own = {name: self.values[f"motor_{index}_{name}"] for name in MOTOR_NAMES}
-        # Without controller, the reference is the command.
+        # Without a controller, the reference itself is the command: gains of 1, 0 and 0 give it.
         gains = {"proportional": 1.0, "integral": 0.0, "derivative": 0.0}
         if self.mode.controller:
             gains = {name: self.values[f"controller_{index}_{name}"] for name in gains}
@@ -143,7 +145,8 @@ class Drive:
         )  # fmt: skip
 
     def goals(self, references: Array) -> Array:
-        """Goal positions of the motors or springs for the references (columns, n); modes 3 and 6 use the reference map."""
+        """Positions (columns, n) that the references (columns, n) demand of the motors, or of the springs in modes without
+        motors. In modes 3 and 6 the reference map converts equilibrium and preset into positions."""
         goals = references.copy()
         if self.mode.mapped:
             mapped = over_arrays(self.actuator.motor_references)(references[0], references[1])

@@ -17,13 +17,13 @@ class Electric(NamedTuple):
     gain: float
     """Torque in N m per unit of the command: 1, N m/A or N m/V."""
     lag: float
-    """Damping by the back-EMF in N m s/rad if the command is a voltage; else 0."""
+    """Damping of the motor in N m s/rad by its back-EMF if the command is a voltage; else 0."""
     damping: float
-    """Damping by the back-EMF in N m s/rad at full voltage; 0 without a limit of the voltage."""
+    """Damping in N m s/rad by the back-EMF while the voltage is at its limit; 0 if the motor has no resistance."""
     stall: float
-    """Torque at full voltage and rest in N m."""
+    """Torque in N m at the voltage limit and at rest; infinite without a limit."""
     limit: float
-    """Largest torque in N m."""
+    """Largest torque of the motor in N m, by its torque limit and its current limit."""
 
     def torque_of(self, command: Any) -> Any:
         """Torque at rest in N m for a command (number or array)."""
@@ -40,7 +40,7 @@ def electric_of(values: Mapping[str, float], index: int, mode: Mode) -> Electric
         return Electric(1.0 if mode.command == "torque" else 0.0, 0.0, 0.0, inf, limit)
     command = mode.command
     if mode.controller:
-        # The controllers of electric motors command voltage or current.
+        # A controller commands the voltage of an electric motor, or its current if no resistance is stated.
         command = "voltage" if resistance > 0.0 else "current"
     limit = min(limit, constant * values[f"{motor}_max_current"])
     damping, stall = 0.0, inf
@@ -64,6 +64,7 @@ NEEDED = {"torque": (), "current": ("torque_constant",), "voltage": ("torque_con
 
 
 def missing_constants(values: Mapping[str, float], motors: int, mode: Mode) -> tuple[str, ...]:
-    """Names of motor parameters that are 0 although the mode's kind of command needs them."""
+    """Names of the parameters of motors that are 0, although the mode's kind of command (torque, current or voltage) needs
+    them."""
     names = (f"motor_{i}_{name}" for i in range(1, motors + 1) for name in NEEDED[mode.command])
     return tuple(name for name in names if values[name] <= 0.0)

@@ -25,7 +25,7 @@ class Mode:
     mapped: bool = False
     """Whether the references are equilibrium and preset, which the actuator's reference map turns into motor positions."""
     command: str = "torque"
-    """Quantity by which a reference drives a motor directly: torque, voltage or current."""
+    """Quantity that a reference sets if it drives a motor directly: torque, voltage or current."""
 
     @property
     def direct(self) -> bool:

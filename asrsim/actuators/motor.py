@@ -62,21 +62,21 @@ def motor_kick(
     implicitness: float,
     own: MotorConstants,
 ) -> tuple[float, float, float, float, float, float]:
-    """State of a motor after the motor has accelerated for `step` s at a fixed position.
+    """State of a motor after a kick: the motor has accelerated for `step` s at a fixed position.
 
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
-    held: torque of spring and stages against the motor in N m; load: torque between motor and link in N m, with which friction
-    grows; slowest, fastest: smallest and largest velocity in rad/s that stops and
-    speed limit allow (`velocity_bounds`); limit: largest torque of the motor in N m; own: constants of the motor. Damping,
-    back-EMF and derivative action act on the velocity (1 - implicitness) old + implicitness new: 1/2 is the midpoint rule
-    (second order), 0 the explicit Euler rule.
-    Returns velocity after the kick, mean velocity over it, anchor, integral, clipped motor torque, friction torque.
+    held: torque in N m of the springs and stages against the motor; load: torque in N m between motor and link, which increases
+    the friction; slowest, fastest: smallest and largest velocity in rad/s that stops and speed limit allow
+    (`velocity_bounds`); limit: largest torque of the motor in N m; own: constants of the motor. Damping, back-EMF and
+    derivative action act on the velocity (1 - implicitness) old + implicitness new, where old and new are the velocities before
+    and after the kick: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule.
+    Returns velocity after the kick, mean velocity over the kick, anchor, integral, clipped motor torque, friction torque.
     """
     i, d, damping, gain, lag, emf = own.integral, own.derivative, own.damping, own.gain, own.lag, own.emf
     inertia, excess, fade, stiffness, stall = own.inertia, own.excess, own.fade, own.bristles, own.stall
     error = reference - own.hold * position
-    # The mean of the integral over the kick: half of its increase.
+    # The controller uses the mean of the integral over the kick: its old value plus half of its increase.
     push = (own.proportional + 0.5 * i * step) * error + integral
     level = own.coulomb + own.share * abs(load)
     drag = damping + gain * d + lag
@@ -84,7 +84,7 @@ def motor_kick(
     bristles = stiffness * (position - anchor)
     mean = velocity
     torque = friction = after = 0.0
-    # Friction depends on the mean speed over the kick, which the first round computes. Two rounds give second order.
+    # Friction depends on the mean speed over the kick, which is known only after a first round. Two rounds give second order.
     for _ in range(2 if excess != 0.0 else 1):
         most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
         friction = most if bristles > most else -most if bristles < -most else bristles
@@ -116,7 +116,7 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
     slowest, largest = -fastest, fastest
-    # Most motors are far from their stops, so that their bounds need no division.
+    # Most motors cannot reach a stop in this step: their bounds need no division.
     if position - step * fastest < low and step > 0.0:
         slowest = (low - position) / step if low < position else 0.0
     if position + step * fastest > high and step > 0.0:

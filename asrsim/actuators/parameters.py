@@ -33,9 +33,9 @@ class Parameter:
     source: str = TOOLBOX
     """Publication or code that the default comes from."""
     minimum: float = -math.inf
-    """Smallest value."""
+    """Smallest allowed value."""
     maximum: float = math.inf
-    """Largest value."""
+    """Largest allowed value."""
     exclusive_minimum: bool = False
     """Whether the value must be larger than `minimum`; if False, the value may equal `minimum`."""
     finite: bool = True
@@ -129,7 +129,7 @@ defaults), without the prefix `controller_1_`."""
 
 @cache
 def numbered(part: str, index: int) -> tuple[Parameter, ...]:
-    """Parameters of the motor or of its controller with number `index` (1, 2, ...). part: `motor` or `controller`."""
+    """Parameters of motor `index` (1, 2, ...), or of its controller, with their prefix. part: `motor` or `controller`."""
     prefix = f"{part}_{index}"
     return tuple(
         replace(parameter, name=f"{prefix}_{parameter.name}", needs=parameter.needs and f"{prefix}_{parameter.needs}")

@@ -13,11 +13,11 @@ from asrsim.actuators.drive import Drive
 from asrsim.actuators.vectorised import Array, over_arrays
 
 ROUNDS = 50
-"""Largest number of rounds over the motors; one round is enough if each spring depends on one motor."""
+"""Largest number of rounds over the motors of a drive; one round is enough if each spring depends on one motor only."""
 MOST_STEPS = 120
 """Largest number of function evaluations of a root search; about fifteen are usual."""
 TOLERANCE = 4e-15
-"""Smallest step of a root search, rad or m (relative for values above 1)."""
+"""Smallest step of a root search in rad or m; for values above 1, relative to the value."""
 FARTHEST = 1e6
 """Largest distance between a motor's reference and its position of rest, rad."""
 NUDGE = 1e-6
@@ -27,11 +27,11 @@ LONGEST = 0.2
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 NEAR = 1e-3
-"""Largest step of the motors after which no further step is needed, rad: the remaining error is of second order."""
+"""Largest step of the motors in rad after which they need no further step: the remaining error is of second order in it."""
 ROUNDING = 1e-12
-"""Distance from the border of a controller's range at which a step ends, rad."""
+"""Distance in rad beyond the border of a controller's range at which a step that crosses this border ends."""
 INTEGRATING = 1e9
-"""Stiffness that Newton's method assumes for a controller with integral action, N m/rad: far more than springs have."""
+"""Stiffness in N m/rad that Newton's method assumes for a controller with integral action: far stiffer than any spring."""
 
 
 def spring_torques(drives: Sequence[Drive], position: Array, references: Sequence[Array]) -> Array:
@@ -48,7 +48,7 @@ def spring_torques(drives: Sequence[Drive], position: Array, references: Sequenc
 
 
 def alike(drives: Sequence[Drive]) -> list[list[int]]:
-    """Numbers of the drives, in groups with the same actuator and mode."""
+    """Indices of the drives, in one list for each group of drives with the same actuator and mode."""
     groups = defaultdict(list)
     for number, drive in enumerate(drives):
         groups[drive.actuator, drive.mode].append(number)
@@ -63,8 +63,8 @@ def resting_motors(drives: Sequence[Drive], position: Array, references: Array, 
 class MotorsAtRest:
     """Motors at rest under the load of their springs, for links at given positions.
 
-    A controller without integral action has the steady-state error tau_el / P. Ideal motors stand at their references. Friction
-    is neglected.
+    A controller without integral action has the steady-state error tau_el / P, where tau_el is the torque of the spring on the
+    motor. Motors without controllers stand at their references. Friction is neglected.
     """
 
     def __init__(self, drives: Sequence[Drive], references: Array, *, limited: bool = True) -> None:
@@ -77,7 +77,8 @@ class MotorsAtRest:
         self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
 
         def numbers(name: str, *several: int) -> Array:
-            """Numbers (..., motors, joints, 1) of the motors. several: numbers of each motor."""
+            """Values (..., motors, joints, 1) of an attribute of the drives. several: how many values the attribute has per
+            motor."""
             found = np.array([getattr(drive, name)[: self._motors] for drive in drives])
             return found.reshape(len(drives), self._motors, *several).T[..., None]
 
@@ -87,7 +88,8 @@ class MotorsAtRest:
             self._most, self._ranges = np.full_like(self._most, np.inf), np.full_like(self._ranges, np.inf)
             self._ranges[:1] = -np.inf
         self._followed: tuple[Array, Array, Array] | None = None
-        """Positions of links, ends of springs, and rates of motors after the last step of `follow`."""
+        """Positions of the links and of the motors after the last step of `follow`, and changes of the motors' positions per
+        displacement of their links."""
 
     def under(self, position: Array) -> tuple[Array, Array]:
         """Rest positions (positions, joints, n) of motors and adjusters in rad with the links at `position` (joints, n) in rad,
@@ -102,15 +104,17 @@ class MotorsAtRest:
             return self._law(position, *theta, *resting[motors:])
 
         def search(own: slice) -> Array:
-            """Positions at which these motors rest, each as if the others did not move."""
+            """Rest positions of the motors `own`, each found as if the other motors did not move."""
             trial, gain, most, integral = resting[:motors].copy(), self._gain[own], self._most[own], self._integral[own]
             integrating, least = bool(integral.any()), -most
-            # At the reference, integral action balances the springs, up to the motor's largest torque.
+            # With integral action, the controller's torque at rest is that of the springs at the reference, up to the motor's
+            # largest torque.
             trial[own] = wanted[own]
             holding = pulls(trial)[:motors][own] if integrating else np.zeros(())
 
             def missing(theta: Array) -> Array:
-                """Torques of the springs minus those of the motors at `theta`, while the others stand at `resting`."""
+                """Torques of the springs minus the torques of the controllers, with the motors `own` at `theta` and the others
+                at `resting`."""
                 trial[own] = theta
                 torque = gain * (wanted[own] - theta)
                 if integrating:
@@ -119,7 +123,7 @@ class MotorsAtRest:
 
             return np.clip(increasing_roots(missing, wanted[own], slope=gain, apart=True), low[own], high[own])
 
-        # Usually each spring depends on one motor, and one search finds all motors.
+        # Usually each spring depends on one motor only: then one search finds the rest positions of all motors.
         found = search(slice(motors))
         torques = pulls(found)
         if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
@@ -135,11 +139,11 @@ class MotorsAtRest:
         return resting, torques
 
     def follow(self, position: Array) -> tuple[Array, Array]:
-        """Torques (joints, n) in N m on the links at `position` (joints, n) in rad, and their changes per displacement, with
-        the motors at rest: for a search of the links' positions by Newton's method.
+        """Torques (joints, n) in N m on the links at `position` (joints, n) in rad with the motors at rest, and the changes of
+        these torques per displacement of the links. A search of the links' positions by Newton's method needs both.
 
         The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
-        steps where that one was long. Torques and changes are linearised about the last step.
+        steps if that step was long. Torques and changes are linearised about the last step.
         """
         motors, (low, high), (gain, least, most) = self._motors, self._ranges, self._unstrained
         if self._followed is None:
@@ -153,14 +157,15 @@ class MotorsAtRest:
             below, above = theta < least, theta > most
             strained = below | above
             driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
-            # Matrices (joints, n, motors, motors) of the motors' equilibrium, and how it changes with the link.
+            # Matrices (joints, n, motors, motors) of the equations for the motors' equilibrium, and derivatives by the link's
+            # position.
             slopes = changes[:motors].transpose(1, 3, 0, 2)
             stiffness = np.where(strained, FLAT, gain).transpose(1, 2, 0)
             matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
             sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
             aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
-            # A step ends at the border between strained and unstrained, since the stiffness changes there.
+            # A step ends at the position where a controller reaches its largest torque, since its stiffness changes there.
             aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta
@@ -176,15 +181,15 @@ class MotorsAtRest:
 
     @cached_property
     def _unstrained(self) -> tuple[Array, Array, Array]:
-        """Stiffness in N m/rad of the controllers in Newton's method, and the least and largest positions (motors, joints, n)
-        of the motors, between which the controllers give less than the largest torques."""
+        """Stiffness in N m/rad of the controllers in Newton's method, and the smallest and largest positions (motors, joints,
+        n) of the motors at which the controllers' torques do not exceed the largest torques."""
         gain = np.maximum(np.where(self._integral > 0.0, INTEGRATING, self._gain), FLAT)
         references = self._references[: self._motors]
         return gain, references - self._most / gain, references + self._most / gain
 
     def _displaced(self, position: Array, ends: Array) -> tuple[Array, Array]:
-        """Torques (springs, joints, n) of the springs with links and motors at these places, and their changes (springs,
-        joints, 1 + motors, n) per displacement of the link, and of each motor."""
+        """Torques (springs, joints, n) of the springs with the links at `position` and the motors at `ends`, and the changes
+        (springs, joints, 1 + motors, n) of these torques per displacement of the link, and of each motor."""
         places = np.repeat(np.stack([position, *ends])[:, :, None], 2 + self._motors, axis=2)
         for moved in range(1 + self._motors):
             places[moved, :, 1 + moved] += NUDGE
@@ -192,7 +197,8 @@ class MotorsAtRest:
         return torques[:, :, 0], (torques[:, :, 1:] - torques[:, :, :1]) / NUDGE
 
     def _law(self, position: Array, *positions: Array) -> Array:
-        """Torques (springs, joints, n) of the springs with links and motors at these positions (joints, n)."""
+        """Torques (springs, joints, n) of the springs with the links at `position` and the motors at `positions` (joints,
+        n)."""
         ends = list(positions)
         for row, drive in self._staged:
             for motor in range(drive.actuator.motors):
@@ -202,8 +208,8 @@ class MotorsAtRest:
 
 
 def _alone(pulls: Callable[[Array], Array], wanted: Array, found: Array, torques: Array, motor: int) -> bool:
-    """Whether the torque on a motor does not depend on the other motors. found: positions of the motors with these torques;
-    wanted: other positions."""
+    """Whether the torque of the spring on a motor does not depend on the other motors. found: positions of the motors at which
+    the springs have the torques `torques`; wanted: other positions to compare."""
     trial = wanted.copy()
     trial[motor] = found[motor]
     return np.array_equal(pulls(trial)[motor], torques[motor])

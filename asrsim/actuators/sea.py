@@ -11,7 +11,7 @@ DUFFING = "Duffing (1918): a spring with a cubic term"
 
 
 class Sea(Actuator):
-    """tau = k d + c d^3 with d = sat(theta - q)."""
+    """tau = k d + c d^3 with d = sat(theta - q), stiffness k and cubic coefficient c."""
 
     name = "sea"
     title = "Series elastic actuator"

@@ -31,10 +31,10 @@ SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
 STEPS, STEP = 4000, 1e-4
 """Number of kicks of a motion, and the largest time between them in s."""
 REACH, HERTZ = 0.3, 4.0
-"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. Motions are larger and
-faster if, by its parameters, the stage acts only on such motions."""
+"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. A motion is larger or faster than
+this if the parameters of the stage make it act only on larger or faster motions."""
 BEYOND = 2.0
-"""Deflection and speed that a motion exceeds, relative to the largest parameter in rad and in rad/s."""
+"""Factor by which the deflection and the speed of a motion exceed the stage's largest parameter in rad and in rad/s."""
 LARGEST = 5.0
 """Torque limit, and largest torques of motor and spring in a motion, N m."""
 SPRING = 10.0
@@ -46,9 +46,9 @@ SLACK = 1e-6
 SAMPLE = Kick(
     motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3
 )
-"""Kick at which a law is called to see what it returns."""
+"""Kick with which each law is called once, to see what it returns."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
-"""Values of the motor on which a stage is tried."""
+"""Constants of the electric motor on which a stage is tried."""
 
 
 def stage_problems(stage: type[Stage]) -> tuple[Problem, ...]:
@@ -115,7 +115,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
 
 
 def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
-    """What is wrong with the constants, and with the results of the laws at a few numbers."""
+    """Faults of the stage's constants, and of the results of its laws for a few arguments."""
     if stage.constants.__func__ is Stage.constants.__func__:  # type: ignore[attr-defined]
         yield "constants", "is missing: it gives the constants at a motor, or None where the stage does not act", "bad-law"
         return
@@ -139,7 +139,7 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             if law != "remember":
                 if not _is_number(found):
                     yield law, f"must return a number (got {found!r})", "bad-law"
-                # A value that is not known yet is NaN.
+                # NaN in a memory stands for a value that is not known yet, and equals itself.
                 if not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
                     yield law, "must not change the memory; only `remember` does", "bad-law"
             if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
@@ -216,10 +216,10 @@ class StageTrial:
                 np.full(STEPS, STEP / faster),
             )
         )
-        """The numbers of each kick, in the order of `Kick`."""
+        """Rows of numbers, one for each kick, in the order of the fields of `Kick`."""
 
     def _largest(self, unit: str) -> float:
-        """Largest magnitude of the stage's parameters in this unit."""
+        """Largest magnitude of the stage's parameters that have this unit; 0 if none has it."""
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 
@@ -245,13 +245,14 @@ class StageTrial:
         return self.stage.torque(memory, self.own, kick.deflection + way, kick.velocity + speed)
 
     def ground(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
-        """Torque between motor and ground, where position and velocity of the motor differ in this way."""
+        """Torque between motor and ground, where position and velocity of the motor differ from those of the kick by `way` and
+        `speed`."""
         place, velocity = kick.motor_position + way, kick.motor_velocity + speed
         return self.stage.ground(memory, self.own, place, velocity, kick.elastic_torque)
 
 
 def _drawn(one: Parameter, source: np.random.Generator) -> float:
-    """A random value of a parameter with an effect."""
+    """A random value with which the parameter has an effect."""
     usual = abs(one.default) if one.default and np.isfinite(one.default) else 0.2
     value = usual * float(source.uniform(0.5, 1.5))
     return min(max(value, one.minimum), one.maximum)
@@ -287,8 +288,8 @@ def _damping(trial: StageTrial) -> Iterator[float]:
 def _excess(
     trial: StageTrial, law: Callable[..., float], bound: float, *, way: float = 0.0, speed: float = 0.0
 ) -> Iterator[float]:
-    """Relative excess of the slope of a torque of the trial over its bound. way or speed: half of the difference, in rad or
-    rad/s, from which the slope follows."""
+    """Relative amount by which the slope of a torque of the trial exceeds its bound, at each kick. way or speed: displacement
+    in rad or rad/s to both sides of the kick, from which the slope follows."""
     for memory, _, kick in trial.kicks:
         slope = abs(law(memory, kick, way, speed) - law(memory, kick, -way, -speed)) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
@@ -357,4 +358,4 @@ CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], .
     ("series", "`place` does not decrease, and has no slope above 1", 0.0, _series),
     ("limit", "`limit` lies between 0 and the motor's torque limit, N m", 0.0, _limits),
 )
-"""Checks: name, requirement, largest allowed figure, function that measures figures of a trial."""
+"""Checks: name, requirement, largest allowed figure, function that yields the figures of a trial."""

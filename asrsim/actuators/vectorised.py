@@ -1,4 +1,4 @@
-"""Laws of actuators on whole arrays (NumPy replaces `math`), and the energy of actuators that declare none."""
+"""Laws of actuators for whole arrays, with NumPy's functions in place of `math`; energy laws of actuators that declare none."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ GAUSS = tuple(
     (0.5 * (node + 1.0), 0.5 * weight)
     for node, weight in zip(*(x.tolist() for x in np.polynomial.legendre.leggauss(12)), strict=True)
 )
-"""Nodes and weights of Gauss-Legendre quadrature with twelve points on [0, 1]."""
+"""Nodes and weights of Gauss-Legendre quadrature with twelve points on [0, 1], for the energy of a spring from its torque."""
 
 _UFUNCS: dict[str, Any] = {
     name: law for name in vars(math) if name != "remainder" and isinstance(law := getattr(np, name, None), np.ufunc)
 }
-"""Functions of NumPy by their names in `math`, without `remainder`, which has another meaning in NumPy."""
+"""NumPy's functions by the names that they have in `math`; `remainder` is missing, since NumPy defines it differently."""
 _MATH = types.SimpleNamespace(**{**vars(math), **_UFUNCS})
 
 
 def _saturate(value: Any, limit: float) -> Any:
-    # np.clip takes three times as long.
+    # np.clip takes three times as long as np.minimum and np.maximum.
     return np.minimum(np.maximum(value, -limit), limit)
 
 
@@ -40,11 +40,11 @@ _COUNTERPARTS: dict[Any, Any] = {
     sinh: np.sinh,
     cosh: np.cosh,
 }
-"""Functions that laws call, and their counterparts for arrays."""
+"""Function for arrays that replaces each function of numbers in a law."""
 
 
 def _with_arrays(value: Any) -> Any:
-    """Global variable of a law, replaced by its counterpart for arrays."""
+    """Replacement for arrays of a global variable of a law; the variable's own value if it needs no replacement."""
     if value is math:
         return _MATH
     return _COUNTERPARTS.get(value, value) if isinstance(value, (types.FunctionType, types.BuiltinFunctionType)) else value
@@ -52,11 +52,12 @@ def _with_arrays(value: Any) -> Any:
 
 @cache
 def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
-    """A law of an actuator, applied to arrays of equal shape (n,) or (joints, n). A law that returns several numbers gives an
-    array with an additional first axis.
+    """Function that evaluates an actuator's law on arrays of equal shape (n,) or (joints, n). If the law returns several
+    numbers, the result has an additional first axis.
 
-    The last argument of a spring law is the tuple of parameters: numbers, or columns (joints, 1). A law with branches is
-    evaluated sample by sample, which is slower and gives the same numbers (NaN where Python's mathematics raises an error).
+    The last argument of a spring law is the tuple of its parameters: each is a number, or a column (joints, 1) with one value
+    for each joint. A law with branches is evaluated sample by sample. This is slower. It gives the same results, but NaN where
+    Python's mathematics raises an error.
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
@@ -67,7 +68,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 values = fast(first, *rest)
                 several = isinstance(values, tuple)
                 table = np.empty((len(values), *shape) if several else shape)
-                # This takes half as long as numpy.broadcast_to and numpy.array.
+                # Filling a table takes half as long as numpy.broadcast_to and numpy.array.
                 for place, value in enumerate(values) if several else [(..., values)]:
                     table[place] = value
                 return table
@@ -84,7 +85,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
 
 
 def _at(law: Callable[..., Any], positions: tuple[float, ...], parameters: tuple[Any, ...]) -> Any:
-    """Result of a law at one place; None where Python's mathematics, unlike NumPy's, raises an error in place of NaN or inf."""
+    """Result of a law for one sample; None if Python's `math` raises an error there, where NumPy would give NaN or inf."""
     try:
         return law(*positions, *parameters)
     except (OverflowError, ZeroDivisionError):
@@ -92,8 +93,8 @@ def _at(law: Callable[..., Any], positions: tuple[float, ...], parameters: tuple
 
 
 def _energy_law(actuator: Any) -> Callable[..., float]:
-    """Energy law of the actuator in J; if the actuator declares no energy law, the integral of its torques from the undeflected
-    springs."""
+    """Energy law of the actuator in J. If the actuator declares none, the law integrates the torques of the springs from their
+    undeflected state."""
     if actuator.elastic_energy is not Actuator.elastic_energy:
         own: Callable[..., float] = actuator.elastic_energy
         return own
@@ -113,4 +114,4 @@ def _energy_law(actuator: Any) -> Callable[..., float]:
 
 
 energy_law: Callable[[Any], Callable[..., float]] = cache(_energy_law)
-"""`_energy_law`, cached for each actuator."""
+"""Function `_energy_law` with a cache: each actuator's law is made only once."""

@@ -63,7 +63,7 @@ class LazyGroup(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         from asrsim.errors import did_you_mean
 
-        # The base class suggests only commands that are imported already.
+        # The base class suggests only commands whose modules are imported already, so compare with all names.
         hint = did_you_mean(args[0], list(COMMANDS)) if args[0] not in COMMANDS else None
         if hint and not ctx.resilient_parsing:
             ctx.fail(f"No such command '{args[0]}'. {hint}")
@@ -80,8 +80,8 @@ class LazyGroup(TyperGroup):
         return typer.main.get_command(single)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        # Show first sentences only: collecting the options of all commands would take most of the time. The library truncates
-        # long lines.
+        # Show only the first sentence about each command, since collecting the options of all commands would take most of the
+        # time. The library would truncate long lines.
         widest = max(map(len, COMMANDS))
         for title, group in GROUPS.items():
             with formatter.section(title):
@@ -129,7 +129,7 @@ def root(
 
 def main() -> None:
     """Run the command line: expected errors are printed in a few lines, with exit code 1."""
-    # Replace a stream that the shell closed (>&-): otherwise the next opened file would get the stream's file descriptor.
+    # If the shell closed a stream (>&-), replace it: otherwise the next file to be opened would get its file descriptor.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
@@ -141,8 +141,8 @@ def main() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        # The program that reads the output has ended, or the disk is full: discard the rest, else Python prints an error at
-        # exit.
+        # The program that reads the output has ended, or the disk is full. Discard the rest: otherwise Python prints an error
+        # at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
@@ -159,7 +159,7 @@ def _call() -> int:
         try:
             app()
         except SystemExit as end:
-            # Typer prints nothing for an interrupted command.
+            # Typer prints nothing for an interrupted command: print the message here.
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
                 complain("asrsim: aborted")
             return end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -194,7 +194,7 @@ def _report_error(error: BaseException) -> int:
     from asrsim.errors import AsrsimError
 
     if isinstance(error, BrokenPipeError):
-        # The program that reads the output has ended: print no message.
+        # The program that reads the output has ended on purpose: print no message.
         return 0
     if _debugging():
         raise error

@@ -12,7 +12,8 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.options import Arguments, Files, Packages, argument, folders, option, pairs
 
 SUFFIXES = {".yaml": True, ".yml": True, ".json": True, ".urdf": False, ".xacro": False, ".xml": False}
-"""File suffixes of scenarios (True) and robots (False); a file with a different suffix is recognised by its first character."""
+"""Whether files with this suffix are scenarios (True) or robots (False). Other files are recognised by their first
+character."""
 
 
 @command("Print problems only, no tables.")

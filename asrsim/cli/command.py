@@ -93,8 +93,8 @@ def command(quiet: str | None = "Print errors only.", *, plugins: bool = True) -
 
 
 def blaming(plugins: Sequence[Path] | None) -> AbstractContextManager[None]:
-    """Context manager that registers the parts in users' files. Exceptions that these files raise become errors with file and
-    line. Raises ActuatorError.
+    """Context manager that registers what the users' plugin files define. Exceptions that these files raise become errors with
+    file and line. Raises ActuatorError.
     """
     if not plugins:
         return nullcontext()

@@ -13,18 +13,18 @@ from typing import Any
 
 
 def variants(incomplete: str) -> list[str]:
-    """Variants of the scenario."""
+    """Variants of the scenario on the command line."""
     found = _plain().get("variants")
     return _beginning(found if isinstance(found, Mapping) else (), incomplete)
 
 
 def joints(incomplete: str) -> list[str]:
-    """Joints of the first log."""
+    """Joints of the first log on the command line."""
     return _beginning((joint.name for joint in _logged()), incomplete)
 
 
 def quantities(incomplete: str) -> list[str]:
-    """Quantities of the first log."""
+    """Quantities of the first log on the command line."""
     return _beginning((name for joint in _logged() for name in joint.quantities), incomplete)
 
 
@@ -43,7 +43,7 @@ def measures(incomplete: str) -> list[str]:
 
 
 def figures(incomplete: str) -> list[str]:
-    """Names of all figures."""
+    """Names of all figures that `asrsim plot` can draw."""
     from asrsim.plots import FIGURES
 
     return _beginning(FIGURES.names(), incomplete)
@@ -69,9 +69,10 @@ def _beginning(names: Iterable[object], incomplete: str) -> list[str]:
 
 
 def _path() -> Path:
-    """First file or folder named on the line that is completed; the shells pass the line in these variables.
+    """First existing file or folder on the command line that is being completed. The shells pass this line in environment
+    variables.
 
-    The parser gives no arguments for a line that ends in an option without a value.
+    The parser cannot be asked: it gives no arguments for a line that ends in an option without a value.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "bold red": "1;31", "bold cyan": "1;36"}
 """ANSI escape code of each text style."""
 MOST = 40
-"""Largest number of lines printed for an error."""
+"""Largest number of lines that are printed for one error."""
 COLUMNS = 40
-"""Largest number of columns that are listed; a file may have thousands."""
+"""Largest number of a recording's columns that are listed: a file may have thousands of columns."""
 NARROWEST = 20
 """Smallest width of a table's last column, characters."""
 SHOWN = 6
@@ -40,7 +40,7 @@ VALUES = 3
 OWN_CODES = re.compile(r"(\x1b\[[0-9;]*m)")
 """ANSI escape codes that set colours and text styles."""
 MOVING_CODES = re.compile(r"(\x1b\[(?:[0-9;]*m|[0-9]*[AK]|\?25[lh])|\r)")
-"""Escape codes that asrsim prints: colours, and on stderr the cursor movements of progress bars."""
+"""Escape codes that asrsim itself prints: colours, and on stderr the cursor movements of progress bars."""
 
 
 class CleanStream:
@@ -61,7 +61,7 @@ class CleanStream:
 
 
 def clean_streams() -> None:
-    """Make stdout and stderr remove control characters, and replace characters that an old terminal cannot show."""
+    """Make stdout and stderr remove control characters, and replace characters that the terminal's encoding lacks."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -133,7 +133,7 @@ def say_table(columns: Sequence[TableColumn], styles: Sequence[str] = ()) -> Non
 
 
 def say_columns(recording: Recording) -> None:
-    """Print the columns that are mapped to quantities as a table, and the names of the other columns."""
+    """Print a table of the recording's columns that are mapped to quantities, and the names of its other columns."""
     used = [column for column in recording.channels.values() if column.quantity]
     if used:
         headings = ("column", "read as", "unit", "conversion", "why")
@@ -152,7 +152,7 @@ def line_width() -> int:
 
 
 def say_written(paths: Sequence[Path], remark: str = "") -> None:
-    """Print the files that a command wrote: their common folder and their names."""
+    """Print the files that a command wrote: their common folder and their names. remark: end of the line."""
     if paths:
         folder = Path(os.path.commonpath([path.parent for path in paths]))
         say(f"wrote {folder}{os.sep}: {', '.join(str(path.relative_to(folder)) for path in paths)}{remark}")

@@ -25,14 +25,14 @@ class FileReport:
 
     path: Path
     kind: str
-    """Kind of the file: robot or scenario."""
+    """Kind of the file: `robot` or `scenario`."""
     title: str = ""
     """Names of the variants if the file is a scenario."""
     robot: Robot | None = None
     step: float | None = None
     """Time step, s."""
     substeps: Mapping[str, Any] | None = None
-    """Number of substeps of a run and the quantities that determine this number; None: a run is impossible."""
+    """Number of substeps of a run, and the quantities from which this number was computed; None: a run is impossible."""
     errors: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
 
@@ -65,7 +65,7 @@ class FileReport:
 def robot_report(
     path: Path, xacro_arguments: Mapping[str, str] | None = None, package_paths: Mapping[str, Path] | None = None
 ) -> FileReport:
-    """Findings in a URDF or xacro file, including the findings that a run with constant references would report."""
+    """Findings in a URDF or xacro file, including those of preparing a run with constant references."""
     from asrsim.scenario import scenario_from_data
     from asrsim.simulation.examine import Examined, findings
 
@@ -81,7 +81,7 @@ def robot_report(
 
 
 def scenario_report(path: Path) -> FileReport:
-    """Findings in a scenario file, its variants and their robots; the table shows the first variant."""
+    """Findings in a scenario file, in its variants and in their robots. The tables describe the first variant."""
     from asrsim.scenario.load import distinct
     from asrsim.simulation.examine import read
 
@@ -100,8 +100,8 @@ def scenario_report(path: Path) -> FileReport:
 
 
 def _built(found: Examined, report: FileReport) -> FileReport:
-    """Report with the findings in a scenario and its robot, and those of building the run. For a robot file, only warnings
-    about the robot are reported.
+    """Report with the findings in a scenario, in its robot, and in the attempt to build the run. For a robot file, warnings
+    about the scenario are left out, since no user wrote it.
     """
     from asrsim.scenario.check import loop_warnings
     from asrsim.simulation.prepare import build
@@ -117,7 +117,7 @@ def _built(found: Examined, report: FileReport) -> FileReport:
         prepared = build(plan)
         prepared.make_engine().close()
     except AsrsimError as error:
-        # Springs that are too stiff for any substep, and bodies that the engine rejects.
+        # Building fails, for example, if a spring is too stiff for any number of substeps, or if the engine rejects a body.
         return replace(report, errors=problems_of(error, report.path))
     shapes = usable_shapes(plan.source, visuals=alone, package_paths=scenario.package_paths)[1]
     return replace(report, substeps=vars(prepared.resolution), warnings=tuple(dict.fromkeys((*prepared.warnings, *shapes))))
@@ -129,7 +129,7 @@ def problems_of(error: AsrsimError, path: Path) -> tuple[Problem, ...]:
 
 
 def number(value: object) -> object:
-    """Value for JSON: infinite numbers become text."""
+    """Value for JSON, in which an infinite number becomes the text inf or -inf."""
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return value

@@ -160,7 +160,7 @@ def _run(task: Task, *, check: bool, quiet: bool, accept: bool, adopt: bool, dur
 
 
 def _resume(task: Task, folder: Path, *, everything: bool, accept: bool) -> Done:
-    """Write the robot of an earlier fit, and state in fit.json whether the fit is accepted."""
+    """Write the robot with the numbers of an earlier fit, and state in the fit's fit.json whether the fit is accepted."""
     import json
 
     from asrsim.identification.folder import FIT, read_fit

@@ -147,7 +147,7 @@ def _headings(problem: LearningProblem) -> None:
 
 
 def _row(trial: Trial) -> None:
-    """Print the row of a trial."""
+    """Print the row of a trial in the table."""
     largest = [f"{value:.4f}" for value in trial.largest]
     _cells(str(trial.number), largest, f"{trial.norm:.4f}", f"{trial.seconds:.2f}")
 

@@ -16,14 +16,14 @@ INTERRUPTED = 130
 """Exit code of a command ended by SIGINT, as in shells."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 AGAIN = 0.3
-"""Time after which KeyboardInterrupt is raised again if nothing handles it, s."""
+"""Time in s after which KeyboardInterrupt is raised again if the exception has been suppressed."""
 
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
     """Context manager under which SIGTERM acts like Ctrl-C, so that files are closed and child processes are ended. Gives a
     function that tells whether such a signal has arrived. Callbacks of compilers and imports of some libraries suppress
-    exceptions. KeyboardInterrupt is therefore raised repeatedly until it is handled.
+    exceptions, so KeyboardInterrupt is raised repeatedly until it is handled.
     """
     timer = getattr(signal, "SIGALRM", None)
     arrived = False
@@ -36,7 +36,7 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         arrived = True
         if timer is not None:
             signal.setitimer(signal.ITIMER_REAL, AGAIN)
-        # Files are closed while the exception is handled: the timer does not disturb it.
+        # While the exception is handled, files are being closed: the timer must not raise it again and stop that.
         if number != timer or handled is None:
             raise KeyboardInterrupt
 

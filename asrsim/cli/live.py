@@ -110,7 +110,7 @@ def live(
 
 
 def _shown(plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: bool, line: Any, quiet: bool) -> tuple[Any, Any]:
-    """Run in real time on a page; returns the last run and its summary."""
+    """Run the scenario in real time on a page in the browser. Returns the last run and its summary."""
     from asrsim.cli.view import show_page
     from asrsim.viewer.live import LiveView
 
@@ -125,7 +125,7 @@ def _shown(plan: Any, folder: Path, settings: Any, stop: Stop, *, overwrite: boo
 def _follow(
     plan: Any, transports: list[str], access: Any, namespace: str, duration: float | None, *, view: bool, quiet: bool
 ) -> Done:
-    """Run a twin of a running robot."""
+    """Run a twin that follows a running robot in real time."""
     from asrsim.twin.live import LiveTwin
 
     twin = LiveTwin(

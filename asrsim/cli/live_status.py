@@ -42,7 +42,7 @@ class StatusLine:
             complain(text)
 
     def show(self, session: Session) -> None:
-        """Rewrite the status line with the current numbers of the session, a few times per second."""
+        """Rewrite the status line with the current numbers of the session, at most once per `INTERVAL`."""
         now, simulated = clock.perf_counter(), session.simulation.time
         if not self._shows or now - self._before[0] < INTERVAL:
             return
@@ -61,7 +61,7 @@ class StatusLine:
 
 
 def commands(figures: Mapping[str, Any]) -> str:
-    """Numbers of received, clamped and dropped commands as text."""
+    """Text with the numbers of commands that were received, clamped and dropped."""
     parts = [f"{figures['commands']} commands"]
     for name in ("clamped", "dropped"):
         count = sum(figures[name].values())
@@ -70,7 +70,7 @@ def commands(figures: Mapping[str, Any]) -> str:
 
 
 def print_live(session: Session, summary: RunSummary, plugins: Sequence[Path], *, quiet: bool) -> None:
-    """Print the summary of a live run, its lateness and its commands."""
+    """Print the summary of a live run, its delay behind real time, and its numbers of commands."""
     print_run(summary, quiet=quiet)
     if quiet:
         return

@@ -64,7 +64,7 @@ End = Annotated[float | None, option("End of the pictures, s.", default="the log
 
 
 _OF_FILES = (".mcap", ".yaml", ".yml", ".json", ".csv", ".html", ".png", ".pdf", ".svg", ".gif", ".mp4", ".urdf", ".parquet")
-"""Suffixes of files that asrsim reads or writes."""
+"""Suffixes of the files that asrsim reads or writes, by which a file is recognised where a folder is needed."""
 
 
 def into_folder(words: str, default: str | None = None) -> Any:
@@ -105,7 +105,7 @@ def pairs(texts: Sequence[str] | None, flag: str) -> dict[str, str]:
     """Values by name, parsed from the texts NAME=VALUE of the option `flag`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
-        # ROS uses `:=` instead of `=`.
+        # Accept `:=` in place of `=`, as ROS writes it.
         name, separator, value = text.replace(":=", "=", 1).partition("=")
         if not separator or not name:
             raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=flag)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from asrsim.sweeps.run import StudyProgress
 
 PATIENCE = 0.4
-"""Delay before a progress bar appears, s: short work needs neither a progress bar nor the import of rich."""
+"""Delay in s before a progress bar appears: short work needs no progress bar, and need not import rich."""
 
 
 EVERY = 10.0
@@ -43,7 +43,7 @@ class Bar:
             self._bar = None
 
     def draw(self, fraction: float | None, note: str = "", title: str | None = None) -> None:
-        """Show the completed fraction of the work (None: unknown), a note, and another title."""
+        """Show the completed fraction of the work (None: unknown), a note, and another title if one is given."""
         if not self._show:
             return
         if self._lines:
@@ -75,7 +75,7 @@ class FractionBar(Bar):
     """Progress bar of work in several tasks whose completed fraction is known."""
 
     def update(self, progress: Progress) -> None:
-        """Show the completed fraction of the present task."""
+        """Show the completed fraction of the current task."""
         self.draw(progress.fraction, f"{100.0 * progress.fraction:3.0f} %", progress.task)
 
 
@@ -86,25 +86,25 @@ class RunBar(Bar):
         super().__init__(title, show=show)
         self._duration = duration
         self._part, self._first = "", 0.0
-        """Part of the work, and simulated time in s at the first report of this part."""
+        """Current part of the work, and simulated time in s at the first report of this part."""
 
     def start(self, _info: object = None) -> None:
         """Begin to measure the simulation speed; called when the simulation loop begins."""
         self._began, self._first = clock.perf_counter(), 0.0
 
     def update(self, progress: Progress) -> None:
-        """Show the simulated time of the run, or of another run of the scenario, which has a `task`."""
+        """Show the simulated time of the run, or of a further run of the same scenario; such a run has a `task`."""
         if progress.task != self._part:
             self._part = progress.task
             self.start()
-            # The work on this part began before its first report.
+            # This part began before its first report: measure its speed from this report on.
             self._first = progress.time
         simulated = progress.time
         note = f"{simulated:.2f} of {self._duration:g} s"
         if simulated > self._first:
             speed = (simulated - self._first) / max(clock.perf_counter() - self._began, 1e-9)
             note += f", {speed:.3g} x real time"
-        # The log of a killed run may contain no time at all.
+        # The duration may be 0: the log of a killed run may contain no time at all.
         self.draw(
             simulated / self._duration if self._duration > 0.0 else 1.0,
             note,
@@ -116,14 +116,14 @@ class FitBar(Bar):
     """Progress bar of a fit: task, cost and evaluations."""
 
     def update(self, progress: FitProgress) -> None:
-        """Show stage, cost, number of evaluations and remaining time of the fit."""
+        """Show the current stage of the fit, its cost, its number of evaluations, and the remaining time."""
         cost = f"cost {progress.cost:.4g}, " if math.isfinite(progress.cost) else ""
         left = f", about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
         self.draw(None, f"{progress.task}: {cost}{progress.evaluations} evaluations{left}")
 
 
 class SweepBar(Bar):
-    """Progress bar of a study: finished runs, their rate, and numbers of failed runs."""
+    """Progress bar of a study: number of finished runs, their rate, and numbers of failed runs."""
 
     def update(self, progress: StudyProgress) -> None:
         """Show the number of finished runs, their rate, and the numbers of failed runs."""

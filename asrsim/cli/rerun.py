@@ -83,7 +83,7 @@ def _print(repetition: Repetition, *, quiet: bool) -> None:
     if not quiet:
         say(line, "" if repetition.identical else "bold")
     elif not repetition.identical:
-        # A command that fails must always state the reason.
+        # Exit code 1 needs a reason, even with --quiet.
         complain(line)
 
 

@@ -100,17 +100,18 @@ def run(
                             progress=progress.update,
                             stop=interruption.stop,
                         )
-                    # Print and write the results of each variant immediately, so that no results are lost if drawing fails.
+                    # Print and write the results of each variant now, so that they are not lost if drawing fails later.
                     done.append(write_summary(executed))
                     for wanted, add in ((plot, _drawn), (report, _reported)):
                         if wanted and executed.run.status != "interrupted":
                             done[-1] = write_summary(add(done[-1]))
             except AsrsimError as error:
-                # This variant could not be built or written: the other variants would probably fail for the same reason.
+                # This variant could not be built or written. Stop here: the other variants would probably fail for the same
+                # reason.
                 failure = (title, error)
             if len(done) > before and not json:
                 print_run(done[-1].summary, quiet=quiet, printed=printed)
-                # Flush now, so that a program that reads the output gets the line, and a closed pipe raises its error here.
+                # Flush now: a program that reads the output gets the line at once, and a closed pipe raises its error here.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:
                 break

@@ -146,7 +146,7 @@ def _swept(
 
 
 def _repeated(folder: Path, number: int, out: Path | None, plugins: list[Path], *, quiet: bool) -> Done:
-    """Repeat one run of a study, with a log."""
+    """Repeat one run of a study, this time with a log."""
     from asrsim.cli.report import print_run
     from asrsim.sweeps import Table
     from asrsim.sweeps.run import run_again

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
-    """Print tables and a closing line (unless quiet), and the problems of every file."""
+    """Print the tables and a closing line (neither if quiet), and always the problems of every file."""
     for report in reports:
         if not quiet:
             _print_head(report)
@@ -79,8 +79,8 @@ def _print_passive(robot: Robot) -> None:
 
 
 def _alike(blocks: Iterable[ActuatorBlock], slides: Container[str]) -> list[list[ActuatorBlock]]:
-    """Groups of joints' actuator blocks with equal actuator, mode and parameters, so that a robot with many arms fits on a
-    screen. Prismatic joints (`slides`) form separate groups because of their units.
+    """Groups of the actuator blocks with equal actuator, mode and parameters. A group is printed as one table, so that a robot
+    with many arms fits on a screen. Blocks of prismatic joints (`slides`) form separate groups, since their units differ.
     """
     groups: dict[tuple[object, ...], list[ActuatorBlock]] = {}
     for block in blocks:
@@ -172,7 +172,7 @@ def print_actuator(actuator: type[Actuator]) -> None:
     second = " + adjuster" if actuator.adjuster else ""
     say(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
     tags = parameter_tags(actuator)
-    # The note of a parameter is printed below it: a terminal of 80 columns has no room beside it.
+    # Print the note of a parameter below it: a terminal of 80 columns has no room for it in the row.
     say()
     say(f"{'parameter':<26}{'default':>8}  {'unit':<13}tag", "bold")
     parameters = actuator.all_parameters()

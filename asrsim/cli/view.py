@@ -31,7 +31,7 @@ from asrsim.cli.options import (
 from asrsim.progress import Stop
 
 PORT = 8080
-"""Port of the page."""
+"""Default network port of the page."""
 
 
 @command()
@@ -92,8 +92,8 @@ def view(
 
 
 def show_page(make: Callable[[Any], Any], stop: Stop, *, port: int = 0, browser: bool = True, quiet: bool) -> tuple[Any, Any]:
-    """Open a page, print its address, and work until `stop` returns True. Returns the content of the page, and its result.
-    make: function that returns the content of the page.
+    """Open a page, print its address, and work until `stop` returns True. Returns the page's content, and the result of the
+    work. make: function that returns the page's content.
     """
     from asrsim.viewer.open import View
     from asrsim.viewer.server import PageServer, announcement, open_browser

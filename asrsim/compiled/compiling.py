@@ -1,7 +1,8 @@
 """Compilation of Python functions by Numba, with a cache in the user's folder; the only module that imports numba.
 
-Numba names compiled functions by module, function, argument types and a number that is unique only within a process. Functions
-that two processes have cached could therefore have the same name in a third process, which would use the first one for both.
+Numba names compiled functions by module, function, argument types and a number that is unique only within a process. Two
+functions that different processes have cached could therefore have the same name in a third process, which would call the first
+in place of the second.
 The names made here contain a digest of all code that the function depends on: equal names mean equal code.
 """
 
@@ -27,25 +28,25 @@ from asrsim.compiled.rebind import called_names, rebind
 T = TypeVar("T")
 
 LOADED = 64
-"""Largest number of compiled functions that this process keeps in memory for later calls."""
+"""Largest number of compiled functions that stay in the memory of this process for later calls."""
 NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 """Numba's options for code that creates no arrays: without reference counts of arrays, which would take most of the time of a
 substep, and without tests for divisions by 0, which give inf or NaN.
 """
 VECTORISED = 0
-"""Numba's setting for the vectorisation of loops. Our loops over joints and motors are short, and read numbers that have just
-been written one by one: a vector of such numbers would have to wait until they are in the cache.
+"""Numba's setting for the vectorisation of loops: off. Our loops over joints and motors are short, and read numbers that have
+just been written one by one. To load such numbers as a vector, the processor would have to wait until all are written.
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
-"""What this process has compiled or loaded, by digest and folder of the cache."""
+"""Functions that this process has compiled or loaded, by the digest of their code and the folder of the cache."""
 _spent: list[float] = []
-"""Times in s of all compilations and loadings."""
+"""Durations in s of all compilations and loadings in this process."""
 _types: dict[Any, Any] = {}
-"""Numba types of examples, by form."""
+"""Numba types of the example values seen so far, by the value's form (see `_form`)."""
 
 
 def numba_available() -> bool:
-    """Whether Numba is installed (the extra `fast`)."""
+    """Whether Numba, which the extra `fast` installs, is installed."""
     from importlib.util import find_spec
 
     return find_spec("numba") is not None
@@ -64,8 +65,8 @@ def compile_function(
     version: str = "",
     inline: tuple[str, ...] = (),
 ) -> Callable[..., Any]:
-    """`function` compiled for arguments of the types of `arguments` (example values, or Numba types). Later calls do not check
-    the types.
+    """Compiled `function` for arguments of the types of `arguments` (example values, or Numba types). The types are not checked
+    when it is called.
 
     The function must not be a closure; functions that it calls may be closures, and are compiled too. names: global names of
     the code -> their replacements (functions, symbols of a library). version: version of the replacements. inline: modules
@@ -77,7 +78,7 @@ def compile_function(
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        # nogil: threads run worlds in parallel.
+        # nogil: the function releases the interpreter's lock, so that threads run worlds in parallel.
         dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
@@ -145,7 +146,7 @@ def compile_law(
     function: Any, names: Mapping[str, Any], kinds: str, *, version: str = "", inline: tuple[str, ...] = ()
 ) -> Callback:
     """`function` compiled to a C function. kinds: one letter for each argument: `d` a floating-point number, `i` an integer,
-    `a` an address. names, version, inline: as in `compile_function`.
+    `a` a memory address. names, version, inline: as in `compile_function`.
     """
     import numba
 
@@ -153,7 +154,7 @@ def compile_law(
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callback:
         signature = numba.types.void(*(types_of[kind] for kind in kinds))
-        # Laws of users may raise: `asrsim.simulation.native` then stops the world.
+        # Laws of users may raise exceptions, which need Numba's usual options; `asrsim.simulation.native` then stops the world.
         options: dict[str, Any] = NUMERIC if inline else {}
         callback: Any = numba.cfunc(signature, cache=cached, **options)(copy)
         return Callback(callback.address, callback)
@@ -239,7 +240,7 @@ def type_of(value: Any) -> Any:
 
     if isinstance(value, numba.types.Type):
         return value
-    # Numba takes a millisecond for the type of an engine's record.
+    # Store the types: Numba takes a millisecond to find the type of an engine's record.
     form = _form(value)
     if form not in _types:
         kinds: Any = numba
@@ -248,7 +249,8 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """Key that determines the Numba type of a value: types of numbers and arrays, also in tuples; other values themselves."""
+    """Key that determines the Numba type of a value: for numbers and arrays their types, for a tuple the keys of its members,
+    and else the value itself."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     if isinstance(value, np.ndarray):
@@ -264,7 +266,7 @@ def _through_cache(
     inline: tuple[str, ...],
 ) -> T:
     """Result of compiled(copy, cached) for a copy of the function whose name contains the digest of all its code. cached:
-    whether Numba may cache the copy.
+    whether Numba may store the compiled copy in the cache.
 
     The process compiles or loads each function only once, since loading takes as long as thousands of substeps.
     """
@@ -290,7 +292,7 @@ def _through_cache(
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
-        # The cache may be damaged or read-only: compile without the cache.
+        # The files in the cache may be damaged or read-only: compile again without the cache.
         made = compiled(_marked(function, names, digest, None, inline), False)
     finally:
         settings.LOOP_VECTORIZE = usual
@@ -312,22 +314,23 @@ def _marked(
         if not first:
             first.append(copy)
             return copy
-        # Python never calls these functions: wrappers for Python would take half of the compilation time.
+        # Python never calls these inner functions: wrappers for Python would take half of the compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         options["forceinline"] = not inline or copy.__module__ in inline
         return numba.njit(copy, **options, **(NUMERIC if inline else {}))
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:
-        # Numba stores compiled code beside the source file of a function: name a file in the cache as the source.
+        # Numba stores compiled code beside the source file of a function: pretend that the source is a file in our cache.
         copy.__code__ = copy.__code__.replace(co_filename=str(cached))
     return copy
 
 
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
-    """Plain values that identify a function for the digest: code, defaults, closure, and the globals that it uses."""
-    # An intrinsic of Numba wraps the generator of its machine code; a dispatcher wraps its source; a cached function wraps the
-    # plain function.
+    """Plain values from which the digest of a function is computed: its code, defaults, closure, and the globals that it
+    uses."""
+    # Look inside wrappers: an intrinsic of Numba wraps the generator of its machine code, a dispatcher its source, a cached
+    # function the plain function.
     for wrapped in ("_defn", "py_func", "__wrapped__"):
         function = getattr(function, wrapped, function)
     if not isinstance(function, types.FunctionType):

@@ -1,4 +1,4 @@
-"""Folder of the compiled code. Numba runs any code in this folder, so other users must not be able to write to it."""
+"""Folder of the compiled code. Numba runs whatever code is in this folder, so other users must not be able to write to it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def cache_file(digest: str) -> Path | None:
                 _warn_of_cache(one)
                 return None
         if not path.exists():
-            # Another process may write the same file: write a temporary file, then rename it.
+            # Another process may write the same file at the same time: write a temporary file, then rename it.
             aside = path.with_suffix(f".{os.urandom(8).hex()}")
             with aside.open("x", encoding="utf-8") as stream:
                 stream.write("# asrsim keeps compiled code beside this file; safe to delete.\n")
@@ -42,7 +42,7 @@ def _is_own(path: Path) -> bool:
     try:
         status = path.lstat()
     except FileNotFoundError:
-        # Another process of this user has just renamed the file.
+        # Another process of this user has just renamed the file, so that it no longer has this name.
         return True
     writable = stat.S_IWOTH | (stat.S_IWGRP if stat.S_ISDIR(status.st_mode) else 0)
     return status.st_uid == os.geteuid() and not stat.S_ISLNK(status.st_mode) and not status.st_mode & writable

@@ -25,8 +25,8 @@ def _words(value: Any) -> list[int]:
 
 
 def reader(kind: Any) -> Any:
-    """A function for compiled code that returns the record of the Numba type `kind` at an address. Arrays with one axis become
-    pointers, which take fewer registers; the other arrays have no reference counts."""
+    """A function for compiled code that returns the record of the Numba type `kind` at an address. Its arrays with one axis
+    become pointers, which take fewer registers than arrays; its other arrays have no reference counts."""
     from numba import types
     from numba.extending import intrinsic
 
@@ -80,7 +80,7 @@ def table_reader() -> Any:
 
 
 def _words_at(builder: Any, address: Any) -> Any:
-    """A function that returns the next word at each call, beginning at the address."""
+    """A function that returns the next word in memory at each call; the first word is at the address."""
     from llvmlite import ir
 
     word = ir.IntType(64)

@@ -1,4 +1,5 @@
-"""Copies of functions with other global variables, so that one source can run on arrays, on another library, or compiled."""
+"""Copies of functions with other global variables, so that one source can run as Python, on arrays, in another library, or
+compiled."""
 
 from __future__ import annotations
 
@@ -54,7 +55,7 @@ class _Copier:
 
 
 def called_names(function: types.FunctionType) -> tuple[str, ...]:
-    """Names of the globals that a function and its nested functions use."""
+    """Names of the global variables that a function and the functions nested in it use."""
     names = list(function.__code__.co_names)
     for constant in function.__code__.co_consts:
         if isinstance(constant, types.CodeType):

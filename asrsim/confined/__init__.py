@@ -1,1 +1,1 @@
-"""Scripts on untrusted files, in processes of their own with limited time and memory."""
+"""Runs scripts on untrusted files, each in a process of its own with limited time and memory."""

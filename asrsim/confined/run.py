@@ -19,7 +19,7 @@ _KEPT_VARIABLES = ("PATH", "PYTHONPATH", "PYTHONHOME", "LANG", "LC_ALL", "SYSTEM
 
 
 class ConfinedError(Exception):
-    """The script gave no result; the message gives the reason, `code` a short form: `timeout` or `failed`."""
+    """The script gave no result. The message states the reason; `code` is its short form: `timeout` or `failed`."""
 
     def __init__(self, message: str, code: str) -> None:
         super().__init__(message)
@@ -32,7 +32,7 @@ def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, me
     Raises ConfinedError if a limit is exceeded or the script ends with an error.
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
-    # -P: never import modules from the folder of the scripts.
+    # -P: the script must not import modules from its own folder.
     command = [sys.executable, "-P", str(Path(__file__).with_name("child.py")), str(seconds), str(memory), str(script)]
     try:
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Recordings of a test bench on a sheet: measured torque over deflection."""
+"""Measured torque over deflection, from a recording of a test bench, for a data sheet."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from asrsim.recordings import read_recording
 from asrsim.samples import Array
 
 MOST_POINTS = 1000
-"""Largest number of points that are drawn."""
+"""Largest number of measured points that are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasuredCurve:
-    """Measured points of a torque curve."""
+    """Measured points of a curve of torque over deflection."""
 
     label: str
     deflection: Array
@@ -28,7 +28,7 @@ class MeasuredCurve:
     torque: Array
     """Torque on the link (n,), N m."""
     doubts: tuple[str, ...] = ()
-    """Sentences on numbers of the recording that are lost or doubtful."""
+    """Sentences about numbers of the recording that are missing or doubtful."""
 
 
 def measured_curve(

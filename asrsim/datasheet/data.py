@@ -1,4 +1,4 @@
-"""Data of a sheet: charts, and entries with the method that determined each number."""
+"""Data of a data sheet: charts, and entries that state each number with the method that determined it."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from asrsim.plots.chart import Chart
 
 @dataclass(frozen=True, kw_only=True)
 class Published:
-    """Statement of a publication about an actuator."""
+    """Statement that a publication makes about an actuator."""
 
     key: str
     """Key of the entry to which the statement belongs; "" for a remark."""
     text: str
     source: str
     why: str = ""
-    """Reason why the statement differs from the sheet, or a remark that both agree."""
+    """Reason why the statement differs from the number on the sheet, or a remark that the two agree."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One line of a sheet."""
+    """One line of a data sheet: a number and how it was found."""
 
     key: str
     words: str
@@ -34,8 +34,8 @@ class Entry:
     value: float | None
     """Number in SI units; None if it is unknown."""
     how: str
-    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`; for an unknown number, the tag or key
-    that would state it, or the reason why it does not apply.
+    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`. For an unknown number, the tag or key
+    that would state it, or the reason why the number does not apply to the actuator.
     """
 
     @property
@@ -59,7 +59,7 @@ class Sheet:
     """Name in comparisons of sheets: name of the actuator or of the joint."""
     title: str
     source: str
-    """Publication of the law."""
+    """Publication of the actuator's law."""
     law: str
     origin: str
     """Source of the parameter values."""
@@ -68,14 +68,14 @@ class Sheet:
     """Charts of the picture, row by row."""
     published: tuple[Published, ...] = ()
     files: Mapping[str, str] = field(default_factory=dict)
-    """Texts of the files that repeat the simulations, by name."""
+    """Texts of the files with which the user can repeat the simulations, by name of the file."""
     plugins: Sequence[Path] = ()
     values: Mapping[str, float] = field(default_factory=dict)
     """Values of all parameters."""
     units: Mapping[str, str] = field(default_factory=dict)
     """Units of the parameters."""
     doubts: tuple[str, ...] = ()
-    """Sentences on numbers of the measured curves that are lost or doubtful."""
+    """Sentences about numbers of the measured curves that are missing or doubtful."""
 
     @property
     def command(self) -> str:

@@ -17,9 +17,9 @@ from asrsim.samples import Array
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 NUDGE = 1e-6
-"""Step of the differences of the torques, rad."""
+"""Displacement in rad of the finite differences of the torques."""
 LOWEST, HIGHEST, FREQUENCIES = 1e-3, 1e4, 8001
-"""Range of the search in Hz, and number of frequencies in it."""
+"""Lowest and highest frequency of the search in Hz, and number of frequencies between them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class Load:
 
 
 def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
-    """Frequency in Hz at which the link's response to small motions of the equilibrium first falls by 3 dB; None if it never
-    does.
+    """Frequency in Hz at which the motion of the link, in response to small motions of the equilibrium, first falls by 3 dB;
+    None if it never falls that far.
     """
     by_q, by_motor = _slopes(drive, preset)
     references = over_arrays(drive.actuator.motor_references)
@@ -58,8 +58,8 @@ def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
 
 
 def preset_bandwidth(drive: Drive, preset: float) -> float | None:
-    """Frequency in Hz at which small motions of the motors against each other, on a locked link, first fall by 3 dB; None if
-    they never do.
+    """Frequency in Hz at which the motions of the motors against each other, in response to small changes of the preset on a
+    locked link, first fall by 3 dB; None if they never fall that far.
     """
     _, by_motor = _slopes(drive, preset)
     count = drive.actuator.motors
@@ -90,7 +90,8 @@ def _slopes(drive: Drive, preset: float) -> tuple[Array, Array]:
 
 
 def _motors(drive: Drive, s: Complex) -> tuple[Complex, Complex]:
-    """Gains (motors, n) from the reference of each motor to its torque, and from its position to the torque that it needs."""
+    """Gains (motors, n) of each motor: from its reference to its controller's torque, and from its position to the torque that
+    this motion needs."""
     control, free = [], []
     for i in range(drive.actuator.motors):
         p, integral, d = drive.proportional[i], drive.integral[i], drive.derivative[i]

@@ -1,4 +1,4 @@
-"""Pictures of sheets: the numbers as a table above the curves, on one page."""
+"""Pictures of data sheets: the numbers as a table above the curves, on one page."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from asrsim.plots.chart import Chart
 
 HEIGHT = 2.0
-"""Height of a row of charts, inch."""
+"""Height of a row of charts in inches."""
 LINE, LETTER, SIZE = 0.175, 0.066, 8.0
-"""Height of a line and width of a letter of the table, inch, and its font size, pt."""
+"""Height of a line of the table in inches, width of a letter in inches, and font size in pt."""
 LEFT, TOP, GAP = 0.12, 0.42, 0.25
-"""Space left of the table, above it, and between its columns, inch."""
+"""Space in inches left of the table, above it, and between its columns."""
 
 
 def save_sheet(path: Path, sheet: Sheet) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Tables of numbers of sheets, for pages and pictures."""
+"""Tables of the numbers on data sheets, for pages and pictures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from asrsim.report.html import number
 
 
 def number_rows(sheet: Sheet) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the numbers of a sheet; an unknown number is empty, and its remark states how it could be found."""
+    """Headings and rows of the numbers of a sheet. An unknown number is empty; its remark states how it could be found."""
     rows = [
         [one.words, number(one.value) if one.known else "", one.unit if one.known else "", one.how] for one in sheet.entries
     ]
@@ -17,7 +17,7 @@ def number_rows(sheet: Sheet) -> tuple[list[str], list[list[str]]]:
 
 
 def compared_rows(sheets: Sequence[Sheet]) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the numbers of several sheets, side by side."""
+    """Headings and rows of the numbers of several sheets, side by side."""
 
     def cell(one: Entry) -> str:
         return number(one.value) if one.known else "-"
@@ -27,6 +27,6 @@ def compared_rows(sheets: Sequence[Sheet]) -> tuple[list[str], list[list[str]]]:
 
 
 def names_of(sheets: Sequence[Sheet]) -> list[str]:
-    """Short names of sheets; if two short names are equal, the names of their files."""
+    """Short names of sheets; if two sheets have the same short name, the names of their files instead."""
     short = [sheet.short for sheet in sheets]
     return short if len(set(short)) == len(short) else [sheet.name for sheet in sheets]

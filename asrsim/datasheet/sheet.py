@@ -22,14 +22,14 @@ from asrsim.robot.tags import parameter_tags
 from asrsim.samples import Array
 
 CURVES = 5
-"""Number of presets of the curves."""
+"""Number of presets for which curves are drawn."""
 WIDE = 50.0
-"""Ratio of largest and smallest stiffness above which the chart of the stiffness is logarithmic."""
+"""Ratio of largest to smallest stiffness above which the stiffness axis of a chart is logarithmic."""
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
-"""Fraction of the largest stiffness up to which a setting counts as having no stiffness: its bandwidth would be a rounding
-error.
+"""A setting counts as having no stiffness up to this fraction of the largest stiffness: a bandwidth from so little
+stiffness would be a rounding error.
 """
 
 
@@ -45,7 +45,7 @@ def make_sheet(
     Args:
         source: The actuator and its values.
         presets: Smallest and largest second reference; None: the range of the actuator.
-        inertia: Inertia of the test load, kg m^2; None: the inertia that gives 3 Hz on the mean stiffness.
+        inertia: Inertia of the test load, kg m^2; None: the one with a natural frequency of 3 Hz on the mean stiffness.
         measured: Curves of test benches, drawn beside the law.
 
     Raises InputError for presets that the actuator cannot have.
@@ -202,7 +202,7 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
 
 
 def _bandwidth(statics: Statics, preset: float, load: Load) -> float | None:
-    """Bandwidth of position in Hz; None where the unloaded link has no stiffness."""
+    """Bandwidth of the position control in Hz; None where the unloaded link has no stiffness."""
     (stiffness,) = statics.stiffness(np.zeros(1), np.full(1, preset))
     return position_bandwidth(statics.drive, preset, load) if stiffness > SOFTEST * statics.peak_stiffness else None
 
@@ -210,7 +210,7 @@ def _bandwidth(statics: Statics, preset: float, load: Load) -> float | None:
 def _at_both_ends(
     statics: Statics, key: str, words: str, unit: str, law: Callable[[float], float | None], how: str, unknown: str
 ) -> Iterator[Entry]:
-    """A number that depends on the preset, at the softest and at the stiffest preset."""
+    """Two entries for a number that depends on the preset: at the softest and at the stiffest preset."""
     for end, name, preset in (("soft", "softest", statics.softest), ("stiff", "stiffest", statics.stiffest)):
         value = law(preset)
         yield Entry(key=f"{key}_{end}", words=f"{words}, {name}", unit=unit, value=value, how=unknown if value is None else how)
@@ -241,7 +241,7 @@ def _finite(value: float) -> float | None:
 
 
 def _settings(statics: Statics) -> list[tuple[str, float]]:
-    """Name and value of the presets of the curves, from the softest to the stiffest."""
+    """Name and value of each preset for which curves are drawn, from the softest to the stiffest."""
     if not statics.adjustable:
         return [("spring", 0.0)]
     unit = statics.drive.actuator.reference_2_unit

@@ -1,4 +1,4 @@
-"""Subjects of sheets: an actuator by name, the actuators of a plugin file, or the actuators on a robot's joints."""
+"""What a data sheet can describe: an actuator by name, the actuators of a plugin file, or those on a robot's joints."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from asrsim.scenario import load_scenario
 from asrsim.simulation.examine import examine
 
 SHEET_MODE = 6
-"""Mode of the sheets: controllers bring the motors to equilibrium and preset."""
+"""Operation mode in which sheets describe an actuator: controllers move the motors to equilibrium and preset."""
 ROBOTS, SCENARIOS = (".urdf", ".xacro"), (".yaml", ".yml")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """One actuator with its values."""
+    """One actuator that a data sheet describes, with its parameter values."""
 
     name: str
-    """Name of the sheet and its files."""
+    """Name of the sheet, and of its files."""
     short: str
     """Name in comparisons of sheets: name of the actuator or of the joint."""
     drive: Drive
-    """Drive in `SHEET_MODE`."""
+    """The actuator's drive in the mode `SHEET_MODE`."""
     origin: str
     stated: Mapping[str, float]
-    """Values that differ from the defaults, by parameter."""
+    """Parameter values that differ from the defaults, by name."""
     effort: float = math.inf
-    """Effort limit of the joint, N m."""
+    """Effort limit of the joint, N m; infinite if the actuator is on no joint."""
     stops: tuple[float, float] = (-math.inf, math.inf)
     """Limits of the joint, rad."""
     prismatic: bool = False
     """Whether the joint slides, so that units are N and m instead of N m and rad."""
     resolution: float | None = None
-    """Resolution of the encoders that a scenario states, rad."""
+    """Resolution of the encoders in rad, if a scenario states it; else None."""
     plugins: tuple[Path, ...] = ()
 
 
@@ -57,9 +57,9 @@ def sources_of(
 ) -> tuple[Source, ...]:
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
-    joints: joints of robots; empty: all joints with actuators. arguments, packages: of xacro files. plugins: plugin files
-    that are loaded already. Raises InputError for an unknown name, joint or file, and
-    for joints without a robot or scenario.
+    joints: joints of robots; empty: all joints with actuators. arguments, packages: arguments and package folders of xacro
+    files. plugins: plugin files that are loaded already. Raises InputError for an unknown name, joint or file, and if joints
+    are named but no robot or scenario.
     """
     found: list[Source] = []
     for target in targets:
@@ -107,7 +107,7 @@ def _of_robot(
 
 
 def _of_scenario(path: Path, joints: Sequence[str], plugins: tuple[Path, ...]) -> list[Source]:
-    """Actuators of a scenario's first variant, with its parameters, and the resolution of its sensors."""
+    """Actuators of a scenario's first variant, with its parameter values and the resolution of its sensors."""
     first = load_scenario(path, plugins=plugins)[0]
     found = []
     for source in sources_in(examine(first).robot, joints, plugins):

@@ -17,27 +17,28 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 
 POINTS, PRESETS = 1001, 21
-"""Numbers of deflections and of presets at which the laws are evaluated."""
+"""Number of deflections and number of presets at which the laws are evaluated."""
 NEAR = 1e-4
-"""Relative difference of a law's largest values at two neighbouring presets up to which presets between them are skipped."""
+"""The search for the largest value of a law ends when its values at the presets beside the best one differ by less than this,
+relative to the largest."""
 WIDEST = math.pi
-"""Largest deflection of a drive without a limit, rad."""
+"""Largest deflection in rad that is evaluated for a drive without a deflection limit."""
 MARGIN = 0.75
-"""Fraction of the possible presets that a sheet covers if the actuator states no range: at the largest preset that springs and
-motors allow, the joint could not be loaded.
+"""Fraction of the possible presets that a sheet covers if the actuator states no range of presets. At the largest preset that
+springs and motors allow, the joint could carry no load.
 """
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True)
 class Statics:
-    """Torques, stiffness and limits of a drive at rest; friction is left out."""
+    """Torques, stiffness and limits of a drive at rest, without friction."""
 
     drive: Drive
     effort: float = math.inf
-    """Effort limit of the joint, N m."""
+    """Effort limit of the joint that the drive moves, N m."""
     given: tuple[float, float] | None = None
-    """Range of presets that the user states."""
+    """Smallest and largest preset that the user states; None: the range follows from the drive."""
 
     def check(self) -> None:
         """Raise InputError if the user's presets cannot be set."""
@@ -59,7 +60,7 @@ class Statics:
 
     @cached_property
     def presets(self) -> tuple[float, float]:
-        """Smallest and largest second reference of the sheet, in its unit."""
+        """Smallest and largest second reference of the curves on the sheet, in the reference's unit."""
         actuator = self.drive.actuator
         if not self.adjustable:
             return 0.0, 0.0
@@ -74,8 +75,8 @@ class Statics:
 
     @cached_property
     def highest_preset(self) -> float:
-        """Preset at which the springs, the motors or the adjuster's lever are at their limits without load; infinite without
-        limits.
+        """Largest preset that the unloaded joint can have: there the springs, the motors or the adjuster's lever reach a limit.
+        Infinite without such a limit.
         """
         if self.drive.actuator.adjuster:
             return self.drive.values.get("lever_length", math.inf)
@@ -83,11 +84,12 @@ class Statics:
         return _last(lambda presets: self.allowed(np.zeros_like(presets), presets), farthest)
 
     def motors(self, deflection: Array, preset: Array) -> Array:
-        """Positions (motors, n) for a deflection (n,) of the link at 0 and a preset (n,)."""
+        """Positions (motors, n) of the motors that deflect the joint by `deflection` (n,) at a preset (n,), with the link at
+        0."""
         return over_arrays(self.drive.actuator.motor_references)(deflection, preset)
 
     def torques(self, deflection: Array, preset: Array) -> Array:
-        """Torques (springs, n) in N m."""
+        """Torques (springs, n) of the springs on the motors, N m."""
         positions = self.motors(deflection, preset)
         return over_arrays(self.drive.actuator.elastic_torques)(np.zeros_like(deflection), *positions, self.drive.elastic)
 
@@ -118,12 +120,12 @@ class Statics:
         return np.asarray(turns.all(axis=0) & held.all(axis=0) & carried)
 
     def reach(self, preset: float) -> float:
-        """Largest deflection at a preset up to which no limit is exceeded, rad."""
+        """Largest deflection at a preset, up to which all limits are kept, rad."""
         farthest = min(self.drive.max_deflection, WIDEST)
         return _last(lambda deflections: self.allowed(deflections, np.full_like(deflections, preset)), farthest)
 
     def deflections(self, presets: Array) -> Array:
-        """Deflections (presets, points) from 0 to the limits."""
+        """Deflections (presets, points) from 0 to the largest deflection at each preset, rad."""
         return np.linspace(0.0, [self.reach(float(preset)) for preset in presets], POINTS).T
 
     def _highest(self, law: Callable[[Array, Array], Array], presets: Array) -> Array:
@@ -133,8 +135,8 @@ class Statics:
         return np.asarray(values.reshape(deflections.shape).max(axis=1))
 
     def _largest(self, law: Callable[[Array, Array], Array]) -> float:
-        """Largest value of a law over presets and deflections. A limit that begins to act makes the law's largest value peak
-        sharply over the presets, so the presets near the best preset are searched more finely.
+        """Largest value of a law over presets and deflections. Where a limit begins to act, the largest value over the
+        deflections has a sharp peak over the presets, so the presets near the best one are searched more finely.
         """
         low, high = self.presets
         closest = ROUNDING * high
@@ -154,14 +156,15 @@ class Statics:
 
     @cached_property
     def held_torque(self) -> float:
-        """Largest torque on the link that every preset holds within all limits, N m."""
+        """Largest torque on the link that the drive holds within all limits at every preset, N m."""
         return float(self._highest(self.torque, np.linspace(*self.presets, PRESETS if self.adjustable else 1)).min())
 
     @cached_property
     def lasting(self) -> Statics | None:
-        """The same drive with the torques that the motors hold continuously; None if motors have no temperature.
+        """The same drive with the torques that the motors hold continuously as limits; None if a motor has no model of heating.
 
-        A motor heats its winding with h tau^2 and stays below the derating temperature while R h tau^2 <= T_d - T_a.
+        A motor with the torque tau heats its winding with the power h tau^2. The winding stays below its derating temperature
+        T_d if R h tau^2 <= T_d - T_a, with the thermal resistance R and the ambient temperature T_a.
         """
         drive, limits = self.drive, dict(self.drive.values)
         for motor in range(1, drive.actuator.motors + 1):
@@ -190,20 +193,20 @@ class Statics:
 
     @cached_property
     def softest(self) -> float:
-        """Preset of the smallest stiffness without load."""
+        """The end of the range of presets at which the unloaded stiffness is smaller."""
         low, high = self.presets
         ends = self.stiffness(np.zeros(2), np.array([low, high]))
         return low if ends[0] <= ends[1] else high
 
     @cached_property
     def stiffest(self) -> float:
-        """Preset at the end of the range opposite to `softest`."""
+        """The other end of the range of presets."""
         low, high = self.presets
         return high if self.softest == low else low
 
     def motor_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m of all motors at a steady speed (n,) in rad/s: the largest within their limits of torque and
-        voltage, minus damping and friction.
+        """Torque (n,) in N m of all motors together at a steady speed (n,) in rad/s: the largest torque within their limits of
+        torque and voltage, minus damping and friction.
         """
         drive, total = self.drive, np.zeros_like(speed)
         for i, one in enumerate(drive.electric):
@@ -230,7 +233,7 @@ class Statics:
         return _last(lambda speeds: self.driving_torque(speeds) >= 0.0, above)
 
     def best_power(self) -> tuple[float, float, float]:
-        """Largest output power in W, and its torque in N m and speed in rad/s."""
+        """Largest output power in W, and the torque in N m and the speed in rad/s at which the drive gives it."""
         speeds = np.linspace(0.0, self.top_speed, 20_001)
         torques = self.driving_torque(speeds)
         best = int(np.argmax(torques * speeds))
@@ -238,7 +241,7 @@ class Statics:
 
 
 def _last(allowed: Callable[[Array], NDArray[np.bool_]], farthest: float) -> float:
-    """Largest number from 0 to `farthest` up to which all numbers are allowed, by bisection of the first interval whose end
+    """Largest number from 0 to `farthest` up to which all numbers are allowed. The search bisects the first interval whose end
     is not allowed.
     """
     low, high = 0.0, farthest

@@ -23,26 +23,27 @@ from asrsim.metrics import measure
 from asrsim.samples import Array
 
 FREQUENCY, RATIO = 3.0, 0.2
-"""Natural frequency in Hz and damping ratio of the test load on the geometric mean of softest and stiffest setting, behind
-motors that stand still.
+"""Natural frequency in Hz and damping ratio of the test load while the motors stand still. The assumed stiffness is the
+geometric mean of the softest and the stiffest setting.
 """
 SOFTEST = 1e-4
-"""Smallest stiffness in this mean, as a fraction of the largest stiffness."""
+"""Smallest stiffness that enters the mean for the test load, as a fraction of the largest stiffness."""
 STEP, LEAST = 0.2, 0.05
-"""Step of the equilibrium position: share of the largest deflection of the softest setting, and smallest step, rad."""
+"""Size of the step of the equilibrium position: as a fraction of the largest deflection of the softest setting, but at least
+`LEAST` rad."""
 AT, LASTS = 0.1, 2.0
-"""Time of the steps, and duration of a trial, s."""
+"""Time at which the references step, and duration of a trial, s."""
 BAND = 0.1
-"""Fraction of its change within which the stiffness counts as settled at its new value."""
+"""The stiffness counts as settled while it differs from its new value by less than this fraction of its change."""
 MEASURE = "settling"
 OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
-"""Measure of the time in which the stiffness changes, and the options of this measure."""
+"""Options of `MEASURE`, the measure that gives the time in which the stiffness changes."""
 TOLERANCE = 0.01
-"""Relative tolerance of the claims of the scenario."""
+"""Relative tolerance of the claims in the scenario that repeats the trials."""
 CHANGES = ("stiffness_free", "stiffness_loaded")
-"""Variants in which the stiffness changes."""
+"""Variants of the trials' scenario in which the preset steps, to change the stiffness."""
 STILL = 1e-9
-"""Relative change of the stiffness below which the stiffness counts as constant."""
+"""Change of the stiffness, relative to its largest value, below which the stiffness counts as constant."""
 LOADED = 0.2
 """Load during a change of stiffness if no nominal torque is stated, as a fraction of the torque that every setting holds."""
 JOINT = "joint_1"
@@ -50,7 +51,7 @@ JOINT = "joint_1"
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Results of the trials by variant; for a trial that could not be simulated, a message."""
+    """Results of the trials, by variant of the scenario; a message for each trial that could not be simulated."""
 
     files: Mapping[str, str]
     results: Mapping[str, Result]
@@ -58,12 +59,12 @@ class Trials:
     change_times: Mapping[str, float]
     """Time in s after which the stiffness stays within `BAND` of its change, for each variant in which it settles."""
     ends: Mapping[str, tuple[float, float]]
-    """Stiffness before and after the change in these variants, N m/rad."""
+    """Stiffness before and after its change, N m/rad, for each variant of `change_times`."""
     unchanged: Collection[str]
     """Variants in which the preset does not change the stiffness."""
     load: Load
     under: str
-    """Load in the variant `stiffness_loaded`, in words."""
+    """Load in the variant `stiffness_loaded`, in words for the sheet."""
 
     def series(self, variant: str, quantity: str) -> tuple[Array, Array]:
         """Times (n,) and values (n,) of a trial; empty without a result."""
@@ -74,7 +75,7 @@ class Trials:
 
 
 def usual_load(statics: Statics) -> Load:
-    """Load with `FREQUENCY` and `RATIO`."""
+    """Test load with the natural frequency `FREQUENCY` and the damping ratio `RATIO`."""
     low, high = statics.unloaded_stiffness()
     stiffness = math.sqrt(max(low, SOFTEST * high) * high)
     inertia = float(f"{stiffness / (2.0 * math.pi * FREQUENCY) ** 2:.3g}")
@@ -115,7 +116,7 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
 
 
 def _torque(statics: Statics) -> tuple[float, str]:
-    """Load during the change of stiffness, N m, and its description: the nominal torque if every setting holds it."""
+    """Load in N m during the change of stiffness, and its description. It is the nominal torque if every setting holds that."""
     nominal = None if statics.lasting is None else statics.lasting.peak_torque
     if nominal is not None and nominal <= statics.held_torque:
         torque, words = nominal, "the nominal torque"
@@ -131,7 +132,7 @@ def _torque(statics: Statics) -> tuple[float, str]:
 
 
 def _claim(variant: str, time: float) -> dict[str, Any]:
-    """Claim with which a run of the sheet's file repeats the measured time of a stiffness change."""
+    """Claim that the stiffness settles within the measured time, so that a run of the sheet's scenario checks this time."""
     value = float(f"{time:.5g}")
     return {
         "variant": variant,
@@ -201,5 +202,5 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
         head += (
             "# Steps from the softest to the stiffest setting, without and with a load: the claims are the sheet's numbers.\n"
         )
-    # A copy without shared parts: they would become aliases, which are harder to read.
+    # Copy the data through JSON: YAML would write shared parts as aliases, which are harder to read.
     return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

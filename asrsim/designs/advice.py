@@ -23,7 +23,7 @@ from asrsim.robot.model import INERTIAS
 LOAD_CELL = 0.05
 """Assumed noise of a torque sensor that the robot could get, N m."""
 REPEATED = 10.0
-"""Largest factor by which a longer recording is advised."""
+"""Largest factor by which the advice proposes to lengthen the recording."""
 LONGEST = 600
 """Longest duration of a proposed experiment, s."""
 
@@ -40,7 +40,7 @@ class _Motion:
 
 
 def _moved(result: FitResult) -> dict[str, _Motion]:
-    """Motion of each joint over all recordings."""
+    """Motion of each joint, over all recordings of the fit."""
     found: dict[str, _Motion] = {}
     for one in (one for one in result.channels if one.key.endswith("position")):
         joint, time, values = one.key.rpartition(".")[0], one.lines["time"], one.lines.get("after", one.lines["recorded"])
@@ -59,7 +59,7 @@ def advice(result: FitResult) -> Iterator[str]:
         return
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
-    # A narrow interval is weak because of doubts in the model, which no further motion removes.
+    # If an interval is narrow but its verdict is weak, the model is in doubt: no further motion removes that doubt.
     wide = [one for one in result.estimates if not (one.verdict == WEAK and one.margin <= CLOSE)]
     for one in wide:
         if one.verdict in (IDENTIFIED, AT_BOUND):
@@ -72,7 +72,7 @@ def advice(result: FitResult) -> Iterator[str]:
             wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
     yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
     if result.misfit:
-        # Errors of a model do not fall with the length of a recording.
+        # If the model is wrong, a longer recording does not reduce the errors.
         return
     longer = {one.name: (one.margin / CLOSE) ** 2 for one in wide if one.verdict == WEAK}
     if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
@@ -80,7 +80,7 @@ def advice(result: FitResult) -> Iterator[str]:
 
 
 def _movement(name: str, joint: str, was: _Motion) -> str:
-    """Motion by which a parameter can be identified, in words; empty if no such motion is known."""
+    """Motion by which a parameter can be identified, in words, given how its joint has moved; empty if none is known."""
     unit, speed, band = was.unit, was.speed, was.band
     if "friction" in name:
         return f"move {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
@@ -95,8 +95,8 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
 
 
 def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
-    """Write a limits file with the recorded ranges; return its path, and the command that designs the next experiment within
-    them. Both are empty if every parameter is identified, or if the causes of a misfit must be corrected first.
+    """Write a limits file with the recorded ranges. Returns its path, and the command that designs the next experiment within
+    these limits. Both are empty if every parameter is identified, or if causes of a misfit must be corrected first.
     """
     import yaml
 

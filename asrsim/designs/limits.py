@@ -44,7 +44,7 @@ class DesignLimits:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Quantities that additional sensors could record."""
+        """Quantities that additional sensors could record, if the design chooses these sensors."""
         return tuple(map(str, self.choose.get(SENSORS, ())))
 
     @property
@@ -84,7 +84,7 @@ def _faults(limits: DesignLimits) -> Iterator[Problem]:
 
 
 def interval(given: Any) -> tuple[float, float]:
-    """Low and high limit, from one number for a symmetric limit, or from two numbers."""
+    """Low and high limit. One number states a symmetric limit, two numbers state both ends."""
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
 
 
@@ -99,7 +99,8 @@ def located(path: Path) -> Iterator[None]:
 
 
 def _line(node: Node, key: str) -> int | None:
-    """Line number of a dotted key, or of the longest leading part of the key that the file contains. Names may contain dots."""
+    """Line of a dotted key in the file; if the file lacks the key, of its longest leading part that the file contains. Names in
+    the key may contain dots."""
     if isinstance(node.value, dict):
         for name, inner in node.value.items():
             if key == name or key.startswith(f"{name}."):

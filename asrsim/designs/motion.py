@@ -1,4 +1,5 @@
-"""Motions of references: pieces of levels and sines. Each piece begins and ends at rest, at the references of the start."""
+"""Motions of references, made of pieces of levels and sines. A piece begins and ends at rest, at the references of the
+start."""
 
 from __future__ import annotations
 
@@ -11,20 +12,21 @@ from asrsim.samples import Array
 from asrsim.signals.common import minimum_jerk
 
 KNOTS = 3
-"""Number of levels of a piece, and number of values between which its frequency and other curves are interpolated."""
+"""Number of levels in a piece; also the number of values from which each curve of a piece, such as its frequency, is
+interpolated."""
 LEVELS, SINES, FREQUENCIES, GOALS = (slice(i * KNOTS, (i + 1) * KNOTS) for i in range(4))
 PHASE, RISE = slice(4 * KNOTS, 4 * KNOTS + 1), slice(4 * KNOTS + 1, 4 * KNOTS + 2)
 PARTS, CHANCES = (LEVELS, SINES, FREQUENCIES, GOALS, PHASE, RISE), (0.25, 0.15, 0.25, 0.15, 0.1, 0.1)
-"""Free numbers of a piece for each reference, from 0 to 1: levels (0.5 is the reference of the start), amplitude of the sine
-relative to the levels, frequencies, fractions of the limits to use, phase, and duration of a change of level. Probabilities
-with which a variation changes them.
+"""Free numbers of a piece for each reference, all from 0 to 1: levels (0.5 is the reference at the start), amplitude of the
+sine relative to the levels, frequencies, used fractions of the limits, phase, and duration of a change of level. Second tuple:
+probability with which a variation changes each of them.
 """
 WINDOWS = 8
 """Number of windows of a piece; the motion is scaled into the limits in each window separately."""
 SLOWEST, FASTEST = 0.3, 16.0
 """Lowest and highest frequency of the sines, Hz."""
 QUICKEST, LONGEST = 0.01, 0.25
-"""Shortest duration of a change of level, s; longest duration, as a fraction of the piece."""
+"""Shortest duration of a change of level, s; longest duration of such a change, as a fraction of the piece."""
 
 
 def ramp(share: Array) -> Array:
@@ -34,7 +36,7 @@ def ramp(share: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Part of a motion, for all references."""
+    """Part of a motion, for all references of the robot."""
 
     numbers: Array
     """Free numbers (references, n), from 0 to 1; see `PARTS`."""
@@ -42,7 +44,7 @@ class Piece:
     """Sizes of the motion (references, windows); size 1 covers the whole range of the reference."""
 
     def values(self, time: Array, length: float) -> Array:
-        """Motion (references, n) as fractions of each reference's range, from -1 to 1."""
+        """Values (references, n) of the piece at the times `time`, as fractions of each reference's range, from -1 to 1."""
         middles = _middles(self.scales.shape[1]) * length
         rows = [
             np.interp(time, middles, scales) * _row(u, time, length)
@@ -56,7 +58,7 @@ class Piece:
 
     @property
     def goals(self) -> Array:
-        """Desired use of the limits (references, windows), as a fraction."""
+        """Fractions (references, windows) of the limits that the motion should use."""
         middles, knots = _middles(self.scales.shape[1]), np.linspace(0.0, 1.0, KNOTS)
         return np.array([np.interp(middles, knots, u[GOALS]) for u in self.numbers])
 
@@ -97,7 +99,7 @@ def step(presets: Array) -> Piece:
 
 
 def fresh(generator: np.random.Generator, presets: Array) -> Piece:
-    """Chirp with random frequencies and constant stiffness presets; some of its numbers are replaced by random numbers."""
+    """Chirp with random frequencies and constant stiffness presets; some of its free numbers are replaced by random ones."""
     first, last = SLOWEST * (FASTEST / SLOWEST) ** generator.random(2)
     base = chirp(presets, first, last, generator.choice([-1.0, 0.0, 1.0]))
     for row in base.numbers:
@@ -108,7 +110,7 @@ def fresh(generator: np.random.Generator, presets: Array) -> Piece:
 
 
 def varied(piece: Piece, generator: np.random.Generator) -> Piece:
-    """Piece with small random changes of some of its numbers."""
+    """Piece in which some of the free numbers are changed a little at random."""
     numbers, size = piece.numbers.copy(), 0.6 * 16.0 ** -generator.random()
     for _ in range(1 + generator.poisson(1.0)):
         part = PARTS[generator.choice(len(PARTS), p=CHANCES)]
@@ -117,7 +119,7 @@ def varied(piece: Piece, generator: np.random.Generator) -> Piece:
             size=1 if together else part.stop - part.start
         )
     numbers[:, PHASE] %= 1.0
-    # Numbers are reflected at their bounds, so that the bounds are not reached too often.
+    # Reflect numbers that pass 0 or 1 there: clipped numbers would too often be exactly 0 or 1.
     return Piece(1.0 - np.abs(1.0 - np.abs(numbers) % 2.0), piece.scales)
 
 

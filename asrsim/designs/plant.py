@@ -1,4 +1,4 @@
-"""The robot in an experiment: use of limits and Fisher information, computed from a motion of its references."""
+"""The robot in an experiment: from the motion of its references, how far it uses its limits, and the Fisher information."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from asrsim.signals.sampled import Sampled
 POSITION_NOISE = 1e-3
 """Noise of measured positions if the limits file gives no noise, rad (m)."""
 GROWTH = 20.0
-"""Largest sensitivity of a channel to a relative change, as a multiple of the channel's motion; a larger sensitivity indicates
-chaos.
+"""Largest sensitivity of a sensor to a relative change of a parameter, as a multiple of the motion that the sensor records. A
+larger sensitivity indicates chaos.
 """
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference that the experiment commands."""
+    """A reference that the experiment may move."""
 
     joint: str
     name: str
@@ -46,7 +46,7 @@ class Reference:
         return f"{self.joint}.reference_{self.slot + 1} [{self.unit}]"
 
     def values(self, share: Array) -> Array:
-        """Values in the reference's unit, for fractions of its range from -1 (low) to 1 (high)."""
+        """Values in the reference's unit, for shares from -1 (low end of its range) to 1 (high end)."""
         return self.home + np.where(share > 0.0, share * (self.high - self.home), share * (self.home - self.low))
 
 
@@ -62,7 +62,7 @@ class LimitBound:
 
 @dataclass(frozen=True)
 class DesignChannel:
-    """A sensor of a joint."""
+    """A sensor of a joint, whose recording gives information."""
 
     joint: str
     quantity: str
@@ -76,13 +76,13 @@ class MotionOutcome:
     """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
-    """Used fraction (bounds, windows) of each limit, the largest of all robots; above 1 the limit is exceeded."""
+    """Used fraction (bounds, windows) of each limit, by the robot that uses most of it; above 1 the limit is exceeded."""
     information: Array | None
-    """Fisher matrices (robots, n, n); None if not computed, or if a robot is near chaos."""
+    """Fisher matrices (robots, n, n); None if they were not computed, or if a robot is near chaos."""
 
 
 class DesignPlant:
-    """A scenario whose references are designed, for robots with different parameters."""
+    """A scenario whose references are designed, played on several robots with different parameters."""
 
     def __init__(
         self, scenario: Scenario, robot: Robot, layout: Layout, limits: DesignLimits, seconds: float, robots: Sequence[Array]
@@ -107,18 +107,19 @@ class DesignPlant:
             self.close()
             raise InputError(self._problems)
         self.every = max(1, round(1.0 / (limits.rate * self.step)))
-        """Steps between samples."""
+        """Number of simulation steps between two samples of the sensors."""
         moved = {one.joint for one in self.references}
         self.own = np.array(
             [[bound.joint == one.joint or bound.joint not in moved for bound in self.bounds] for one in self.references]
         )
-        """Mask (references, bounds): which limits each reference must keep: those of its joint, and those of joints without
-        references.
+        """Mask (references, bounds) of the limits that each reference must keep: those of its own joint, and those of joints
+        without references.
         """
         self.robots, self.gains, self.substeps = robots, dict[str, float](), self.door.substeps
 
     def under(self, gains: Mapping[str, float]) -> DesignPlant:
-        """Plant with other gains, and with the number of substeps that the stiffest robot needs."""
+        """The same plant with other gains of controllers, and with the number of substeps that the stiffest robot then
+        needs."""
         found = copy(self)
         found.gains = dict(gains)
         needed = np.array([self.door.substeps_of(found._numbers(x)) for x in self.robots])
@@ -163,7 +164,7 @@ class DesignPlant:
             if signal is not None:
                 home = float(signal.values(np.zeros(1))[0])
             if bound is None:
-                # A preset without a limit stays constant.
+                # A preset for which no limits are stated stays constant.
                 if not preset:
                     message = f"the range of {name} is missing: give a limit of {name}, or of link_position"
                     self._fault(f"limits.{drive.name}.{name}", message)
@@ -235,8 +236,8 @@ class DesignPlant:
         return np.asarray(np.maximum.reduceat(shares, edges[:-1], axis=1))
 
     def _fisher(self, runs: Sequence[Array | None], moves: Sequence[Array], sensor: str) -> Array | None:
-        """Fisher matrix (n, n) of a robot, from runs with its parameters and with slightly changed parameters; None if a run
-        diverges, or if a sensitivity indicates chaos.
+        """Fisher matrix (n, n) of a robot, from a run with its parameters and runs with slightly changed parameters. None if a
+        run diverges, or if a sensitivity indicates chaos.
         """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
@@ -255,8 +256,8 @@ class DesignPlant:
 
 
 def _quantities(name: str) -> list[str]:
-    """Quantities of a joint for a name in a limits file; empty if the name is unknown. `motor_torque` stands for the torques of
-    all motors, `elastic_torque` for those of all springs.
+    """Quantities of a joint that a name in a limits file stands for; empty if the name is unknown. `motor_torque` stands for
+    the torques of all motors, `elastic_torque` for those of all springs.
     """
     each = ([*each_motor(name.replace("motor_", "motor_{}_"))], [*each_motor(name + "_{}")])
     known = comparable()

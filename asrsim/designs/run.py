@@ -28,15 +28,15 @@ from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
 ROUNDS = 10
-"""Number of rounds of the search; each choice of gains gets a fifth of this number."""
+"""Number of rounds of the search with the best gains; each choice of gains is first tried for a fifth of this number."""
 SHORTEST, PROBE = 0.5, 0.2
-"""Shortest experiment, s; time for which a robot must keep the limits while its references stand still, s."""
+"""Duration of the shortest experiment, s; time in s for which a robot must keep the limits while its references rest."""
 TRIED = 12
-"""Number of random pieces that are tried, after the chirps, before a parameter is said to have no effect."""
+"""Number of random pieces that are tried after the chirps, before a parameter counts as without effect."""
 CHECKS, FACTOR = 48, 2.0
 """Number of further robots on which a robust design must keep the limits; largest factor by which their parameters differ."""
 WANTED = 0.05
-"""Half-width of the interval for which the necessary time is computed, relative to the value."""
+"""Half-width of an interval, relative to the value, for which the necessary duration is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,8 +50,8 @@ class Design:
     keys: tuple[str, ...]
     found: Found
     intervals: Mapping[str, Array]
-    """Half-widths of the 95 % intervals, relative to value or typical size. Keys are `design`, names of plain motions, and
-    additional sensors.
+    """Half-widths (n,) of the 95 % intervals, relative to the parameter's value or typical size. The keys are `design`, the
+    names of plain motions, and the names of additional sensors.
     """
     remarks: tuple[str, ...]
     interrupted: bool
@@ -63,7 +63,8 @@ class Design:
 
     @property
     def needed(self) -> Array:
-        """Durations of repeated motion, s, after which the half-width of each parameter is `WANTED`; at least `SHORTEST`."""
+        """Durations in s for which the motion must be repeated until the half-width of each parameter's interval falls to
+        `WANTED`; at least `SHORTEST`."""
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 
@@ -85,13 +86,13 @@ def design(
 
     Args:
         scenario: Scenario, with `free` among the options; or a fit file, whose recordings count as earlier experiments.
-        limits: File with `limits:`, and `noise:` and `choose:`.
-        duration: Length of the experiment.
+        limits: File with the keys `limits`, `noise` and `choose`.
+        duration: Duration of the experiment, s.
         experiments: Recordings of earlier experiments.
         robust: Number of further robots for which the motion is also designed; their parameters differ by up to a factor of 2.
-        rounds, seed: Length and random seed of the search.
-        progress: Called with the finished fraction.
-        stop: Called often; True ends the search with the best motion so far.
+        rounds, seed: Number of rounds of the search, and its random seed.
+        progress: Called with the finished fraction of the search.
+        stop: Called often; if it returns True, the search ends with the best motion so far.
         options: Options of `asrsim.identification.task_of`.
 
     Raises:
@@ -118,7 +119,7 @@ def design(
             searches = [Search(one, 1 + robust, known, np.random.default_rng(seed), stop) for one in choices]
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
-        # An interval is relative to the value, or, if the value is zero, to the typical size of the parameter.
+        # The interval of a parameter is relative to its value or, if the value is zero, to the parameter's typical size.
         sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.size) for one in layout.entries])
         known_by = {DESIGN: best.information}
         known_by |= {name: one.information for name, one in search.motions.items() if name != DESIGN}
@@ -146,12 +147,13 @@ def design(
 
 
 def design_task(scenario: Path, experiments: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
-    """Task of `identify` with the free parameters of a scenario or fit file, and with earlier recordings. Raises InputError."""
+    """Task of `identify` with the free parameters of a scenario or fit file, and with the earlier recordings. Raises
+    InputError."""
     files = tuple(Experiment(file=Path(one).absolute()) for one in experiments)
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)
-    # A task needs a recording, but a design may precede the first recording: the scenario replaces the recording.
+    # `task_of` needs a recording, but a design may precede the first one: the scenario stands in for it.
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
@@ -176,7 +178,8 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
 
 
 def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of recordings, if parameters of the recordings, such as offsets, are also estimated."""
+    """Fisher matrix (n, n) of the parameters from recordings, with the parameters of the recordings, such as offsets, also
+    estimated."""
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
@@ -186,8 +189,8 @@ def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
 
 
 def altered(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """Parameter vector of a robot whose parameters differ by up to `FACTOR`; corner: each parameter is multiplied or divided by
-    exactly this factor.
+    """Parameter vector of a robot that differs from the model: each parameter by a random factor of up to `FACTOR`. corner:
+    each parameter is multiplied or divided by exactly this factor.
     """
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]

@@ -1,4 +1,4 @@
-"""The search for a motion: pieces are scaled into the limits, varied, and joined; their Fisher matrices add up."""
+"""The search for a motion: pieces are scaled into the limits, varied, and joined; the Fisher matrices of the pieces add up."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from asrsim.samples import Array
 LENGTH, MOST = 2.0, 8
 """Usual length of a piece, s; largest number of pieces of a motion."""
 FRESH, BATCH = 100, 40
-"""Number of random pieces; number of variations in each round."""
+"""Number of random pieces at the start; number of variations of pieces in each round."""
 FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
-"""First and last frequencies of chirps, Hz; number of chirps with each preset that are tried as whole motions."""
+"""First and last frequencies of chirps, Hz; number of the best chirps with each preset that are extended to whole motions."""
 FULL, ENOUGH = 0.97, 0.93
-"""Fraction of a limit to which a motion is scaled; fraction of its goal with which a motion is large enough."""
+"""Fraction of each limit to which a motion is scaled; fraction of its goal from which a motion counts as large enough."""
 MARGIN = 0.88
-"""Fraction of each limit that a robust design uses at most on the robots that are tried, since other robots may use more."""
+"""Fraction of each limit that a robust design may use on the robots that are tried, since other robots may use more of it."""
 TRIES, SHRINKING = 8, 4
 """Largest number of simulations in which a motion is scaled into the limits; number of the last of these simulations, in which
 the motion may only shrink.
@@ -30,28 +30,29 @@ the motion may only shrink.
 FEW = 4
 """Number of further robots on which each piece keeps the limits; the whole motion keeps them on all further robots."""
 ONE_STEP, CHIRP, DESIGN, PIECE = "one step", "chirp", "design", "piece"
-"""Names of motions."""
+"""Names of the motions."""
 SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
-"""Relative changes of the parameters for sensitivities; larger changes with which predicted deviations are checked, as
-fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of deviations.
+"""Relative changes of the parameters for sensitivities; larger changes with which the predicted deviations are checked, as
+fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of the deviations
+from larger changes to those from small changes.
 
-If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. If the deviations from
-small and from larger changes differed by a factor of 1.8, fits scattered 2.2 times as far as predicted; with a factor of 9.5,
-9.4 times as far.
+If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. Where the deviations from
+small and from larger changes differed by a factor of 1.8, the results of fits scattered 2.2 times as far as predicted; with a
+factor of 9.5, they scattered 9.4 times as far.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
-"""Probability that a piece of the library is varied instead of a picked piece; parameter of the geometric distribution of its
-rank in the library.
+"""Probability that a piece of the library is varied in place of a picked piece; parameter of the geometric distribution from
+which the rank of this piece in the library is drawn.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about the logarithm of each parameter before any experiment: the order of magnitude of each parameter is assumed
-to be known.
+"""Information about the logarithm of each parameter before any experiment. It corresponds to a standard deviation of a factor
+of ten.
 """
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A motion within the limits, with its information."""
+    """A motion within the limits, with the information that it gives about the parameters."""
 
     name: str
     pieces: Sequence[Piece]
@@ -63,29 +64,29 @@ class Found:
 
 @dataclass(eq=False)
 class Search:
-    """A search with given gains. Its results are stored, so that a further call of `run` continues the search."""
+    """A search with given gains. It keeps its results, so that another call of `run` continues the search."""
 
     plant: DesignPlant
     robots: int
     """Number of robots for which the motion is designed. The motion must keep the limits on all robots of the plant."""
     known: Array
-    """Fisher matrix (n, n) of earlier recordings."""
+    """Fisher matrix (n, n) of the earlier recordings."""
     generator: np.random.Generator
     stop: Stop = never
     motions: dict[str, Found] = field(default_factory=dict)
     """Best whole motions by name: `design`, chirps and one step."""
     best: Found | None = None
-    """Best whole motion whose information is confirmed."""
+    """Best whole motion so far whose information is confirmed."""
     library: list[Found] = field(default_factory=list)
-    """Pieces within the limits."""
+    """Pieces within the limits that have been tried."""
     picked: list[Found] = field(default_factory=list)
-    """Pieces of the motion, whose information is confirmed by larger changes of the parameters."""
+    """Pieces from which the motion is made. Larger changes of the parameters have confirmed their information."""
     joined: list[Found] = field(default_factory=list)
-    """Pieces of the last joined motion whose information is confirmed."""
+    """Pieces of the last whole motion whose information has been confirmed."""
 
     @property
     def count(self) -> int:
-        """Number of pieces of the motion."""
+        """Number of pieces of which the whole motion consists."""
         return min(MOST, max(1, round((self.plant.rows - 1) * self.plant.step / LENGTH)))
 
     @property
@@ -94,24 +95,24 @@ class Search:
         return MARGIN if len(self.plant.robots) > 1 else 1.0
 
     def deviations(self, information: Array) -> Array:
-        """Standard deviations (..., robots, n) for Fisher matrices (..., robots, n, n)."""
+        """Predicted standard deviations (..., robots, n) of the parameters, for Fisher matrices (..., robots, n, n)."""
         matrices = information + self.known + PRIOR * np.eye(len(self.known))
         variances = np.diagonal(np.linalg.inv(matrices), axis1=-2, axis2=-1)
         return np.asarray(np.sqrt(np.maximum(variances, 1e-30)))
 
     def score(self, information: Array) -> Array:
-        """Mean logarithm (...,) of the deviations over robots and parameters; a smaller score is better."""
+        """Mean (...,) of the logarithms of the predicted deviations, over robots and parameters; a smaller score is better."""
         return np.asarray(np.log(self.deviations(information)).mean(axis=(-1, -2)))
 
     def rank(self, found: Found) -> float:
-        """Score of a motion alone."""
+        """Score of a motion without other pieces."""
         return float(self.score(found.information))
 
     def fitted(self, pieces: Sequence[Piece], rows: int, robots: int) -> Sequence[Piece] | None:
-        """Pieces scaled into the limits; None if no tried size keeps the limits.
+        """The pieces, scaled into the limits; None if no size that was tried keeps the limits.
 
-        In each window, a single piece becomes so large that each joint uses its goal, a fraction of its limits. Several pieces
-        only shrink.
+        A single piece is scaled in each window until each joint uses its goal, a fraction of its limits. Several pieces
+        together are only made smaller.
         """
         presets, best, most = self.plant.presets, None, -1.0
         goals = FULL * np.maximum(np.hstack([one.goals for one in pieces]), 0.02)
@@ -130,7 +131,7 @@ class Search:
                 factors[:] = (
                     np.clip(goals / own, 0.3, 2.0) if growing else np.minimum(FULL / use.max(axis=0, initial=1e-6), 1.0)
                 )
-                # The motion in a window also affects the next window.
+                # The motion in a window also affects the next window: shrink a window too if the next one must shrink.
                 following = np.hstack([factors[:, 1:], factors[:, -1:]])
                 factors = np.minimum(factors, np.where(following < 1.0, np.sqrt(following), np.inf))
             factors[presets] = 1.0
@@ -139,8 +140,8 @@ class Search:
         return best
 
     def judged(self, name: str, pieces: Sequence[Piece]) -> Found | None:
-        """Piece, or whole motion with another name, scaled into the limits, with its information; None if no size keeps the
-        limits, or if a robot is near chaos.
+        """A scaled piece, or a whole motion if `name` is not `PIECE`, with its information. None if no size keeps the limits,
+        or if a robot is near chaos.
         """
         rows, robots = self.plant.rows, len(self.plant.robots)
         if name == PIECE:
@@ -155,8 +156,8 @@ class Search:
         return Found(name, fitting, motion, outcome.information)
 
     def confirmed(self, found: Found | None, others: Array | float = 0.0, agree: tuple[float, float] = AGREE) -> Found | None:
-        """Motion with the smallest of three estimates of its information, from small and from larger changes of the parameters;
-        None if the estimates do not agree. others: information of the other pieces.
+        """The motion with the smallest of three estimates of its information: one from small and two from larger changes of the
+        parameters. None if the estimates do not agree. others: information of the other pieces of the motion.
         """
         if found is None:
             return None
@@ -173,7 +174,7 @@ class Search:
         return replace(found, information=least)
 
     def start(self) -> None:
-        """Try usual test motions: one step, and chirps with stiffness presets at rest or at an end of their range.
+        """Try usual test motions: one step, and chirps with stiffness presets at their start value or an end of their range.
 
         Chirps are tried as pieces first; the best chirps are then extended to the whole motion.
         """
@@ -197,13 +198,14 @@ class Search:
             self.motions.setdefault(ONE_STEP, least)
 
     def keep(self, found: Found | None) -> None:
-        """Store a confirmed whole motion, if it is the best motion so far, or the best motion with its name."""
+        """Store a confirmed whole motion if it is better than all motions so far, or than those with its name."""
         if found is not None:
             self.motions[found.name] = min(found, self.motions.get(found.name, found), key=self.rank)
             self.best = min(found, self.best or found, key=self.rank)
 
     def try_piece(self, piece: Piece) -> Found | None:
-        """Scale a piece into the limits and add it to the library; None if it cannot be used, or if the search is stopped."""
+        """Scale a piece into the limits and add it to the library. None if no size can be used, or if the search has been
+        stopped."""
         if self.stop() and self.library:
             return None
         found = self.judged(PIECE, [piece])
@@ -211,18 +213,18 @@ class Search:
         return found
 
     def try_fresh(self, count: int) -> None:
-        """Try random pieces."""
+        """Try `count` random pieces."""
         for _ in range(count):
             self.try_piece(fresh(self.generator, self.plant.presets))
 
     def pick(self) -> None:
-        """Pick pieces one after the other. Each picked piece is the piece with the best score together with those already
-        picked. Unconfirmed pieces leave the library.
+        """Pick the pieces of the motion one after the other: each time the piece that, with the pieces picked before, has the
+        best score. Pieces whose information is not confirmed leave the library.
         """
         while len(self.picked) < self.count and self.library:
             others = self._others(len(self.picked))
             totals = others + np.array([one.information for one in self.library])
-            # While fewer pieces are picked than the motion needs, the picked pieces are scored as if they were repeated.
+            # Until enough pieces are picked, the score is that of the picked pieces repeated to the length of the motion.
             place = int(np.argmin(self.score(totals * (self.count / (len(self.picked) + 1)))))
             found = self.confirmed(self.library[place], others)
             if found is None:
@@ -232,12 +234,12 @@ class Search:
         self.picked += self.picked[-1:] * (self.count - len(self.picked))
 
     def _others(self, place: int) -> Array:
-        """Information of all picked pieces except one."""
+        """Information of all picked pieces except the piece at `place`."""
         return np.asarray(sum(one.information for i, one in enumerate(self.picked) if i != place))
 
     def vary(self) -> None:
-        """Try to replace a picked piece by a variation of this piece, or of a library piece that scores well together with the
-        other picked pieces.
+        """Try to replace a picked piece: by a variation of itself, or by a variation of a library piece that scores well
+        together with the other picked pieces.
         """
         place = int(self.generator.integers(len(self.picked)))
         old, others = self.picked[place], self._others(place)
@@ -254,7 +256,7 @@ class Search:
                 self.picked[place] = better
 
     def join(self) -> None:
-        """Join the picked pieces to a whole motion. If its information is not confirmed, the search returns to the pieces of
+        """Join the picked pieces to a whole motion. If the information of this motion is not confirmed, return to the pieces of
         the last confirmed motion.
         """
         found = self.confirmed(self.judged(DESIGN, [one.pieces[0] for one in self.picked]))

@@ -1,4 +1,4 @@
-"""Files of a design: the motion as CSV, a scenario that plays it, a picture; and the table of the predicted intervals."""
+"""Files of a design: the motion as CSV, a scenario that plays it, and a picture; also the table of the predicted intervals."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _scenario(found: Design, motion: Path, path: Path) -> dict[str, Any]:
 
 
 def interval_columns(found: Design) -> list[TableColumn]:
-    """Table of intervals, with a row for each parameter."""
+    """Table of the predicted intervals, with a row for each parameter."""
     cells = [TableColumn("parameter", list(found.keys))]
     for name, halves in found.intervals.items():
         cells.append(

@@ -27,7 +27,7 @@ def declare(
     spread: bool = False,
     field_default: Any = None,
 ) -> Any:
-    """Dataclass field that is also a key of a document.
+    """Dataclass field that is at the same time a key of a document.
 
     Args:
         kind: Kind of the value.
@@ -35,9 +35,10 @@ def declare(
         unit: Unit of the value.
         default: Default in documents.
         key: Name in documents, if it differs; `base.position` is the key `position` in the mapping `base`.
-        shown: Description of the default, as in `Key`.
-        spread: The key sets several constructor arguments, as in `Key`.
-        field_default: Default of the dataclass, if it differs; REQUIRED for none; a function makes the default.
+        shown: Description of the default in tables, as in `Key`.
+        spread: Whether the key sets several constructor arguments, as in `Key`.
+        field_default: Default of the dataclass field, if it differs; REQUIRED: no default; a function: its result is the
+        default.
     """
     if not isinstance(kind, Kind):
         raise TypeError(f"declare(...) takes a kind of asrsim.document.kinds, such as Number(), not {kind!r}")
@@ -53,7 +54,7 @@ def declare(
 def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
     """Keys that a dataclass declares by `declare`, in order.
 
-    groups: Keys of the mappings that contain the keys with dotted names; their kinds are blocks without keys.
+    groups: Keys whose values are mappings that contain the keys with dotted names; their kinds are blocks without keys.
     """
     found: dict[str, Key] = {}
     named = {group.name: group for group in groups}
@@ -77,13 +78,14 @@ class Block(Kind[T], Generic[T]):
 
     keys: Sequence[Key]
     build: Callable[..., T]
-    """Constructor, called with a keyword argument for every key. Its InputErrors are reported at this block."""
+    """Constructor, called with one keyword argument per key. If it raises InputError, the problems are reported at this
+    block."""
     noun: str = "mapping"
     doc: str = ""
     main: str = ""
-    """Main key: a value that is not a mapping sets this key (`robot: arm.urdf`); "": the block has no main key."""
+    """Main key, which is set by a value that is not a mapping (`robot: arm.urdf`); "": the block has no main key."""
     read_before: tuple[str, ...] = ()
-    """Further valid keys, which other code reads; messages list them too."""
+    """Further valid keys, which other code reads; messages about unknown keys list them too."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T:
         if node.value is None and not any(key.required for key in self.keys):
@@ -122,7 +124,7 @@ class Block(Kind[T], Generic[T]):
                 found = attempt(key.kind, given, (*path, key.name), reading)
                 if found is not None:
                     arguments.update(found[0] if key.spread else {key.argument: found[0]})
-        # A block that is read into a plain mapping keeps its valid keys.
+        # A block that is read into a plain mapping keeps its valid keys; an object cannot be built without the invalid ones.
         if len(reading.problems) > before and self.build is not dict:
             raise Rejected
         return self._built(arguments, node, path, reading)
@@ -139,7 +141,7 @@ class Block(Kind[T], Generic[T]):
             for problem in error.problems:
                 head, *inner = (problem.key or "").split(".")
                 own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
-                # A key of another file is not in this document: the message keeps it.
+                # A problem in another file names a key of that file: keep this key.
                 elsewhere = problem.file is not None
                 item, place = node, path
                 for name in own if elsewhere or not own else (*own, *inner):

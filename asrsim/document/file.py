@@ -1,4 +1,5 @@
-"""Reads files that consist of one block of declared keys, and names the command for files of another kind."""
+"""Reads files that consist of one block of declared keys. For a file of another kind, an error names the command that reads
+it."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ COMMANDS = {
     "recording": "asrsim init ROBOT.urdf --experiment {path}",
     "summary": "asrsim report {folder}",
 }
-"""Command that reads each kind of file."""
+"""Command that reads each kind of file, by kind."""
 ENDINGS = {
     ".urdf": "robot",
     ".xacro": "robot",
@@ -44,16 +45,16 @@ KEYS = {
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
-"""Top-level keys of each kind of file. Any of these keys identifies the kind; the first match wins."""
+"""Top-level keys by which a file is recognised: one of these keys is enough, and the first kind with such a key wins."""
 DOCUMENTS = (".yaml", ".yml", ".json")
 """Endings of files whose kind is detected by their keys."""
 
 LFS = b"version https://git-lfs.github.com/spec/"
-"""Beginning of the text that Git has in the place of a file that Git LFS stores (Git LFS specification, version 1)."""
+"""Beginning of the text that Git leaves in place of a file that Git LFS stores (Git LFS specification, version 1)."""
 
 
 def lfs_pointer(start: bytes, wanted: str) -> Problem | None:
-    """Problem if a file is a pointer of Git LFS in the place of the wanted file; None otherwise. start: its first bytes."""
+    """Problem if a file is a pointer of Git LFS in place of the wanted file; None otherwise. start: first bytes of the file."""
     if not start.startswith(LFS):
         return None
     message = f"is a pointer of Git LFS, not the {wanted}: the file itself was not fetched"
@@ -76,7 +77,7 @@ def kind_of(path: Path, root: Node | None = None) -> str | None:
 
 
 def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | None:
-    """Problem if the file or folder is clearly of another kind than `wanted`; None otherwise."""
+    """Problem if the file or folder is clearly of a kind other than `wanted`; None otherwise."""
     kind = kind_of(path, root)
     if kind is None or kind == wanted:
         return None
@@ -87,7 +88,8 @@ def mistaken(path: Path, wanted: str, root: Node | None = None) -> Problem | Non
 def read_document(
     path: Path, wanted: str, *, error: type[InputError] = InputError, faults: list[Problem] | None = None
 ) -> tuple[Node, str]:
-    """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects files of another kind."""
+    """Root node and text of a YAML file, as from `asrsim.document.yaml_reader.read_yaml`. Rejects a file of a kind other than
+    `wanted`."""
 
     def require(root: Node | None = None) -> None:
         if (other := mistaken(path, wanted, root)) is not None:
@@ -101,7 +103,8 @@ def read_document(
 
 
 def read_file(block: Block[T], path: Path, *, renamed: Mapping[str, str] | None = None) -> T:
-    """Object built from the keys of a file. Raises InputError with every problem. renamed: new name of each old key."""
+    """Object built from the keys of a file. Raises InputError with all problems of the file. renamed: new name of each old
+    key."""
     faults: list[Problem] = []
     root, _ = read_document(path, block.noun, faults=faults)
     reading = DocumentReading(base=path.parent)

@@ -25,9 +25,9 @@ class Kind(ABC, Generic[T_co]):
 
     @abstractmethod
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> T_co:
-        """Value of the node. Raises Rejected after recording the problems in `reading`.
+        """Value of the node. Records the problems of an invalid node in `reading`, then raises Rejected.
 
-        A mapping may be returned without its invalid entries: the document is valid only if `reading` has no problems.
+        A mapping may be returned without its invalid entries: a document is valid only if `reading` has no problems.
         """
 
     @abstractmethod
@@ -40,24 +40,26 @@ class Kind(ABC, Generic[T_co]):
         """Short description for messages and for tables in the documentation."""
 
     def wrong(self, node: Node, path: KeyPath, reading: DocumentReading, addition: str = "") -> Rejected:
-        """Exception for a value that is not of this kind, whose problem is recorded. addition: end of the message."""
+        """Exception for a value that is not of this kind; its problem has been recorded. addition: text at the end of the
+        message."""
         article = "" if self.text.startswith(("text", "true", "`")) else "a "
         return reading.fault(node, path, f"must be {article}{self.text}{addition}", code="type")
 
     def part(self, name: str) -> Key | None:
-        """Key of an entry of a mapping, or of an entry of a list by its index; None if there can be no such entry."""
+        """Declaration of the entry with this name in a mapping, or with this index in a list; None if there can be no such
+        entry."""
         return None
 
     def chosen(self, node: Node) -> Kind[Any]:
-        """Kind that reads this node: the alternative that fits the node, if the kind has alternatives."""
+        """Kind that reads this node: the alternative that fits the node, or this kind itself if it has no alternatives."""
         return self
 
     def is_whole(self, node: Node) -> bool:
-        """Whether a mapping is a value of this kind, and cannot be a mapping from names to such values."""
+        """Whether a mapping is itself a value of this kind, so that it cannot be a mapping from names to such values."""
         return False
 
     def opened(self, node: Node) -> Node:
-        """Node as a mapping, if its value is the short form of a mapping."""
+        """The node as a mapping, if its value is the short form of one; else the node itself."""
         return node
 
     def fits(self, node: Node) -> bool:
@@ -95,7 +97,7 @@ class Key:
     doc: str = ""
     unit: str = ""
     attribute: str = ""
-    """Name of the constructor's argument; "": the name of the key."""
+    """Name of the constructor's argument that gets the value; "": the name of the key."""
     shown: str = ""
     """Description of the default in tables; "": the value itself."""
     spread: bool = False
@@ -124,7 +126,7 @@ class Key:
 def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:
     """Key that declares the value at a path inside a kind; None if no key declares it.
 
-    The key of an entry of a list, or of a mapping with free names, is the key of the list or mapping.
+    An entry of a list, or of a mapping with free names, has the key of the list or mapping.
     """
     declared = None
     for name in path:
@@ -136,7 +138,7 @@ def key_at(kind: Kind[Any], path: Sequence[str]) -> Key | None:
 
 
 def walk(kind: Kind[Any], node: Node, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Kind[Any], Node]]:
-    """Tuples (path, kind, node) of a node and of all nodes inside it whose kinds are declared."""
+    """Tuples (path, kind, node) of a node and of all nodes inside it whose kind is declared."""
     kind = kind.chosen(node)
     node = kind.opened(node)
     yield path, kind, node
@@ -151,7 +153,7 @@ _LIMITS: dict[str, tuple[str, Callable[[float, float], bool]]] = {
     "exclusiveMinimum": (">", operator.gt),
     "maximum": ("<=", operator.le),
 }
-"""Sign and comparison of each kind of limit, by its name in JSON Schema."""
+"""Sign and comparison of each limit of numbers, by the limit's name in JSON Schema."""
 
 
 def unit_hint(value: object) -> str | None:
@@ -167,7 +169,7 @@ class Number(Kind[float]):
 
     minimum: float | None = None
     above: float | None = None
-    """Exclusive lower limit."""
+    """Lower limit that the number must exceed; None: no such limit."""
     maximum: float | None = None
     noun: ClassVar[str] = "number"
     json_type: ClassVar[str] = "number"
@@ -179,7 +181,7 @@ class Number(Kind[float]):
         value = node.value
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise reading.fault(node, path, f"must be a {self.text}", hint=unit_hint(value), code="type")
-        if not abs(value) <= sys.float_info.max:  # infinities, NaN, and integers that overflow
+        if not abs(value) <= sys.float_info.max:  # infinities, NaN, and integers beyond the range of floats
             raise reading.fault(node, path, "must be a finite number", code="range")
         if not all(_LIMITS[name][1](value, limit) for name, limit in self._limits.items()):
             raise self.wrong(node, path, reading)
@@ -263,13 +265,13 @@ class Name(Text):
 
 @dataclass(frozen=True)
 class Choice(Kind[str]):
-    """Kind of value: one of several words. A function may give the words, so that a registry is imported only when needed."""
+    """Kind of value: one of several words. The words may be given by a function, which imports a registry only when needed."""
 
     options: tuple[str, ...] | Callable[[], Iterable[str]]
     noun: str = ""
-    """Noun for the words in tables; "": tables list the words."""
+    """Noun for all words together, for tables; "": tables list the words."""
     missing: str = ""
-    """Hint for an unknown word."""
+    """Hint in the message about an unknown word."""
 
     def fits(self, node: Node) -> bool:
         return isinstance(node.value, str)
@@ -296,7 +298,7 @@ class Choice(Kind[str]):
 
 @dataclass(frozen=True, kw_only=True)
 class File(Kind[Path]):
-    """Kind of value: path of a file, relative to the document's folder. The file is added to the document's attachments."""
+    """Kind of value: path of a file, relative to the document's folder. The file becomes an attachment of the document."""
 
     noun: str = "file"
     attach: bool = True
@@ -305,7 +307,8 @@ class File(Kind[Path]):
     exists: bool = True
     """True: the file must exist when the document is read."""
     beside: str = ""
-    """Ending of a document about the file, such as `.yaml` for `lab.csv.yaml`. An existing document is attached too."""
+    """Ending of a document beside the file that describes it, such as `.yaml` for `lab.csv.yaml`. If it exists, it is attached
+    too."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Path:
         if not isinstance(node.value, str) or not node.value.strip() or "\0" in node.value:
@@ -336,7 +339,7 @@ class File(Kind[Path]):
 
 @dataclass(frozen=True)
 class Null(Kind[None]):
-    """Kind of value: null, or a word that stands for null, such as none. It precedes the other kinds of an `Either`."""
+    """Kind of value: null, or a word that stands for null, such as none. In an `Either` it must be the first kind."""
 
     word: str | None = None
 
@@ -402,7 +405,7 @@ class ListOf(Kind[tuple[T, ...]], Generic[T]):
 
 @dataclass(frozen=True, kw_only=True)
 class MapOf(Kind[dict[str, T]], Generic[T]):
-    """Kind of value: a mapping from free names (mostly joints) to values of one kind. Faulty entries are left out."""
+    """Kind of value: a mapping from free names (mostly of joints) to values of one kind. Invalid entries are left out."""
 
     of: Kind[T]
     noun: str = "joint"
@@ -410,7 +413,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
     star: bool = True
     """True: the name `*` may stand for all names."""
     bare: bool = False
-    """True: a value that is not a mapping, or a mapping with the keys of a value, applies to all names."""
+    """True: a value in place of the mapping from names applies to all names."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> dict[str, T]:
         if node.value is None:
@@ -449,11 +452,11 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
         if all(for_all):
             return self.of.merge(base, over)
-        # As with values that are not mappings, a value for all names and a mapping replace each other.
+        # A value for all names and a mapping from names replace each other, as values that are not mappings do.
         return over if any(for_all) else super().merge(base, over)
 
     def _is_bare(self, node: Node) -> bool:
-        """Whether the node is one value for all names, and no mapping from names to values."""
+        """Whether the node is one value for all names, rather than a mapping from names to values."""
         return self.bare and (self.of.is_whole(node) if isinstance(node.value, dict) else self.of.fits(node))
 
 
@@ -462,7 +465,7 @@ class Either(Kind[Any]):
     """Kind of value: one of several kinds, chosen by the type of the YAML value."""
 
     options: tuple[Kind[Any], ...]
-    """Kinds; the first that fits a node reads the node."""
+    """Alternatives; the first kind that fits a node reads the node."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Any:
         for kind in self.options:
@@ -476,8 +479,8 @@ class Either(Kind[Any]):
         raise self.wrong(node, path, reading)
 
     def _add_word(self, path: KeyPath, reading: DocumentReading, before: int) -> None:
-        """Add the word for null to the problems of the value at `path`, from number `before` on: the kind that rejected the
-        value does not know this word.
+        """Add the word that stands for null to the problems of the value at `path`, from problem number `before` on. The kind
+        that rejected the value does not know this word.
         """
         word = next((kind.word for kind in self.options if isinstance(kind, Null)), None)
         for number, problem in enumerate(reading.problems[before:], before):

@@ -14,7 +14,7 @@ NodeValue: TypeAlias = "bool | int | float | str | list[Node] | dict[str, Node] 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Node:
-    """Scalar, list or mapping of a document. Nodes are compared by identity."""
+    """Scalar, list or mapping of a document. Two nodes are equal only if they are the same object."""
 
     value: NodeValue
     line: int | None = None
@@ -22,7 +22,7 @@ class Node:
     key_lines: Mapping[str, int | None] | None = None
     """Line of each key of a mapping."""
     file: Path | None = None
-    """File that contains the node."""
+    """File that contains the node; None for values that are not from a file."""
 
     def key_line(self, key: str) -> int | None:
         """Line of a key of the mapping; the line of the mapping if the key has none."""
@@ -35,7 +35,7 @@ class Node:
         return list(self.value.items()) if isinstance(self.value, dict) else []
 
     def lines(self, file: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
-        """Pairs (dotted key, line) of all values that stand in the file. key: prefix of the keys."""
+        """Pairs (dotted key, line) of all values in the node that come from `file`. key: prefix of the dotted keys."""
         for name, item in self.items():
             line = self.key_line(name) if isinstance(self.value, dict) else item.line
             if item.file == file and line is not None:
@@ -43,7 +43,7 @@ class Node:
             yield from item.lines(file, f"{key}{name}.")
 
     def plain(self, renamed: Mapping[int, object] | None = None) -> Any:
-        """Value as plain JSON-like data. renamed: id of a node -> value that replaces it."""
+        """Value as plain data, as JSON has. renamed: value that replaces a node's value, by id of the node."""
         if renamed and id(self) in renamed:
             return renamed[id(self)]
         if isinstance(self.value, dict):
@@ -62,7 +62,7 @@ class Node:
 
 
 def node_from_data(data: object) -> Node:
-    """Tree of nodes made of plain data. Tuples become lists, and other objects (such as paths) their text."""
+    """Tree of nodes made of plain data. Tuples become lists; other objects, such as paths, become text."""
     if isinstance(data, Mapping):
         return Node({str(key): node_from_data(value) for key, value in data.items()})
     if isinstance(data, list | tuple):

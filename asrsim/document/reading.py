@@ -1,4 +1,4 @@
-"""State while a document is read: folder of its files, problems found, attachments."""
+"""State while a document is read: folder of the document, problems found so far, attachments."""
 
 from __future__ import annotations
 
@@ -14,33 +14,35 @@ KeyPath = tuple[str, ...]
 
 
 class Rejected(Exception):  # noqa: N818 - internal: the problem is already recorded, and readers continue with the next key
-    """Raised for an invalid value, after its problem was recorded in the reading."""
+    """Raised for an invalid value, after the value's problem has been recorded in the reading."""
 
 
 @dataclass(kw_only=True)
 class DocumentReading:
-    """Collects the problems and the files of a document."""
+    """Collects the problems of a document, and the files that it names, while it is read."""
 
     base: Path = field(default_factory=Path)
-    """Folder that relative paths refer to."""
+    """Folder to which paths in the document are relative."""
     files: Mapping[str, Path] = field(default_factory=dict)
-    """Files by their name in the document (attachments of a log), which take precedence over files in the folder."""
+    """Files by their name in the document, for a document from a log's attachments. They take precedence over files in
+    `base`."""
     problems: list[Problem] = field(default_factory=list)
     attachments: dict[str, Path] = field(default_factory=dict)
-    """Unique short name -> file that the document names; files in a folder have names `folder/file`."""
+    """File that the document names, by a unique short name; files in a folder have short names `folder/file`."""
     names: dict[Path, str] = field(default_factory=dict)
-    """Name of the attachment for each file or folder."""
+    """Short name of the attachment for each file or folder that the document names."""
     unread: list[KeyPath] = field(default_factory=list)
-    """Paths of the invalid values, which are left out of the result."""
+    """Paths of the keys with invalid values, which are left out of the result."""
     named: list[tuple[KeyPath, str, str]] = field(default_factory=list)
-    """Names of things outside of the document: path, name, and noun, such as `joint`; `*` stands for all such things."""
+    """Names in the document of things outside it: path of the key, name, and noun, such as `joint`. `*` stands for all
+    things."""
     renamed: dict[int, object] = field(default_factory=dict)
-    """Name of the attachment for each node with a file name, by id of the node."""
+    """Short name of the attachment for each node that names a file, by id of the node."""
 
     def fault(self, node: Node, path: KeyPath, message: str, *, show: bool = True, **details: Any) -> Rejected:
-        """Exception for an invalid value, whose problem is recorded. Callers raise it, or ignore it to continue.
+        """Exception for an invalid value; its problem has been recorded. Callers raise it, or ignore it to continue reading.
 
-        show: state the value in the message. details: further fields of the `Problem`, such as its code.
+        show: whether the message states the value. details: further fields of the `Problem`, such as its code.
         """
         own = {
             "file": node.file,
@@ -62,7 +64,8 @@ class DocumentReading:
         return self.base / Path(text).expanduser()
 
     def attach(self, node: Node, path: Path) -> None:
-        """Record that the document needs the file `path`, or the files of a folder (a bag). node: contains the name."""
+        """Record that the document needs the file `path`, or all files of the folder `path` (a bag). node: the node that names
+        it."""
         if path not in self.names:
             taken = {name.partition("/")[0] for name in self.attachments}
             name, count = path.name, 1

@@ -12,9 +12,9 @@ from asrsim.document.node import Node
 from asrsim.errors import InputError, Problem, similar_file
 
 MAX_BYTES = 2_000_000
-"""Largest size of a document, bytes; a scenario has some thousand."""
+"""Largest size of a document, bytes; a usual scenario has some thousand bytes."""
 MAX_DEPTH = 40
-"""Largest depth of nesting."""
+"""Largest number of lists and mappings that are nested in each other."""
 MAX_NODES = 200_000
 """Largest number of values after the expansion of aliases."""
 
@@ -32,10 +32,10 @@ _WORDS = {
     "-.inf": -math.inf,
     ".nan": math.nan,
 }
-"""Values of unquoted words in the core schema of YAML 1.2, in lower case."""
+"""Values of unquoted words by the core schema of YAML 1.2; the words are in lower case."""
 
 _PLAIN = "plain"
-"""Tag for scalars without quotes and tag, the only scalars that may be numbers, booleans or null."""
+"""Tag of scalars that have neither quotes nor a tag: only these may be numbers, booleans or null."""
 
 
 def plain_scalar(text: str) -> bool | int | float | str | None:
@@ -50,7 +50,7 @@ def plain_scalar(text: str) -> bool | int | float | str | None:
 def read_yaml(path: Path, *, error: type[InputError] = InputError, faults: list[Problem] | None = None) -> tuple[Node, str]:
     """Root node and text of a YAML file. Raises `error` if the file is unreadable or invalid. faults: as in `parse_yaml`."""
     try:
-        # Pipes and devices have no size, so the number of bytes read is limited.
+        # Pipes and devices have no known size, so limit the number of bytes that are read.
         with path.open("rb") as stream:
             data = stream.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
@@ -68,7 +68,8 @@ def parse_yaml(
 ) -> Node:
     """Root node of a YAML text. Raises `error` with the first syntax error, or with every duplicate key.
 
-    faults: Receives duplicate keys and similar problems in place of an error, so that callers report all problems together.
+    faults: list that receives duplicate keys and similar problems. They then raise no error, and the caller can report all
+    problems together.
     """
     import yaml
 
@@ -91,11 +92,11 @@ def parse_yaml(
 
 
 class _Refused(Exception):  # noqa: N818 - internal signal, not an error of the tree
-    """Raised for a document that exceeds a limit."""
+    """Raised for a document that exceeds a limit of size, depth or number of values."""
 
 
 class _Converter:
-    """Converter from PyYAML's nodes, which aliases may share, to `Node`."""
+    """Converts PyYAML's nodes to `Node`. Aliases may share a node of PyYAML."""
 
     def __init__(self, file: Path | None) -> None:
         self.file = file
@@ -150,8 +151,8 @@ class _Converter:
 def _composed(text: str) -> Any:
     """PyYAML's root node of the text; None if the text is empty.
 
-    libyaml is four times as fast as PyYAML's parser. PyYAML's parser reads texts that libyaml rejects, so that error messages
-    do not depend on libyaml.
+    libyaml is four times as fast as PyYAML's own parser. A text that libyaml rejects is parsed again by PyYAML, so that error
+    messages do not depend on libyaml.
     """
     import yaml
 
@@ -162,7 +163,7 @@ def _composed(text: str) -> Any:
 
 
 def _loader(base: Any) -> Any:
-    """Parser class with a limit on the depth, and without the implicit types of YAML 1.1."""
+    """Parser class with a limit on the nesting depth, and without the implicit types of YAML 1.1, such as `on` for true."""
     import yaml
 
     class Loader(base):  # type: ignore[misc]

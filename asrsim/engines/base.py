@@ -1,4 +1,4 @@
-"""The interface of an engine: it steps a robot under joint torques. The springs are not part of an engine.
+"""The interface of an engine, which steps a robot under joint torques. The springs are not part of an engine.
 
 A step is a kick (forces change the velocities) and a drift (positions follow the new velocities). In a staggered run
 velocities belong to times half a step before the times of the positions, and the first kick lasts half a step. A kick in which
@@ -8,8 +8,9 @@ With mass matrix M, viscous damping C, implicitness w and the lengths t of the p
     for each piece: (M + w t C) dv = t (torque + wrenches - bias(q, v_whole) - C v) + impulses of friction and stops, v += dv
     q += h v
 
-where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step, from the velocities before this kick and the previous
-one; in a run that is not staggered v_whole = v. So the damping torque is -C (v + w dv): w = 1/2 is the midpoint rule.
+where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step; v and v_before are the velocities before this kick and
+before the previous one. In a run that is not staggered v_whole = v. So the damping torque is -C (v + w dv): w = 1/2 is the
+midpoint rule.
 """
 
 from __future__ import annotations
@@ -27,19 +28,19 @@ if TYPE_CHECKING:
 
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION, MIDDLE = range(6)
 """Columns of an exchange, an array (p, n, 6) with a row for each piece of the kick and each joint. A step reads torque (N m,
-N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece; it writes position (rad, m) and
-velocity (rad/s, m/s) at its end to the rows of the last piece. It may also write the velocities in the middle of the kick
-there, which are logged; without them, the means of the velocities before and after the kick are logged."""
+N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece. To the rows of the last piece it
+writes position (rad, m) and velocity (rad/s, m/s) at the end of the step. There it may also write the velocities in the middle
+of the kick, which are then logged; else the means of the velocities before and after the kick are logged."""
 ROUNDING = 1e-9
-"""Largest rounding error of the sum of the lengths of a kick's pieces."""
+"""Largest deviation by rounding of the sum of the lengths of a kick's pieces from 1."""
 GROUND, ROBOT = "ground", "robot"
-"""Names of the ground and of the robot in the names of contact forces."""
+"""Names that stand for the ground and for the robot in the names of contact forces."""
 NOTHING = (0.0, 0.0, 0.0)
 
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
-    """Mean values of an exchange (n, 6) and of the wrenches (1, w, 6) over all pieces of a kick, and the kick's length as a
-    fraction of a step, for engines that cannot divide a kick."""
+    """Exchange (n, 6) and wrenches (1, w, 6), each averaged over all pieces of a kick, and the length of the kick as a fraction
+    of a step; for engines that cannot divide a kick into pieces."""
     total = float(lengths.sum())
     shares = lengths / total
     whole = 1.0 if abs(total - 1.0) < ROUNDING else total
@@ -47,7 +48,7 @@ def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array,
 
 
 class Scene(NamedTuple):
-    """Bodies and contacts of a world."""
+    """Poses of bodies, and contact forces, of a world at one time."""
 
     bodies: Mapping[str, tuple[float, ...]]
     """Poses (x, y, z, qx, qy, qz, qw) of the world's objects, and of the robot's root link if this link floats, by name."""
@@ -56,8 +57,8 @@ class Scene(NamedTuple):
 
 
 def contact_forces(world: World, points: Iterable[tuple[str, str, Array]]) -> dict[str, tuple[float, float, float]]:
-    """Contact forces in N, world frame, summed over all points at which two bodies touch; 0 without contact. "object/other":
-    force on the object by the other body; "robot/ground": force of the ground on the robot.
+    """Contact forces in N, world frame, each summed over all points at which two bodies touch; 0 without contact.
+    "object/other": force on the object by the other body; "robot/ground": force on the robot by the ground.
 
     points: for each contact point, both bodies and the force (3,) on the first body.
     """
@@ -79,7 +80,7 @@ class NativeRecord(NamedTuple):
 
     address: int
     memory: Any
-    """Reference that keeps the memory at the address alive; the engine must be kept alive as well."""
+    """Reference to the record's memory, which keeps it alive; the engine must be kept alive as well."""
 
 
 class Native(NamedTuple):
@@ -91,26 +92,26 @@ class Native(NamedTuple):
     size: int
     """Number of values of a state."""
     make_record: Callable[[int], NativeRecord]
-    """Function of the length of the record's steps, in steps of the run."""
+    """Function that makes a record for steps of the given length, in steps of the run."""
 
 
 MEMBERS = "joints", "version", "state", "takes_wrenches", "start", "step", "scene", "vary", "native", "close"
-"""What every engine has, whether it is derived from `Engine` or not."""
+"""Members that every engine has, whether its class is derived from `Engine` or not."""
 
 
 class Engine(Protocol):
-    """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule above.
+    """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule in the docstring of the module.
 
     The defaults of `takes_wrenches`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a fixed base without
     contacts, in an engine that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
-    """Moving joints; arrays and sequences below are in this order."""
+    """Names of the moving joints; arrays and sequences of the methods are in this order."""
     version: str
     """Name and version of the engine's library, for the log."""
     state: Any
-    """A copy of the whole state. An engine whose state is set to such a copy continues from it with identical bits."""
+    """A copy of the whole state. If the state is set to such a copy, the engine continues from it with identical bits."""
     takes_wrenches: bool = True
     """Whether the wrenches of a step act on the robot. If not, scenarios with wrenches are refused."""
 
@@ -133,16 +134,16 @@ class Engine(Protocol):
         return ()
 
     def hold(self, wrenches: Sequence[HeldWrench]) -> None:
-        """Let wrenches act on bodies in all further steps, in addition to those of `step` and in place of those of an earlier
-        call. A state does not contain these wrenches. wrenches: on bodies of `holdable`, at most one on each."""
+        """Let wrenches act on bodies in all further steps, in addition to the wrenches of `step`. They replace the wrenches of
+        an earlier call, and are not part of a state. wrenches: on bodies of `holdable`, at most one on each."""
         return
 
     def scene(self) -> Scene:
-        """Poses of the bodies and contact forces at the present state."""
+        """Poses of the bodies, and contact forces, at the present state."""
         return Scene({}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Replace the inertials by those of a robot with the same structure, before the next start. False: the engine cannot do
+        """Replace the inertials by those of a robot with the same structure; called before `start`. False: the engine cannot do
         this, and a new engine is needed."""
 
     @property

@@ -22,7 +22,7 @@ LONGEST = 50_000_000
 
 
 class PrescribedMotion(NamedTuple):
-    """The prescribed motion."""
+    """The prescribed motion of the links."""
 
     places: Array
     """Positions (n, joints) at whole steps, rad or m."""
@@ -31,7 +31,7 @@ class PrescribedMotion(NamedTuple):
 
 
 def move(motion: Any, state: Any, exchange: Any, wrenches: Any, lengths: Any) -> None:
-    """Move the links to the next row of the motion, with the mean velocity of the step: the bench prescribes their motion."""
+    """Move the links to the next row of the motion, and set their velocity to the mean over the step. Forces have no effect."""
     end = len(motion.places) - 1
     before, row = min(int(state[0]), end), min(int(state[0]) + 1, end)
     state[0] += 1.0
@@ -47,7 +47,7 @@ def _sizes(motion: Any) -> tuple[int, int, int]:
 
 class BenchEngine(Engine):
     """Joints follow prescribed signals; a joint without a signal is locked. Torques have no effect. After the scenario's
-    duration the links stand still. A state is the number (1,) of the row of the motion."""
+    duration the links stand still. The state is the number of the present row of the motion, (1,)."""
 
     version = "bench"
 
@@ -84,7 +84,7 @@ class BenchEngine(Engine):
 
     @property
     def state(self) -> Array:
-        """Number (1,) of the present row of the motion."""
+        """Number of the present row of the motion, (1,)."""
         return self._state.copy()
 
     @state.setter
@@ -92,7 +92,7 @@ class BenchEngine(Engine):
         self._state[:] = values
 
     def vary(self, robot: Robot) -> bool:
-        """True: the robot's inertials have no effect on a prescribed motion."""
+        """True without any change: the inertials of the robot have no effect on a prescribed motion."""
         return True
 
     @property

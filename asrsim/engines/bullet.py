@@ -4,10 +4,11 @@ Without contacts, asrsim computes the step from Bullet's mass matrix and bias (`
 the step (`BulletContacts`). The MuJoCo engine and the PyBullet engine share only `asrsim.engines.rigid` and
 `asrsim.engines.exact_friction`, which contain no data of the robot.
 
-Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates velocity torques
-half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias, correct this.
-For a first kick that is shorter than a full kick, the velocities are set back beforehand. The damping torque is computed from
-the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick acts.
+Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates torques that depend
+on velocity half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias,
+correct the first two. Before a first kick that is shorter than a full kick, the velocities are set back. The damping torque is
+computed from the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick
+acts.
 """
 
 from __future__ import annotations
@@ -53,15 +54,16 @@ from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""Limits of the contact solver. With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4
-m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. The cost is small, since most steps converge sooner."""
+"""Limits of the contact solver: iterations, and residual at which it ends. With Bullet's defaults (50 iterations, 1e-7), bodies
+and joints that should stick creep by 1e-4 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. They cost little,
+since most steps converge sooner."""
 NO_LIMIT = 1e9
-"""Missing stop in rad or m, and limit in rad/s at which Bullet clips velocities of joints (Bullet's default is 100); so large
-that the limit never acts."""
+"""Position in rad or m of a stop that a joint lacks, and speed in rad/s at which Bullet clips the velocities of joints (by
+default 100): so large that it never acts."""
 BEYOND = 1e-9
-"""Distance by which a joint that rests on its stop is beyond the stop, rad or m."""
+"""Distance in rad or m beyond its stop at which a joint at its stop rests."""
 ARREST = 1e9
-"""Largest torque in N m of the motor that stops a joint at its stop; larger than the torque of any impact."""
+"""Largest torque in N m of the motor that stops a joint at its stop: more than any impact needs."""
 PARTS = (9, 7), (10, 11), (12, 13)
 """Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
@@ -69,8 +71,8 @@ UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Set `push` (v,) to the torques of wrenches and joints in N m, with damping, in a kick of one piece, and `room.change` to
-    the change of velocity in a step without contacts.
+    """Set `push` (v,) to the torques in N m of wrenches and joints, including damping, in a kick of one piece. Set
+    `room.change` to the change of velocity in this kick if there were no contacts.
 
     This function runs as Python or compiled.
     """
@@ -85,8 +87,8 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
 
 class _Saved:
-    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: then the
-    client's number may belong to another client."""
+    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: another
+    client may then have the same number."""
 
     def __init__(self, client: Client) -> None:
         self.number, self._client = client.saveState(), client
@@ -97,7 +99,7 @@ class _Saved:
 
 
 class BulletEngine(RigidEngine):
-    """A robot in a world without contacts."""
+    """A robot in a world without contacts; PyBullet gives mass matrix and bias."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
@@ -125,7 +127,7 @@ class BulletEngine(RigidEngine):
         super().__init__(room, home, scenario=scenario)
 
     def look(self, wrenches: Array, forces: Array) -> None:
-        """Fill in mass matrix and bias."""
+        """Compute mass matrix and bias of the room at its `qpos` and `qvel`."""
         room, dynamics, rotation = self._room, self._dynamics, self.rotation
         positions = dynamics.ordered(room.qpos[self._start :])
         room.full_matrix[:] = dynamics.matrix(positions, rotation)
@@ -137,7 +139,7 @@ class BulletEngine(RigidEngine):
 
 
 class BulletContacts(BulletEngine):
-    """A robot in a world with contacts: Bullet's step, on a second physics client."""
+    """A robot in a world with contacts. Bullet computes the step, on a second physics client."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         _refuse_in_contacts(robot)
@@ -163,13 +165,13 @@ class BulletContacts(BulletEngine):
                 lower, upper = np.clip(joint.stops, -NO_LIMIT, NO_LIMIT).tolist()
                 p.changeDynamics(self._body, index, jointLowerLimit=lower, jointUpperLimit=upper)
         p.setGravity(*scenario.gravity)
-        # With erp 0, a stop removes a joint's velocity and does not push the joint back; see `_motors`.
+        # With erp 0, a stop removes a joint's velocity but does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [joints.index(joint) for joint in robot.moving_joints]
         self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
         if world.ground and scenario.fixed_base:
-            # A fixed base that stands on the ground must not have contact forces.
+            # A fixed base often touches the ground on which it stands; this must not give contact forces.
             p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
@@ -211,7 +213,7 @@ class BulletContacts(BulletEngine):
                 self._p.resetBaseVelocity(self._bodies[item.name], velocity.tolist(), [0, 0, 0])
 
     def _place(self, velocities: Array) -> None:
-        """Set the positions of the joints to those in the room, and the velocities (v,) of all degrees of freedom."""
+        """Set the joints to the positions in the room, and all degrees of freedom to the velocities (v,)."""
         positions, rotation = self._room.qpos[self._start :].tolist(), self.rotation
         for index, position, velocity in zip(self._indices, positions, velocities[self._dynamics.free :].tolist(), strict=True):
             self._p.resetJointState(self._body, index, position, velocity)
@@ -219,7 +221,7 @@ class BulletContacts(BulletEngine):
             self._p.resetBaseVelocity(self._body, velocities[:3].tolist(), (rotation @ velocities[3:6]).tolist())
 
     def _read(self) -> None:
-        """Read positions and velocities of the robot."""
+        """Read positions and velocities of the robot from Bullet into the room."""
         p, body, room, base = self._p, self._body, self._room, self._dynamics.free
         if self._indices:
             states = zip(*p.getJointStates(body, self._indices), strict=True)
@@ -250,13 +252,13 @@ class BulletContacts(BulletEngine):
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[dynamics.free :])
         self._before[:] = now
         if fraction != 1.0:
-            # Bullet supports full kicks only: start velocities are chosen so that a full kick ends like this shorter kick.
+            # Bullet supports full kicks only: choose start velocities with which a full kick ends like this shorter kick.
             self._before -= room.change
             self._place(now - (1.0 / fraction - 1.0) * room.change)
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         push += dynamics.lift(dynamics.ordered(positions), rotation)
-        # Bullet evaluates velocity torques at the velocities that Bullet stores: correct the difference.
+        # Bullet evaluates the bias at the velocities that it stores, not at the whole step: correct the difference.
         push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.full_bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
@@ -266,7 +268,7 @@ class BulletContacts(BulletEngine):
             p.applyExternalForce(self._body, -1, push[:3].tolist(), room.qpos[:3].tolist(), p.WORLD_FRAME)
             p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
         for item in self._pushed:
-            # A shorter kick is a full kick with a smaller force.
+            # Bullet's kick is a full one: reduce the force in proportion to the length of this shorter kick.
             self._push_object(item, fraction)
         p.stepSimulation()
         self._read()
@@ -284,7 +286,7 @@ class BulletContacts(BulletEngine):
         self._pushed = tuple(one for one in wrenches if one not in self._held)
 
     def _push_object(self, wrench: HeldWrench, share: float) -> None:
-        """Apply a share of a wrench on an object in the next step of Bullet."""
+        """Apply a fraction of a wrench to an object in the next step of Bullet."""
         p, body = self._p, self._bodies[wrench.body]
         centre, orientation = p.getBasePositionAndOrientation(body)
         force, arm = share * np.array(wrench.force), rotation_of(orientation) @ np.array(wrench.point)
@@ -293,11 +295,11 @@ class BulletContacts(BulletEngine):
         p.applyExternalTorque(body, -1, torque.tolist(), p.WORLD_FRAME)
 
     def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
-        """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With target 0, a motor acts as Coulomb
-        friction. The motors of joints that would pass their stops in this step stop these joints: Bullet's stops act only on
+        """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With the target 0, a motor acts as
+        Coulomb friction. If a joint would pass its stop in this step, its motor stops it there: Bullet's stops act only on
         joints that are already beyond a stop.
 
-        ends: velocities of the joints at the end of the step if there were no contacts; with these velocities, a joint reaches
+        ends: velocities of the joints at the end of the step if there were no contacts. With these velocities, a joint reaches
         its stop at most.
         """
         room, step = self._room, float(self._room.scheme[STEP])
@@ -305,7 +307,7 @@ class BulletContacts(BulletEngine):
         reaches = (np.where(speeds > 0.0, room.upper, room.lower) - room.qpos[self._start :]) / step
         hits = (np.sign(reaches) * np.sign(speeds) > 0.0) & (np.abs(speeds) + BEYOND > np.abs(reaches))
         reach, stops = np.where(hits[0], *reaches), hits.any(axis=0)
-        # The target lies slightly beyond the stop, so that Bullet's stop acts from the next step on.
+        # With this target velocity the joint ends slightly beyond its stop, so that Bullet's stop acts from the next step on.
         targets = np.where(stops, reach + np.sign(reach) * BEYOND / step, 0.0)
         return targets, np.where(stops, ARREST, friction)
 
@@ -330,7 +332,7 @@ class BulletContacts(BulletEngine):
             position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
             poses[item.name] = (*position, *orientation)
         names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
-        # All points are read in one call: when one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # Read all points in one call: if one pair of bodies is requested, Bullet reverses the normal forces but not the
         # friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
@@ -339,7 +341,7 @@ class BulletContacts(BulletEngine):
         return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
-        """Disconnect both physics clients."""
+        """Disconnect both physics clients, that of the step and that of mass matrix and bias."""
         self._p.close()
         super().close()
 

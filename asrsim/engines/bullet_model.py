@@ -1,6 +1,6 @@
-"""PyBullet's physics clients, robots and shapes in them, and the mass matrix and bias of a robot by PyBullet's routines.
+"""PyBullet's physics clients, robots and shapes in these clients, and a robot's mass matrix and bias by PyBullet's routines.
 
-Robots and shapes are made from the robot's data, since PyBullet's readers of files may crash. PyBullet prints to the terminal.
+Robots and shapes are made from asrsim's data, since PyBullet's readers of files may crash. PyBullet prints to the terminal.
 """
 
 from __future__ import annotations
@@ -29,12 +29,13 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 SYMMETRIC = 2.0**-6
-"""Largest moment of inertia in Bullet's units: the rounding errors of such a tensor, about 1e-17, pass Bullet's test of
+"""Largest moment of inertia, in Bullet's units. The rounding errors of such a tensor, about 1e-17, pass Bullet's test of
 symmetry."""
 
 
 class Client:
-    """PyBullet's functions on a physics client of their own (28 MB), and PyBullet's constants. No other class imports PyBullet.
+    """PyBullet's functions on a physics client of their own (28 MB of memory), and its constants. Only this class imports
+    PyBullet.
 
     `close` ends the client; the client ends at the latest when this object is garbage-collected.
     """
@@ -81,7 +82,8 @@ def make_body(
     carried = [links[joint.child] for joint in joints]
     numbers = {robot.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
     number_of = shapes or {}
-    # Bullet's routines for mass matrix and bias use the axes of the base's inertia, even if the base is fixed.
+    # Bullet's routines for mass matrix and bias use the axes of the base's inertia even if the base is fixed: leave this
+    # inertia out then.
     root = robot.root if mass else Link(name=robot.root.name, mass=None, inertia=None)
     moments, (turned, *axes) = zip(*map(principal_axes, (root, *carried)), strict=True)
     body: int = p.createMultiBody(
@@ -102,14 +104,14 @@ def make_body(
         flags=p.URDF_MAINTAIN_LINK_ORDER,
         **pose,
     )
-    # Bullet would compute moments of inertia from the shapes.
+    # Replace the moments of inertia that Bullet has computed from the shapes.
     for number, principal in enumerate(moments, -1):
         p.changeDynamics(body, number, localInertiaDiagonal=[(moment + lift) / unit for moment in principal])
     return body
 
 
 def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
-    """Bullet's number of a new shape that consists of these shapes. Each mesh becomes its convex hull.
+    """Bullet's number of a new shape that consists of the given shapes. Each mesh becomes its convex hull.
 
     what: the body, for the error. Raises SimulationError.
     """
@@ -141,13 +143,13 @@ def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
 
 
 def _lift(link: Link) -> float:
-    """Increase of the principal moments of a link that makes its inertia possible, kg m^2."""
+    """Increase of the principal moments of inertia that makes a link's inertia physically possible, kg m^2."""
     a, b, c = sorted(principal_axes(link)[0])
     return c - a - b + 1e-9 * c
 
 
 def _weightless(link: Link) -> Link:
-    """Point mass on which gravity does not act, in the place of a link."""
+    """Point mass of the mass of a link on which gravity does not act, in place of the link."""
     mass, centre = link.weightless
     return replace(link, mass=mass, centre_of_mass=centre, inertia=None, inertial_rpy=ZERO)
 
@@ -157,7 +159,7 @@ class BulletDynamics:
     cannot simulate.
 
     The velocity (v,) of a floating base consists of the linear velocity along the axes of the world and the angular velocity
-    about the axes of its frame. For PyBullet, a floating base is a fixed base with six joints that stand at 0.
+    about the axes of the base. Bullet gets a floating base as a fixed base with six joints that stand at 0.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -167,10 +169,11 @@ class BulletDynamics:
         self._robot = robot if scenario.fixed_base else with_base_joints(robot)
         ours = [joint.name for joint in self._robot.moving_joints]
         self._to_bullet = [ours.index(joint.name) for joint in self._robot.outward_joints]
-        """Index of each of Bullet's joints among ours. Bullet needs parents before children; files may have another order."""
+        """Index among our joints of each of Bullet's joints. Bullet needs parents before children; files may have another
+        order."""
         order = np.argsort(self._to_bullet)
         self._same = self._to_bullet == sorted(self._to_bullet)
-        # `...` is faster than indices that change nothing.
+        # Indexing with `...` is faster than with indices that change nothing.
         self._from_bullet: Any = ... if self._same else order
         self._block: Any = ... if self._same else np.ix_(order, order)
         self._still = [0.0] * len(ours)
@@ -178,24 +181,25 @@ class BulletDynamics:
         self._set_gravity(rotation_matrix(scenario.base_rpy))
         largest = max(max(principal_axes(link)[0]) for link in self._robot.links)
         self._unit = 2.0 ** max(math.ceil(math.log2(largest / SYMMETRIC)), 0) if largest > 0.0 else 1.0
-        """Mass in kg that Bullet takes as 1: Bullet rejects a tensor whose rounding errors exceed 1.1e-15, so that the tensors
-        of heavy links must be small numbers. The results are bitwise the same, since the unit is a power of two."""
+        """Mass in kg that Bullet takes as 1. Bullet rejects a tensor whose rounding errors exceed 1.1e-15, so the tensors of
+        heavy links must become small numbers. The results are bitwise the same, since this unit is a power of two."""
         self._body = make_body(p, self._robot, unit=self._unit)
         self._parts: list[tuple[float, int]] = []
-        """Factors and Bullet's numbers of further bodies, whose mass matrix and bias are added to those of the first body."""
+        """Factors and Bullet's numbers of further bodies, whose mass matrices and biases are added to those of the body
+        `_body`."""
         if ours:
             self._set_up()
         floats = tuple(_weightless(link) for link in self._robot.links)
         self._floats = (
             make_body(p, replace(self._robot, links=floats), unit=self._unit) if any(one.mass for one in floats) else None
         )
-        """Bullet's number of a body that consists of the masses on which gravity does not act."""
+        """Bullet's number of a body made of the masses on which gravity does not act; None if there are none."""
 
     def _set_up(self) -> None:
-        """Make the first call of Bullet's dynamics, which prints warnings about axes that are inexact by rounding.
+        """Call Bullet's dynamics for the first time, since this call prints warnings about axes that are inexact by rounding.
 
-        Bullet rejects physically impossible inertias, as some published robots have. Mass matrix and bias are linear in the
-        inertias: their values for I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
+        Bullet rejects physically impossible inertias, which some published robots have. Mass matrix and bias f are linear in
+        the inertias, so their values for an impossible inertia I follow from two possible ones as 2 f(I + s) - f(I + 2 s).
         """
         with quiet():
             try:
@@ -221,7 +225,7 @@ class BulletDynamics:
                 ) from error
 
     def ordered(self, values: Array) -> list[float]:
-        """Values (v,) in Bullet's order. For values (n,) of the joints alone, the values of the base are 0."""
+        """Values (v,) in Bullet's order. For values (n,) of the joints alone, the base gets 0."""
         plain = [0.0] * (len(self._to_bullet) - len(values)) + values.tolist()
         return plain if self._same else [plain[j] for j in self._to_bullet]
 
@@ -230,7 +234,7 @@ class BulletDynamics:
         self._p.setGravity(*(self._gravity @ rotation).tolist())
 
     def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:
-        """Result of one of Bullet's routines for the robot, corrected by the results for other bodies (see `_set_up`)."""
+        """Sum of the results of one of Bullet's routines for the robot's body and for the further bodies of `_set_up`."""
         total = np.array(routine(self._body, *arguments))
         for part, body in self._parts:
             total += part * np.array(routine(body, *arguments))
@@ -252,7 +256,7 @@ class BulletDynamics:
         if rotation is not None:
             self._set_gravity(rotation)
             x, y, z = velocity[3:6].tolist()
-            # The base turns about three axes in succession: these accelerations keep its angular velocity constant.
+            # Bullet's base turns about three axes one after the other: these accelerations keep its angular velocity constant.
             turning = np.array([0.0, 0.0, 0.0, -y * z, x * z, -x * y, *self._still[BASE:]])
             accelerations = self.ordered(turning)
             velocity = np.concatenate([velocity[:3] @ rotation, velocity[3:]])
@@ -263,7 +267,7 @@ class BulletDynamics:
         return bias if self._floats is None else bias - self.lift(positions, rotation)
 
     def lift(self, positions: Sequence[float], rotation: Array | None) -> Array:
-        """Forces (v,) in N m that carry the masses on which gravity does not act, at rest."""
+        """Forces (v,) in N m that carry the masses on which gravity does not act, for a robot at rest."""
         if self._floats is None:
             return np.zeros(len(self._still))
         if rotation is not None:

@@ -24,7 +24,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS
 """Points and weights of Gauss's quadrature from 0 to 1."""
 NUDGE = 1e-6
-"""Displacement of finite differences, rad (m)."""
+"""Displacement of the finite differences of the equations, rad (m)."""
 
 
 class EquationEngine(RigidEngine):
@@ -36,7 +36,7 @@ class EquationEngine(RigidEngine):
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        """Raises RobotError for a floating base, and for a world with ground or objects."""
+        """Make the engine. Raises RobotError for a floating base, and for a world with ground or objects."""
         if not scenario.fixed_base or not scenario.world.empty:
             message = f"the engine '{scenario.engine}' needs a fixed base and a world without ground and objects"
             raise RobotError(message, file=robot.path, code="engine")
@@ -56,13 +56,13 @@ class EquationEngine(RigidEngine):
         """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,)."""
 
     def begin(self) -> None:
-        """Check what the equations give at the start. Raises RobotError."""
+        """Check that the mass matrix and bias at the start are valid. Raises RobotError."""
         positions = self._state[: len(self.joints)]
         self.checked(positions, np.zeros_like(positions))
 
     def checked(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
-        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they are not
-        what an engine must give.
+        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they do not
+        have these shapes or are not valid numbers.
         """
         matrix, bias, fault = self._equations(positions, velocities)
         if fault:
@@ -79,7 +79,7 @@ class EquationEngine(RigidEngine):
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
     def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
-        """Mass matrix, bias, and the fault that was found in them (None if they are valid)."""
+        """Mass matrix, bias, and the fault that was found in one of them (None if both are valid)."""
         count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False
@@ -102,7 +102,7 @@ class EquationEngine(RigidEngine):
 
 
 class EquationModel(RobotModel):
-    """Model of a robot whose masses and forces are those of an engine's equations. Only its kinematics are those of the robot's
+    """Model of a robot whose masses and forces come from the equations of an engine. Only its kinematics come from the robot's
     file.
     """
 
@@ -113,12 +113,12 @@ class EquationModel(RobotModel):
         self._engine, self._scenario = engine, scenario
 
     def varied(self, robot: Robot) -> EquationModel:
-        """Model of a robot whose links have other inertias, with an engine of its own."""
+        """Model of a robot whose links have other inertias; it gets an engine of its own."""
         engine, _ = ENGINES.get(self._scenario.engine).make(self._scenario, robot)
         return EquationModel(engine, self._scenario, robot)
 
     def chain(self) -> None:
-        """None: the equations do not follow from the chain of the links."""
+        """None: the equations are not derived from the chain of the links."""
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg)."""
@@ -131,7 +131,7 @@ class EquationModel(RobotModel):
         return self.couplings.fold(self._equations(q)[1], q)
 
     def inverse_dynamics(self, positions: ArrayLike, velocities: ArrayLike, accelerations: ArrayLike) -> Array:
-        """Joint torques (..., n) in N m that give the accelerations."""
+        """Joint torques (..., n) in N m that give these accelerations at these positions and velocities."""
         q = self.couplings.expand(positions)
         v = self.couplings.expand_rates(velocities, q)
         a = self.couplings.expand_accelerations(accelerations, v, q)
@@ -139,14 +139,14 @@ class EquationModel(RobotModel):
         return self.couplings.fold((matrices @ a[..., None])[..., 0] + biases, q)
 
     def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
-        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n), N m/rad."""
+        """`gravity_torques` (..., n), and their change per displacement of each joint, (..., n, n), in N m/rad."""
         size = positions.shape[-1]
         torques = self.gravity_torques(positions[..., None, :] + NUDGE * np.vstack([np.zeros(size), np.eye(size)]))
         return torques[..., 0, :], (torques[..., 1:, :] - torques[..., :1, :]) / NUDGE
 
     def energies(self, positions: ArrayLike, velocities: ArrayLike) -> tuple[Array, Array]:
         """Kinetic energy and potential energy in J at positions (n,) and velocities (n,). The potential energy is the work
-        of the bias on a straight way from 0, in parts of at most 1 rad (m).
+        against gravity on a straight path from position 0, integrated in parts of at most 1 rad (m).
         """
         q = self.couplings.expand(positions)
         v = self.couplings.expand_rates(velocities, q)
@@ -157,7 +157,8 @@ class EquationModel(RobotModel):
         return np.asarray(0.5 * v @ matrix @ v), np.asarray(potential)
 
     def _equations(self, q: Array, v: Array | None = None) -> tuple[Array, Array]:
-        """Mass matrices (..., n, n) with rotors and biases (..., n), without couplings. v: velocities (..., n); None: rest."""
+        """Mass matrices (..., n, n) with rotors, and biases (..., n), both without couplings. v: velocities (..., n); None: at
+        rest."""
         n = q.shape[-1]
         rows = zip(q.reshape(-1, n), np.zeros_like(q).reshape(-1, n) if v is None else v.reshape(-1, n), strict=True)
         matrices, biases = (np.array(one) for one in zip(*(self._engine.checked(*row) for row in rows), strict=True))
@@ -165,7 +166,7 @@ class EquationModel(RobotModel):
 
 
 def _is_positive(matrix: Array) -> bool:
-    """Whether a matrix is symmetric, but for rounding errors, and positive definite."""
+    """Whether a matrix is positive definite, and symmetric up to rounding errors."""
     try:
         np.linalg.cholesky(matrix)
     except np.linalg.LinAlgError:

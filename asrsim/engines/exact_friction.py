@@ -8,10 +8,10 @@ These functions run as Python or compiled. In one step each degree of freedom is
      POSITIVE   it slides in positive direction, with the full Coulomb friction; without friction it moves freely
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
-Stops are inelastic. A joint that would pass its stop during the step moves just fast enough to reach the stop; in the next step
-the joint rests at the stop, or is pushed back: `asrsim.engines.rigid` counts the forces from the time of the impact on. The
-impulse of the impact is thus divided over two steps, in proportion to the time that each part acts, so that the positions of
-the other joints remain second-order accurate.
+Stops are inelastic. A joint that would pass its stop during the step gets the velocity with which it just reaches the stop; in
+the next step the joint rests at the stop, or is pushed back: `asrsim.engines.rigid` counts the forces from the time of the
+impact on. The impulse of the impact is thus divided over the two steps, in proportion to the time for which it acts in each, so
+that the positions of the other joints remain second-order accurate.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from typing import Any
 AT_LOWER, NEGATIVE, STICKING, POSITIVE, AT_UPPER = range(-2, 3)
 """States of a degree of freedom; the docstring of the module explains them."""
 SINGLE_AFTER = 12
-"""Number of pivoting rounds after which only one state changes per round, which guarantees that the search ends."""
+"""Number of pivoting rounds after which each round changes only one state, which guarantees that the search ends."""
 SLACK = 1e-12
-"""Tolerance for rounding: relative amount by which an impulse may exceed its bound."""
+"""Tolerance for rounding errors: relative amount by which an impulse may exceed its bound."""
 
 
 def settle(room: Any) -> None:
@@ -48,7 +48,8 @@ def settle(room: Any) -> None:
 def solve_states(room: Any) -> None:
     """Compute `room.change` for the states in `regime`.
 
-    A degree of freedom that does not slide has a prescribed velocity after the step: 0, or the velocity that reaches its stop.
+    A degree of freedom that does not slide has a prescribed velocity after the step: 0, or the velocity with which it reaches
+    its stop.
     `room.push` becomes the impulse (N m s) of friction and stop that causes this velocity.
     """
     matrix, diagonal, change, regime, push = room.matrix, room.diagonal, room.change, room.regime, room.push
@@ -67,7 +68,7 @@ def solve_states(room: Any) -> None:
             elif regime[i] == AT_UPPER:
                 goal = room.fastest[i]
             change[i] = goal - room.velocity[i]
-    # The known changes move to the right-hand side of the other equations.
+    # Move the known changes of velocity to the right-hand side of the equations for the unknown ones.
     for k in range(size):
         if change[k] != 0.0:
             for i in range(size):
@@ -84,8 +85,8 @@ def solve_states(room: Any) -> None:
 
 
 def _fill(room: Any) -> None:
-    """Set `room.square` and `room.push` to the equations of the degrees of freedom that slide, and to the known changes of the
-    others."""
+    """Set `room.square` and `room.push` to the equations for the degrees of freedom that slide; for the other degrees of
+    freedom, to their known changes of velocity."""
     matrix, square, regime, parent = room.matrix, room.square, room.regime, room.parent
     for i in range(room.freedoms):
         slides = abs(regime[i]) == POSITIVE
@@ -109,8 +110,9 @@ def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
         b = parent[a]
         while b >= 0:
             factor = square[a, b] * inverse
-            # A loop over all columns is faster than one along the branch, since its loads do not wait for each other. The
-            # results outside the branch are 0, or NaN after a run that diverged, and have no effect.
+            # A loop over all columns is faster than a loop along the branch from the base to b, since its loads do not wait for
+            # each other. It also changes entries outside the branch. They are 0, or NaN after a run that diverged, and have no
+            # effect.
             for c in range(b + 1):
                 square[b, c] -= factor * square[a, c]
             square[a, b] = factor
@@ -126,7 +128,7 @@ def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
 
 def _swap(room: Any, single: bool) -> bool:
     """Change the state of each degree of freedom whose impulse or velocity contradicts the state. single: whether to change
-    only the first of these states. Returns whether any state changed."""
+    only the first such degree of freedom. Returns whether any state changed."""
     changed = False
     regime = room.regime
     for i in range(room.freedoms):
@@ -143,13 +145,14 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """Next state of degree of freedom `i`, which sticks or rests at a stop and needs `impulse` (N m s) to do so."""
+    """Next state of degree of freedom `i`, which sticks or rests at a stop, for which it needs the impulse `impulse` in N m
+    s."""
     most, slack, state = room.bound[i], SLACK * room.bound[i], room.regime[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER
     if state == AT_UPPER and impulse <= slack - most:
         return AT_UPPER
-    # A joint that already touches its stop can also stick.
+    # A joint that already stands at its stop can also stick there by its friction.
     lowest = room.slowest[i] if state == AT_LOWER else 0.0
     highest = room.fastest[i] if state == AT_UPPER else 0.0
     if most > 0.0 and lowest == 0.0 and highest == 0.0:
@@ -164,7 +167,7 @@ def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
 
 
 def _state_by_velocity(room: Any, i: int, velocity: float) -> int:
-    """Next state of degree of freedom `i`, which slides and would have `velocity` after the step."""
+    """Next state of degree of freedom `i`, which slides and would have the velocity `velocity` after the step."""
     if velocity > room.fastest[i]:
         return AT_UPPER
     if velocity < room.slowest[i]:

@@ -1,4 +1,4 @@
-"""Protection against C libraries that print to the terminal."""
+"""Protection of the terminal from C libraries that print to it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _lock = threading.Lock()
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Discard the output of C libraries. Only one thread can be inside `quiet`; other threads wait."""
+    """Discard what C libraries print. Only one thread at a time can be inside `quiet`; other threads wait."""
     with _lock:
         saved: list[tuple[int, int]] = []
         try:
@@ -26,9 +26,10 @@ def quiet() -> Iterator[None]:
             os.close(nowhere)
             yield
         finally:
-            # Ctrl-C may interrupt any line: the streams must be restored whatever happens.
+            # Ctrl-C may interrupt any of these lines: the streams must be restored whatever happens.
             try:
-                # The C library buffers its output to a pipe or a file: empty the buffer before the streams are restored.
+                # The C library buffers output to a pipe or a file: flush the buffer before the streams are restored, else it
+                # appears later.
                 _flush()
             finally:
                 for number, copy in saved:
@@ -49,6 +50,6 @@ def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
-    # The C library of this process; on Windows, extension modules share `ucrtbase`.
+    # Flush the buffers of this process's C library; on Windows, extension modules share `ucrtbase`.
     with suppress(OSError, AttributeError):
         (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)

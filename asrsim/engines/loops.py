@@ -1,8 +1,8 @@
 """Closed chains of one freedom: the joints of a linkage follow its master with ratios that depend on the positions.
 
-`asrsim.robot.loops` states the equations. Here an entry is a joint on one side of a loop, with its column of the Jacobian; the
-normal equations of a linkage collect the entries of its loops and its couplings. Positions are corrected by Newton's method,
-so that the gaps do not grow.
+`asrsim.robot.loops` states the equations. Here an entry is a joint on one side of a loop, with its column of the Jacobian J;
+the normal equations of a linkage collect the entries of its loops and its couplings. Newton's method corrects the positions in
+every step, so that the gaps between the ends of the two sides do not grow.
 
 The functions run as Python or compiled.
 """
@@ -19,59 +19,59 @@ from asrsim.robot.loops import Linkage
 
 AnyArray = NDArray[Any]
 ROUNDS = 12
-"""Largest number of rounds of Newton's method in a step; two to three suffice."""
+"""Largest number of rounds of Newton's method in a step; two or three are usual."""
 CLOSED = 1e-15
-"""Gap below which the search ends, m."""
+"""Gap in m between the ends of a loop below which Newton's method ends."""
 
 
 class Loops(NamedTuple):
-    """Linkages of a robot, and work space. Entries of a path belong to one joint on one side of its loop."""
+    """Linkages of a robot, and work space for them. An entry belongs to one joint on one side of one loop."""
 
     chains: int
     """Number of linkages."""
     width: int
-    """Largest number of followers of a linkage."""
+    """Largest number of followers that a linkage has."""
     loop: AnyArray
-    """Index of the first loop of each linkage, and the number of all loops, (chains + 1,)."""
+    """Index of the first loop of each linkage, then the number of all loops, (chains + 1,)."""
     first: AnyArray
-    """Index of the first entry of each loop, and the number of all entries, (loops + 1,)."""
+    """Index of the first entry of each loop, then the number of all entries, (loops + 1,)."""
     second: AnyArray
     """Index of the first entry on the second side of each loop, (loops,)."""
     column: AnyArray
-    """Number of each entry's joint among the followers of its linkage, (k,); -1 for the master."""
+    """Index of each entry's joint among the followers of its linkage, (k,); -1 for the master of the linkage."""
     place: AnyArray
-    """Index of each entry's joint in a configuration, (k,)."""
+    """Index of each entry's joint position in a configuration, (k,)."""
     speed: AnyArray
     """Index of each entry's joint in the library's velocities, (k,)."""
     slides: AnyArray
-    """1 for the entry of a prismatic joint, (k,)."""
+    """1 for an entry whose joint is prismatic, else 0, (k,)."""
     origin: AnyArray
-    """Position (k, 3) of each joint's frame behind the previous joint, m."""
+    """Position (k, 3) of each joint's frame in the frame behind the previous joint, m."""
     turn: AnyArray
-    """Rotation (k, 9) of each joint's frame behind the previous joint."""
+    """Rotation (k, 9) of each joint's frame in the frame behind the previous joint."""
     axis: AnyArray
     """Axis (k, 3) of each joint in its frame."""
     ends: AnyArray
-    """Points that coincide, behind the last joints of both sides, (loops, 6), m."""
+    """Points that must coincide, in the frames behind the last joints of both sides, (loops, 6), m."""
     follower: AnyArray
-    """Index of the first follower of each linkage in the next three arrays, and their number, (chains + 1,)."""
+    """Index of the first follower of each linkage in the next three arrays, then the number of all followers, (chains + 1,)."""
     follower_joint: AnyArray
     follower_place: AnyArray
     """Index of each follower in a configuration."""
     follower_speed: AnyArray
     """Index of each follower in the library's velocities."""
     tie: AnyArray
-    """Index of the first coupling of each linkage in the next arrays, and their number, (chains + 1,)."""
+    """Index of the first coupling of each linkage in the next three arrays, then the number of all couplings, (chains + 1,)."""
     tie_columns: AnyArray
     """Follower and leader of each coupling, numbered as in `column`, (t, 2)."""
     tie_places: AnyArray
-    """Follower and leader of each coupling in a configuration, (t, 2)."""
+    """Indices of the positions of follower and leader of each coupling in a configuration, (t, 2)."""
     tie_values: AnyArray
     """Ratio, offset in rad (m) and weight in m^2 of each coupling, (t, 3)."""
     gamma: AnyArray
-    """Acceleration of each of the library's velocities at constant velocity of the masters, (w,)."""
+    """Acceleration of each of the library's velocities while the velocities of the masters are constant, (w,)."""
     arms: AnyArray
-    """Work space: axis, origin, and column of J for each entry, (k, 9)."""
+    """Work space: axis and origin of each entry's joint, and the entry's column of J, (k, 9)."""
     work: AnyArray
     """Work space: rotation, three vectors, gap, drift of the gap, right-hand side, (30,)."""
     normal: AnyArray
@@ -79,7 +79,7 @@ class Loops(NamedTuple):
 
 
 def make_loops(linkages: tuple[Linkage, ...], joint_q: AnyArray, joint_v: AnyArray, speeds: int) -> Loops:
-    """Linkages with the joints' places in a configuration and in the library's velocities."""
+    """Linkages, with the indices of their joints in a configuration and among the library's velocities."""
     owners = [(linkage, path) for linkage in linkages for path in linkage.paths]
     paths = [path for _, path in owners]
     first = _starts([len(path.joints) for path in paths])
@@ -120,12 +120,12 @@ def make_loops(linkages: tuple[Linkage, ...], joint_q: AnyArray, joint_v: AnyArr
 
 
 def _starts(sizes: list[int]) -> AnyArray:
-    """Index of the first member of each group, and the number of all members."""
+    """Index of the first member of each group, then the number of all members."""
     return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
 
 
 def find_columns(loops: Any, loop: int, q: Any) -> None:
-    """Compute the gap (`work[21:24]`) and the columns of J (`arms[:, 6:]`) of a loop at the configuration q."""
+    """Compute the gap (`work[21:24]`) of a loop and its columns of J (`arms[:, 6:]`) at the configuration q."""
     work, arms = loops.work, loops.arms
     for i in range(3):
         work[21 + i] = 0.0
@@ -133,7 +133,7 @@ def find_columns(loops: Any, loop: int, q: Any) -> None:
         begin = loops.second[loop] if side else loops.first[loop]
         end = loops.first[loop + 1] if side else loops.second[loop]
         sign = -1.0 if side else 1.0
-        # Rotation work[0:9] and position work[9:12] of the frame behind the last joint.
+        # The frame behind the last joint has the rotation work[0:9] and the position work[9:12].
         for i in range(12):
             work[i] = 1.0 if i < 9 and i % 4 == 0 else 0.0
         for k in range(begin, end):
@@ -155,7 +155,7 @@ def find_columns(loops: Any, loop: int, q: Any) -> None:
 
 
 def _enter(loops: Any, k: int, position: float) -> None:
-    """Move the frame in `work` behind the joint of entry k, and store the joint's axis and origin in `arms`."""
+    """Move the frame in `work` to behind the joint of entry k, and store the joint's axis and origin in `arms`."""
     work, arms = loops.work, loops.arms
     for i in range(3):
         for c in range(3):
@@ -170,7 +170,7 @@ def _enter(loops: Any, k: int, position: float) -> None:
         for i in range(3):
             work[9 + i] += arms[k, i] * position
         return
-    # Rodrigues' formula about the axis, on each column of the rotation.
+    # Turn each column of the rotation about the joint's axis by Rodrigues' formula.
     s, rest = sin(position), 1.0 - cos(position)
     for c in range(3):
         x, y, z = work[c], work[3 + c], work[6 + c]
@@ -182,7 +182,7 @@ def _enter(loops: Any, k: int, position: float) -> None:
 
 
 def _turn_by(work: Any, turn: Any, k: int) -> None:
-    """Multiply the rotation in `work` by a fixed rotation."""
+    """Multiply the rotation in `work` by the fixed rotation of joint frame k."""
     for i in range(3):
         x, y, z = work[3 * i], work[3 * i + 1], work[3 * i + 2]
         for c in range(3):
@@ -190,7 +190,7 @@ def _turn_by(work: Any, turn: Any, k: int) -> None:
 
 
 def find_drift(loops: Any, loop: int, v: Any) -> None:
-    """Compute dJ/dt v of a loop (`work[24:27]`) at the velocities v, after `find_columns`.
+    """Compute the vector dJ/dt v of a loop (`work[24:27]`) at the velocities v. Call `find_columns` before.
 
     dJ/dt v is the sum of v_i v_k (axis x column) over all joints i and k on the same side: the axis of the earlier of the two
     joints, if it is a hinge, and the column of the later one.
@@ -201,8 +201,8 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
     for side in range(2):
         begin = loops.second[loop] if side else loops.first[loop]
         end = loops.first[loop + 1] if side else loops.second[loop]
-        # The second derivative of a point of a chain: column k changes by axis_i x column_k for a hinge i at or before k;
-        # a change of column k by a joint i behind k is axis_k x column_i, so both orders are the same product.
+        # Column k changes by axis_i x column_k for a hinge i at or before k. For a joint i behind k, the change is axis_k x
+        # column_i, so both orders give the same product.
         for k in range(begin, end):
             for i in range(begin, end):
                 near, far = (i, k) if i <= k else (k, i)
@@ -215,7 +215,7 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
 
 
 def clear(loops: Any, chain: int) -> None:
-    """Set the normal equations of a linkage to 0."""
+    """Set the normal equations of a linkage to 0, before its loops and couplings are added."""
     count = loops.follower[chain + 1] - loops.follower[chain]
     for a in range(count):
         for b in range(count):
@@ -256,15 +256,16 @@ def collect_tie(loops: Any, tie: int, residual: float) -> None:
 
 
 def solve_followers(loops: Any, chain: int) -> None:
-    """Solve the normal equations of a linkage for its followers; the solution becomes the last column of `normal`."""
+    """Solve the normal equations of a linkage for its followers. The solution goes to the last column of `normal`."""
     solve_normal(loops.normal, loops.follower[chain + 1] - loops.follower[chain], loops.width, 1)
 
 
 def solve_normal(normal: Any, count: int, width: int, sides: int) -> None:
-    """Solve symmetric positive definite equations, whose matrix (count, count) begins the table `normal`, by Cholesky's
-    decomposition, which overwrites the matrix. A singular system gives values that are not finite.
+    """Solve symmetric positive definite equations by Cholesky's decomposition. Their matrix (count, count) is at the beginning
+    of the table `normal`, and is overwritten. A singular system gives values that are not finite.
 
-    width: first column with a right-hand side; sides: number of right-hand sides, after which come their solutions.
+    width: first column with a right-hand side; sides: number of right-hand sides. Their solutions are in the columns behind
+    them.
     """
     for k in range(count):
         for i in range(k + 1):
@@ -289,7 +290,7 @@ def solve_normal(normal: Any, count: int, width: int, sides: int) -> None:
 
 
 def find_ratios(loops: Any, ratio: Any, factor: Any, q: Any) -> None:
-    """Compute the ratios of the followers of all linkages at the configuration q."""
+    """Compute the ratios of the followers to their masters, for all linkages at the configuration q."""
     for chain in range(loops.chains):
         clear(loops, chain)
         for loop in range(loops.loop[chain], loops.loop[chain + 1]):
@@ -333,8 +334,8 @@ def find_gamma(loops: Any, q: Any, v: Any) -> None:
 
 
 def close_loops(loops: Any, q: Any) -> None:
-    """Move the followers of all linkages until the gaps are closed. q: configuration, whose followers are near their
-    positions."""
+    """Move the followers of all linkages until the gaps of the loops are closed. q: configuration in which the followers are
+    already near their closed positions."""
     for chain in range(loops.chains):
         before = 1e300
         for _ in range(ROUNDS):

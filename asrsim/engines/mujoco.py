@@ -1,7 +1,7 @@
 """MuJoCo behind the engine interface.
 
 Without contacts, asrsim computes the step from MuJoCo's rigid-body routines (`asrsim.engines.mujoco_step`), with exact friction
-and stops of the joints. With contacts, MuJoCo's solver computes contacts, friction and stops.
+and stops of the joints. With contacts, MuJoCo's solver computes contacts, friction and stops together.
 """
 
 from __future__ import annotations
@@ -48,21 +48,22 @@ from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
-"""Time constants of contacts, in steps, chosen by measurements on a sliding box (docs/validation.md)."""
+"""Time constants of contacts along the normal and of their friction, in steps: chosen by measurements on a sliding box
+(docs/validation.md)."""
 LIGHTER = 1e-2
-"""Factor on the inverse inertia that regularises friction. With this factor, measured errors of velocities were below 5e-8
-rad/s."""
+"""Factor on the inverse inertia by which MuJoCo regularises friction. With it, errors of velocities below 5e-8 rad/s were
+measured."""
 REACH = 2.0
-"""A stop counts as near if the joint, moving 1 rad/s faster than now, could reach the stop within this number of steps."""
+"""A stop is near if a joint that moves 1 rad/s faster than now can reach it within this number of steps."""
 TOLERANCE = 1e-12
-"""MuJoCo's solver ends when the scaled improvement of its cost falls below this value."""
+"""MuJoCo's solver ends when a round improves its scaled cost by less than this."""
 SEARCH = 1000
-"""Largest number of iterations of a line search in MuJoCo's solver. With the default, 50, 1 % of the steps of a sliding box
+"""Largest number of iterations of a line search in MuJoCo's solver. With 50, its default, 1 % of the steps of a sliding box
 ended far from the solution."""
 
 
 class MujocoEngine(RigidEngine):
-    """A robot in a world without contacts."""
+    """A robot in a world without contacts; MuJoCo gives mass matrix and bias."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
@@ -80,7 +81,7 @@ class MujocoEngine(RigidEngine):
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
-        """MuJoCo body of each link and movable object, and position (3,) in m and rotation (3, 3) of its frame in the body."""
+        """MuJoCo body of each link and movable object, and position (3,) in m and rotation (3, 3) of its frame in that body."""
         for item in scenario.world.objects if not scenario.world.empty else ():
             if item.mass:
                 self._places[item.name] = self._m.body(f"object.{item.name}").id, np.zeros(3), np.eye(3)
@@ -93,9 +94,9 @@ class MujocoEngine(RigidEngine):
         ]
         """MuJoCo body, centre (m) and weight (N) of each mass on which gravity does not act."""
         self._hand = mujoco_step.empty_hand(len(self._places))
-        """Wrenches that are held; all records share them."""
+        """Wrenches that are held on bodies; all records share this object."""
         self._record, self._lent = self._make_record(self._d), False
-        """Work space of the engine's own step, and whether compiled kernels use it too."""
+        """Work space of the engine's own step, and whether a compiled kernel uses this work space too."""
         make = partial(compiled_step, self.version, unused(self._record.room))
         step = Calculation(bound(mujoco_step.step), self._record, make, own=WORK_SPACE)
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -123,7 +124,7 @@ class MujocoEngine(RigidEngine):
         return max(int(self._mujoco.mj_name2id(self._m, self._mujoco.mjtObj.mjOBJ_BODY, link_body(link))), 0)
 
     def _place(self, place: LinkPlacement) -> tuple[int, Array, Array]:
-        """MuJoCo body of a link, and position (3,) in m and rotation (3, 3) of the link in the body."""
+        """MuJoCo body of a link, and position (3,) in m and rotation (3, 3) of the link in that body."""
         body, pose = self._body(place.body), place.pose
         if body:
             return body, pose.position, pose.rotation
@@ -146,12 +147,12 @@ class MujocoEngine(RigidEngine):
 
     def _make_native_record(self, stride: int) -> NativeRecord:
         if stride == 1 and not self._lent:
-            # The engine itself does not step while a kernel steps.
+            # A kernel may use the engine's own record: the engine itself does not step while the kernel steps.
             self._lent = True
             return NativeRecord(self._calculation.packed.ctypes.data, self._calculation)
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
-        # All records share the numbers that `start` and `vary` set; all runs of an engine have the same step.
+        # All records share the numbers that `start` and `vary` set, since all runs of an engine have the same step.
         scheme = self._room.scheme
         if stride > 1:
             scheme = scheme.copy()
@@ -163,7 +164,7 @@ class MujocoEngine(RigidEngine):
     # -- stepping ---------------------------------------------------------------------------------------------------
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance by one step. The step is compiled after `native` has been read; the results are bitwise identical."""
+        """Advance by one step. It runs compiled once `native` has been read; the results are bitwise the same."""
         self._calculation(self._state, exchange, wrenches, lengths)
 
     @property
@@ -205,10 +206,10 @@ class MujocoEngine(RigidEngine):
 
 
 class MujocoContacts(MujocoEngine):
-    """A robot in a world with contacts: MuJoCo's step."""
+    """A robot in a world with contacts. MuJoCo computes the step."""
 
     native = None
-    # The constraints depend on the inertials of the first robot.
+    # No other inertials can be set: the constraints depend on those of the first robot.
     vary = RigidEngine.vary
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -219,7 +220,7 @@ class MujocoContacts(MujocoEngine):
         self._m.opt.tolerance, self._m.opt.ls_iterations = TOLERANCE, SEARCH
 
     def begin(self) -> None:
-        """Set up the constraints. Their time constants are multiples of the step."""
+        """Set up the constraints, whose time constants are multiples of the step."""
         m, room, step = self._m, self._room, float(self._room.scheme[STEP])
         self._mujoco.mj_resetData(m, self._d)
         m.opt.timestep = step
@@ -235,8 +236,8 @@ class MujocoContacts(MujocoEngine):
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance by one step as without contacts, but MuJoCo computes friction, stops and contacts, with the means over the
-        pieces of the kick. The state has the accelerations from which the solver starts, instead of `regime`."""
+        """Advance by one step as without contacts, but MuJoCo computes friction, stops and contacts, from the means over the
+        pieces of the kick. In place of `regime`, the state has the accelerations from which the solver starts."""
         mj, m, d, room, state = self._mujoco, self._m, self._d, self._room, self._state
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
         step, first, size = float(room.scheme[STEP]), len(d.qpos), len(d.qvel)
@@ -244,12 +245,12 @@ class MujocoContacts(MujocoEngine):
         lagging = state[first : first + size].copy()
         damping = loads[:, DAMPING]
         m.dof_armature[room.joint_v] = room.armature + room.scheme[IMPLICITNESS] * kick * damping
-        # Friction may vary from step to step. MuJoCo makes a constraint of friction only where the friction is not 0.
+        # Friction may vary from step to step. MuJoCo makes a friction constraint only for joints whose friction is not 0 now.
         m.dof_frictionloss[room.joint_v] = loads[:, FRICTION]
         d.qpos[:] = state[:first]
         d.qvel[:] = lagging
         d.qacc_warmstart[:] = state[first + 2 * size :]
-        # Only stops that may be reached in this step become constraints.
+        # Only the stops that a joint may reach in this step become constraints.
         m.jnt_margin[self._limited] = REACH * step * (1.0 + np.abs(d.qvel[m.jnt_dofadr[self._limited]]))
         mj.mj_fwdPosition(m, d)
         d.qvel[:] = room.scheme[NOW] * lagging + room.scheme[BEFORE] * state[first + size : first + 2 * size]
@@ -279,15 +280,15 @@ class MujocoContacts(MujocoEngine):
         exchange[-1, :, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
-        """Make stops inelastic: at the end of the step no joint has passed its stop (see exact_friction). A joint that is
-        beyond its stop already stays at rest there."""
+        """Make stops inelastic: no joint has passed its stop at the end of the step (see `asrsim.engines.exact_friction`). A
+        joint that is already beyond its stop rests where it is."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def _couple(self, kick: float, step: float) -> None:
-        """Make couplings of joints exact: at the end of the step, each follower is where its master puts it."""
+        """Make couplings of joints exact: at the end of the step, each follower stands where its master's position puts it."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
         d.efc_aref[rows] = -(d.efc_pos[rows] / step + d.efc_vel[rows]) / kick
@@ -295,7 +296,7 @@ class MujocoContacts(MujocoEngine):
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces."""
         d, world, poses = self._d, self._scenario.world, dict(super().scene().bodies)
-        # The poses that MuJoCo stores lag by one step.
+        # The poses that MuJoCo stores are those of the last step: compute the present ones.
         d.qpos[:] = self._state[: len(d.qpos)]
         self._mujoco.mj_kinematics(self._m, d)
         for item in world.objects:
@@ -309,7 +310,7 @@ class MujocoContacts(MujocoEngine):
         for index, contact in enumerate(self._d.contact):
             first, second = (self._owner[geom] for geom in contact.geom)
             self._mujoco.mj_contactForce(self._m, self._d, index, values)
-            # MuJoCo's frame points from the first shape to the second; the force is on the second.
+            # MuJoCo's contact frame points from the first shape to the second; the force in it acts on the second shape.
             yield second, first, values[:3] @ contact.frame.reshape(3, 3)
 
 

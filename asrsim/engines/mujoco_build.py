@@ -1,4 +1,4 @@
-"""A MuJoCo model of a scenario's robot and world, made from the robot's data."""
+"""A MuJoCo model of a scenario's robot and world, made from asrsim's data about them."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.scenario.data import Scenario, World
 
 ROBOT_BIT, WORLD_BIT = 1, 2
-"""Collision classes: the robot collides with the world; objects of the world also collide with each other."""
+"""Collision classes. The robot collides only with the world; objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
 """Ratio of a contact's stiffness against slip to its stiffness against penetration: MuJoCo's `impratio`."""
 HIDDEN_GROUP = 4
-"""Group of sites, which viewers of MuJoCo hide."""
+"""Group of the sites in the model; MuJoCo's viewers hide this group."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Impedance of constraints: the hardest that MuJoCo accepts."""
+"""Impedance of constraints: the hardest one that MuJoCo accepts."""
 
 
 def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
-    """The compiled model (MjModel) of a robot without fixed joints; raises RobotError with MuJoCo's reason.
+    """The compiled model (MjModel) of a robot without fixed joints. Raises RobotError with MuJoCo's reason.
 
-    Every body gets 1 kg and 1 kg m^2, since MuJoCo rejects massless bodies here; the engine sets the true values later.
+    Every body gets 1 kg and 1 kg m^2 for now, since MuJoCo rejects massless bodies here; the engine sets the true values later.
     """
     mujoco, contacts = load(), not scenario.world.empty
     flags = mujoco.mjtDisableBit
@@ -46,7 +46,8 @@ def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
         for mesh in spec.meshes:
             mesh.uservert = convex_hull(Path(mesh.file), mesh.scale).vertices.ravel()
             mesh.file, mesh.scale = "", [1.0, 1.0, 1.0]
-        # Merged: a fixed base without contacts needs no body, which saves a tenth of the time of a step with one joint.
+        # MuJoCo merges a fixed base into the world: without contacts it needs no body. This saves a tenth of a step with one
+        # joint.
         spec.compiler.fusestatic = not contacts
         return spec.compile()
     except ValueError as error:
@@ -55,7 +56,7 @@ def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
 
 
 def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
-    """Editable model (MjSpec) of a robot without fixed joints in its world; joints without limits, bodies of 1 kg.
+    """Editable model (MjSpec) of a robot without fixed joints in its world. Its joints have no limits, its bodies 1 kg each.
 
     origin: origin of the base's frame in the frame of the root link, m. shapes: whether the links have their collision
     shapes.
@@ -74,7 +75,7 @@ def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) 
 
 
 def link_body(name: str) -> str:
-    """Name of a link's MuJoCo body; bodies of the world's objects have another prefix."""
+    """Name of the MuJoCo body of a link; the names of bodies of the world's objects have another prefix."""
     return f"link.{name}"
 
 
@@ -126,8 +127,8 @@ def _furnish(spec: Any, world: World) -> None:
 
 
 def couple(spec: Any, robot: Robot, impedance: Sequence[float], lag: float | None = None) -> None:
-    """Couple joints, and close loops, by equality constraints with the given impedance. lag: time constant of the
-    constraints in s, for MuJoCo's own step; None: MuJoCo's default."""
+    """Couple joints, and close loops, by equality constraints with the given impedance. lag: time constant of these constraints
+    in s, for a model that MuJoCo steps itself; None: MuJoCo's default."""
     kinds, objects, equalities = load().mjtEq, load().mjtObj, []
     for joint in robot.moving_joints:
         if joint.mimic:
@@ -149,14 +150,14 @@ def couple(spec: Any, robot: Robot, impedance: Sequence[float], lag: float | Non
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
-    """Set the friction of contacts to the product of both coefficients, as in PyBullet. MuJoCo's default is the larger
-    coefficient."""
+    """Set the friction coefficient of each contact to the product of those of both bodies, as in PyBullet. MuJoCo's default is
+    the larger of the two."""
     frictions = {f"object.{item.name}": item.friction for item in scenario.world.solids}
     base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
-    # A fixed base that stands on the ground must not have contact forces.
+    # A fixed base may stand on the ground: the two must not have contact forces.
     pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object.{GROUND}")]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)

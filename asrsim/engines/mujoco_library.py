@@ -17,16 +17,17 @@ from asrsim.errors import Problem, SimulationError
 LIBRARY = "libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"
 """File names of MuJoCo's C library in the folder of the Python package: Linux, macOS, Windows."""
 PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
-"""Packages that install files into the folder `mujoco`: pip's name of each package, by name of its metadata folder."""
+"""Name on PyPI of each package that installs files into the folder `mujoco`, by the name of the package's metadata folder."""
 
 
 def load() -> Any:
-    """The module `mujoco`, which ignores its warnings from now on; raises SimulationError if it cannot be imported."""
+    """The module `mujoco`, whose warnings are ignored from now on. Raises SimulationError if it cannot be imported."""
     try:
         import mujoco
     except ImportError as error:
         raise SimulationError("; ".join((f"MuJoCo cannot be imported: {error}", *map(str, overlaps())))) from error
-    # MuJoCo would write its warnings to a file in the working folder; asrsim checks the motion itself.
+    # MuJoCo would write its warnings to a file in the working folder. They are not needed, since asrsim checks the motion
+    # itself.
     mujoco.set_mju_user_warning(_ignore)
     return mujoco
 
@@ -36,14 +37,14 @@ def _ignore(message: str) -> None:
 
 
 def library_version() -> str:
-    """Version that the loaded library reports; the version in the metadata of packages may differ."""
+    """Version that the loaded library reports. The version in the metadata of its package may differ."""
     return str(load().mj_versionString())
 
 
 @cache
 def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
-    """A warning if packages of different MuJoCo versions are installed in one folder, where the packages overwrite each other's
-    files.
+    """A warning if packages of different MuJoCo versions are installed in the same folder, so that one has overwritten files of
+    the other.
 
     folder: the site-packages folder to check; None: the folder that `mujoco` is imported from.
     """
@@ -60,7 +61,7 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
     if len(set(found.values())) < 2:
         return ()
     message = f"{' and '.join(' '.join(one) for one in found.items())} overwrite each other's files in {folder / 'mujoco'}"
-    # Before version 4, `mujoco` contained the library; since version 4, `mujoco` depends on `mujoco-core` of the same version.
+    # Before version 4, `mujoco` itself contained the library; since then, it depends on `mujoco-core` of the same version.
     alone = "--no-deps " if found["mujoco"].startswith(("2.", "3.")) else ""
     hint = (
         "run `pip uninstall -y mujoco mujoco-core`, then `pip install mujoco-core`, or, if another package needs this version "
@@ -73,9 +74,9 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
 def _library() -> Any:
     """The C library that the Python bindings use, opened by ctypes."""
     files = [path for pattern in LIBRARY for path in sorted(Path(load().__file__).parent.glob(pattern))]
-    # Another version of the package may have left a second library behind.
+    # Another version of the package may have left a second library in the folder: take that of the loaded version.
     path = next((path for path in files if library_version() in path.name), files[0])
-    # PyDLL keeps the interpreter's lock: releasing it takes longer than the routines do.
+    # PyDLL keeps the interpreter's lock: releasing it would take longer than the routines run.
     library = ctypes.PyDLL(str(path))
     kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int}
     for name, arguments in mujoco_step.ROUTINES.items():
@@ -85,8 +86,8 @@ def _library() -> Any:
 
 
 def exact_xml(spec: Any) -> str:
-    """MJCF of an MjSpec with 17 digits. With MuJoCo's 6 digits, moments of inertia may break A + B >= C after rounding."""
-    # Versions of MuJoCo without this routine write 6 digits.
+    """MJCF text of an MjSpec, with 17 digits. With MuJoCo's 6 digits, rounded moments of inertia may violate A + B >= C."""
+    # Versions of MuJoCo that lack this routine write 6 digits.
     set_digits = getattr(_library(), "_mjPRIVATE__set_xml_precision", lambda digits: None)
     set_digits(17)
     try:
@@ -96,14 +97,15 @@ def exact_xml(spec: Any) -> str:
 
 
 def stop_the_clock() -> None:
-    """Switch off the timing of MuJoCo's routines, which takes a tenth of the routines' computing time. The bindings would
-    switch it on again."""
+    """Switch off MuJoCo's timing of its own routines, which takes a tenth of their computing time. MuJoCo's Python bindings
+    would switch it on again."""
     ctypes.c_void_p.in_dll(_library(), "mjcb_time").value = None
 
 
 @cache
 def bound(function: Any) -> Any:
-    """The given function of `asrsim.engines.mujoco_step` with its routines bound to the library through ctypes."""
+    """The given function of `asrsim.engines.mujoco_step`, with the routines that it calls bound to the library through
+    ctypes."""
     return rebind(function, names={name: getattr(_library(), name) for name in mujoco_step.ROUTINES})
 
 

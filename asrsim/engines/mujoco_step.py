@@ -1,7 +1,7 @@
 """One step of a robot without contacts, by MuJoCo's rigid-body routines. The functions run as Python or compiled.
 
-`asrsim.engines.mujoco_library` binds the routines named below: to the library through ctypes for Python, to the library's
-symbols for compiled code. Threads can share the model, which is only read; each thread needs a separate record.
+`asrsim.engines.mujoco_library` binds the routines named below: through ctypes to the loaded library for Python, to the symbols
+of the library for compiled code. Threads can share the model, which is only read; each thread needs a record of its own.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ ROUTINES = {
     "mj_rne": "mmim",
     "mj_applyFT": "mmmmmim",
 }
-"""Routines of the library with the types of their arguments: m memory address, i int."""
+"""Routines of the library, with the types of their arguments: `m` a memory address, `i` an int."""
 
 
 class Hand(NamedTuple):
     """Wrenches that act on bodies in all further steps; see `asrsim.engines.base.Engine.hold`."""
 
     number: AnyArray
-    """Number (1,) of wrenches; the other arrays contain these wrenches in their first rows."""
+    """Number (1,) of the wrenches; they are in the first rows of the other arrays."""
     body: AnyArray
     """MuJoCo body of each wrench, (b,)."""
     point: AnyArray
@@ -49,7 +49,7 @@ class Hand(NamedTuple):
 
 
 def empty_hand(bodies: int) -> Hand:
-    """A `Hand` without wrenches, with room for one wrench on each of this number of bodies."""
+    """A `Hand` without wrenches, which has room for one wrench on each of `bodies` bodies."""
     return Hand(np.zeros(1, dtype=np.int64), np.zeros(bodies, dtype=np.int64), np.zeros((bodies, 3)), np.zeros((bodies, 6)))
 
 
@@ -58,23 +58,23 @@ class MujocoRecord(NamedTuple):
 
     room: Room
     model: int
-    """Memory addresses of the model and, in the next fields, of the data and of arrays of this record."""
+    """Memory address of the model; the next fields are the addresses of the data and of arrays of this record."""
     data: int
     at_matrix: int
     at_bias: int
     at_force: int
     at_vectors: int
     vectors: AnyArray
-    """Work space (3, 3); the rows are a force, a torque and a point."""
+    """Work space (3, 3); its rows are a force, a torque and the point at which they act."""
     xpos: AnyArray
     xmat: AnyArray
     wrenches: int
-    """Number of wrenches."""
+    """Number of wrenches of the scenario."""
     wrench_body: AnyArray
     wrench_point: AnyArray
     """Point (m) at which each wrench acts, in the frame of the wrench's body; shape (w, 3)."""
     wrench_turn: AnyArray
-    """Rotation of the frame of each wrench's link, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
+    """Rotation of the link of each wrench, in the frame of the link's MuJoCo body; shape (w, 3, 3)."""
     wrench_local: AnyArray
     """Flags (w,): 1 for wrenches that are given in the frame of their link."""
     floats: int
@@ -82,7 +82,7 @@ class MujocoRecord(NamedTuple):
     float_body: AnyArray
     """MuJoCo body of each of these masses, (f,)."""
     float_centre: AnyArray
-    """Centre (m) of each of these masses, in the frame of its body, (f, 3)."""
+    """Centre (m) of each of these masses, in the frame of its MuJoCo body, (f, 3)."""
     float_force: AnyArray
     """Weight (N) that gravity would exert on each of these masses, world frame, (f, 3)."""
     hand: Hand
@@ -97,8 +97,9 @@ def make_record(
     floats: Sequence[tuple[int, Array, Array]],
     hand: Hand,
 ) -> MujocoRecord:
-    """Work space of a step. places: for each link, its MuJoCo body, and position (3,) in m and rotation (3, 3) of the link in
-    the body. floats: MuJoCo body, centre (3,) in m and weight (3,) in N of each mass on which gravity does not act."""
+    """Work space of a step. places: for each link, its MuJoCo body, and the position (3,) in m and rotation (3, 3) of the link
+    in that body. floats: for each mass on which gravity does not act, its MuJoCo body, centre (3,) in m and weight (3,) in
+    N."""
     pushed = [places[wrench.link] for wrench in wrenches]
     points = [offset + turn @ np.array(w.point) for w, (_, offset, turn) in zip(wrenches, pushed, strict=True)]
     vectors = np.zeros((3, 3))
@@ -155,7 +156,7 @@ def step(record: MujocoRecord, state: Any, exchange: Any, wrenches: Any, lengths
 
 
 def carry(record: MujocoRecord) -> None:
-    """Take the weight of the masses on which gravity does not act out of the bias."""
+    """Remove from the bias the weight of the masses on which gravity does not act."""
     vectors = record.vectors
     for index in range(record.floats):
         for row in range(3):
@@ -164,9 +165,9 @@ def carry(record: MujocoRecord) -> None:
 
 
 def apply(record: MujocoRecord, body: int, points: Any, index: int, target: int) -> None:
-    """Add the generalised forces of the force and the torque in `vectors` to the array at an address.
+    """Add the generalised forces of the force and the torque in `vectors` to the array at the address `target`.
 
-    points: points in the frame of the body (m), of which the one with this index is used.
+    points: points (m) in the frame of the body; the force acts at the one with the index `index`.
     """
     vectors, xmat = record.vectors, record.xmat
     for row in range(3):
@@ -179,8 +180,8 @@ def apply(record: MujocoRecord, body: int, points: Any, index: int, target: int)
 
 
 def push(record: MujocoRecord, wrenches: Any, piece: int) -> None:
-    """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, and of those that are held, at
-    the positions in MuJoCo's data."""
+    """Compute the generalised forces of the wrenches (p, w, 6) on links in a piece of the kick, and of the wrenches that are
+    held, at the positions in MuJoCo's data."""
     force, vectors, xmat, hand = record.room.full_force, record.vectors, record.xmat, record.hand
     for i in range(record.room.speeds):
         force[i] = 0.0

@@ -1,13 +1,14 @@
 """Steps of a robot without contacts, by the rule of `asrsim.engines.base`. A library gives the mass matrix and the bias.
 
 `aim` sets the state at which the library evaluates mass matrix and bias, `kick` computes a piece of the kick, `finish` the
-drift; they run as Python or compiled. A state is a vector: configuration (base position in m, base orientation w x y z,
-joints), velocities (base in m/s, base in rad/s about the axes of the base link, joints), velocities before the last kick, and
-the states `regime` of `asrsim.engines.exact_friction`.
+drift; these functions run as Python or compiled. A state is a vector: configuration (base position in m, base orientation
+w x y z, joint positions), velocities (base in m/s, base in rad/s about the axes of the base link, joints), the same velocities
+before the last kick, and the states of friction and stops, `regime` of `asrsim.engines.exact_friction`.
 
 The library knows no couplings. A joint that follows another one (`asrsim.robot.couplings`) has no velocity in the state: its
-velocity is that of its master times the ratio. The equations of motion of the joints that follow none are N^T M N dz and
-N^T bias with dq = N dz: exact for every step, and solved like those of a robot without couplings.
+velocity is that of its master times the ratio. Let dq = N dz, where dz are the velocities of the joints that follow none. The
+equations of motion of these joints have the mass matrix N^T M N and the bias N^T bias: exact for every step, and solved like
+those of a robot without couplings.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
-"""Entries of `Room.scheme`: step in s; weights of the present and the previous velocity in the velocity at the whole step;
-implicitness."""
+"""Entries of `Room.scheme`: step in s; weights of the present and the previous velocity, whose sum is the velocity at the whole
+step; implicitness."""
 SLOW = 1e-9
-"""Speed in rad/s or m/s below which a joint at its stop rests there, as a margin for rounding."""
+"""Speed in rad/s or m/s below which a joint at its stop counts as resting there: a margin for rounding errors."""
 INLINE = (
     "asrsim.engines.rigid",
     "asrsim.engines.loops",
@@ -48,29 +49,30 @@ INLINE = (
     "asrsim.engines.mujoco_step",
     "asrsim.engines.bullet",
 )
-"""Modules whose functions are compiled into their callers."""
+"""Modules whose functions are compiled into the functions that call them."""
 OF_LOOPS = "find_ratios", "find_gamma", "close_loops"
-"""Functions that only robots with closed chains need. They would take a third of the time of the first compilation."""
+"""Functions that only robots with closed chains need. They are left out for other robots, since they would take a third of the
+time of the first compilation."""
 OF_COUPLINGS = "reduce", "reduce_force", "_place_followers"
 """Functions that only robots with coupled joints need."""
 
 
 class Room(NamedTuple):
     """Work space of a step. In compiled code, arrays with one axis are pointers: their indices must not be negative, and their
-    lengths are the numbers of the first four fields."""
+    lengths are among the first four fields."""
 
     joints: int
     """Number n of joints."""
     freedoms: int
     """Number v of degrees of freedom."""
     speeds: int
-    """Number w of velocities of the library, which knows no couplings of joints."""
+    """Number w of velocities that the library has; it knows no couplings of joints."""
     coordinates: int
     """Number q of values in a configuration."""
     scheme: AnyArray
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
-    """1 if the base floats."""
+    """1 if the base floats, else 0."""
     reduced: int
     """1 if joints are coupled or have rotors: the equations of the library must then be reduced by `reduce`."""
     qpos: AnyArray
@@ -78,16 +80,16 @@ class Room(NamedTuple):
     qvel: AnyArray
     """Velocity (w,) at which the library evaluates mass matrix and bias."""
     full_matrix: AnyArray
-    """Mass matrix (w, w) that the library computes, kg m^2. Without reduction this array and the next two are `matrix`, `bias`
-    and `force` themselves."""
+    """Mass matrix (w, w) that the library computes, kg m^2. If `reduced` is 0, this array, `full_bias` and `full_force` are the
+    arrays `matrix`, `bias` and `force` themselves."""
     full_bias: AnyArray
-    """Torques (w,) in N m that the library computes; they balance gravity, Coriolis and centrifugal forces."""
+    """Torques (w,) in N m that the library computes: they balance gravity, Coriolis and centrifugal forces."""
     full_force: AnyArray
     """Generalised forces (w,) of the wrenches in a piece of the kick, N m."""
     owner: AnyArray
     """Degree of freedom of each of the library's velocities, (w,)."""
     factor: AnyArray
-    """Each of the library's velocities per velocity of its degree of freedom, (w,)."""
+    """Ratio of each of the library's velocities to the velocity of its degree of freedom, (w,)."""
     matrix: AnyArray
     """Mass matrix (v, v), kg m^2."""
     bias: AnyArray
@@ -95,20 +97,20 @@ class Room(NamedTuple):
     force: AnyArray
     """Generalised forces (v,) of the wrenches in a piece of the kick, N m."""
     diagonal: AnyArray
-    """Diagonal (v,) of the mass matrix with implicit damping, kg m^2."""
+    """Diagonal (v,) of the mass matrix, including the implicit damping, kg m^2."""
     parent: AnyArray
-    """Parent (v,) of each degree of freedom: the index of the previous degree of freedom on the path from the base; -1: none.
+    """Index (v,) of the parent of each degree of freedom: the previous degree of freedom on the path from the base; -1: none.
     The mass matrix is 0 for two degrees of freedom of which neither carries the other."""
     rebound: AnyArray
-    """Share (v,) of the velocity after the kick that a degree of freedom keeps; see `aim`."""
+    """Factor (v,) on the velocity after the kick of a joint that leaves its stop; see `aim`."""
     impacts: AnyArray
-    """Number (1,) of degrees of freedom that have struck their stops in the last drift."""
+    """Number of degrees of freedom that have struck their stops in the last drift, (1,)."""
     velocity: AnyArray
-    """Velocity (v,) before a piece of the kick; `asrsim.engines.exact_friction.settle` explains this field and the eight
-    fields after `middle`."""
+    """Velocity (v,) before a piece of the kick. `asrsim.engines.exact_friction.settle` explains this field, and the eight
+    fields that follow `middle`."""
     middle: AnyArray
-    """Velocity (v,) in the middle of the kick, at the time of the position before the drift. The impact of a joint that strikes
-    its stop in the drift is later."""
+    """Velocity (v,) in the middle of the kick, which is the time of the positions before the drift. It does not contain the
+    impact of a joint that strikes its stop in the drift, since the impact is later."""
     impulse: AnyArray
     bound: AnyArray
     slowest: AnyArray
@@ -118,21 +120,21 @@ class Room(NamedTuple):
     regime: AnyArray
     square: AnyArray
     joint_q: AnyArray
-    """Index of each joint in a configuration, (n,)."""
+    """Index of each joint's position in a configuration, (n,)."""
     joint_v: AnyArray
-    """Index of each joint in the library's velocities, (n,)."""
+    """Index of each joint's velocity among the library's velocities, (n,)."""
     joint_z: AnyArray
     """Degree of freedom of each joint, (n,)."""
     master: AnyArray
-    """Joint that each joint follows, (n,); its own index for a joint that follows none."""
+    """Index of the joint that each joint follows, (n,); its own index for a joint that follows none."""
     ratio: AnyArray
-    """Velocity of each joint per velocity of its degree of freedom, (n,)."""
+    """Ratio of each joint's velocity to the velocity of its degree of freedom, (n,)."""
     offset: AnyArray
-    """Position of each joint where its master is at 0, (n,), rad or m."""
+    """Position of each joint while its master is at position 0, (n,), rad or m."""
     armature: AnyArray
     """Inertia of the rotors of each joint, as felt at the joint, (n,), kg m^2 (kg)."""
     loops: Loops
-    """Closed chains."""
+    """Linkages of the robot, whose joints form closed chains."""
     lower: AnyArray
     """Lower stops of the joints (n,), rad or m."""
     upper: AnyArray
@@ -150,9 +152,9 @@ def make_room(
     parent: AnyArray | None = None,
     reduce: bool = True,
 ) -> Room:
-    """Work space for a robot; the library reads `qpos` and `qvel`. parent: see `Room`, for the library's velocities; parents
-    precede the degrees of freedom that they carry. None: the mass matrix may have no zeros. reduce: whether couplings and
-    rotors of joints are part of the equations; False: the library has them."""
+    """Work space for a robot. qpos, qvel: arrays that the library reads. parent: parents of the library's velocities, as in
+    `Room`; parents precede the degrees of freedom that they carry. None: the mass matrix may have no zeros. reduce: whether
+    asrsim adds couplings and rotors of joints to the equations; False: the library has them."""
     w, joints = len(qvel), robot.moving_joints
     tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
@@ -184,8 +186,8 @@ def make_room(
 
 
 def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
-    """Elimination tree (size,) of the reduced mass matrix: parents of degrees of freedom, as `Room.parent`. parent: parents of
-    the library's velocities; owner: degree of freedom of each of these velocities."""
+    """Parents (size,) of the degrees of freedom of the reduced mass matrix, as in `Room.parent`: its elimination tree. parent:
+    parents of the library's velocities; owner: degree of freedom of each of these velocities."""
     coupled = np.zeros((size, size), dtype=bool)
     for k in range(len(parent)):
         i = k
@@ -197,7 +199,7 @@ def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
         below = np.flatnonzero(coupled[a, :a])
         if below.size:
             tree[a] = below[-1]
-            # The elimination of a couples all degrees of freedom with which a is coupled.
+            # The elimination of a couples to each other all degrees of freedom to which a is coupled.
             coupled[np.ix_(below, below)] = True
     return tree
 
@@ -206,12 +208,12 @@ WORK_SPACE = (
     "diagonal", "rebound", "impacts", "velocity", "middle", "impulse", "bound", "slowest", "fastest", "change", "push",
     "regime", "parent", "owner", "joint_q", "joint_v", "joint_z", "master", "lower", "upper",
 )  # fmt: skip
-"""Arrays of a room that are constant, or that a step which begins with `aim` writes before it reads them."""
+"""Arrays of a room that are constant, or that a step writes before it reads them, if the step begins with `aim`."""
 
 
 def plain(record: Any, own: Collection[str] = ()) -> Any:
-    """The record with memoryviews of its arrays, since Python reads single numbers from memoryviews several times faster. own:
-    names of the arrays that only the function of the record uses; they become lists, which are faster still."""
+    """The record with memoryviews in place of arrays, since Python reads single numbers from memoryviews several times faster.
+    own: names of the arrays that no other code uses; they become lists, from which Python reads faster still."""
 
     def field(name: str, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -222,12 +224,13 @@ def plain(record: Any, own: Collection[str] = ()) -> Any:
 
 
 def aim(room: Any, state: Any) -> None:
-    """Set the configuration and the velocity at the whole step, at which the library evaluates mass matrix and bias, and the
+    """Set the configuration and velocity at the whole step, for which the library evaluates mass matrix and bias, and the
     velocity and the states of friction before the kick.
 
-    A joint that has struck its stop in the last drift, after the fraction f of the drift, had its old velocity v_before up to
-    then: f = v / v_before, where v is the velocity that led to the stop. The forces of this kick act on it since the impact,
-    for 1.5 - f steps instead of one; `room.rebound` stores this number, and 1 for all other degrees of freedom.
+    Consider a joint that has struck its stop in the last drift, after the fraction f of the drift. Until then it had its old
+    velocity v_before, so f = v / v_before, where v is the velocity that leads exactly to the stop. The forces of this kick act
+    on the joint from the impact on, for 1.5 - f steps instead of one. `room.rebound` stores this number; for all other degrees
+    of freedom it stores 1.
     """
     qpos, qvel, scheme, velocity, regime, rebound = room.qpos, room.qvel, room.scheme, room.velocity, room.regime, room.rebound
     first, size, impacts = room.coordinates, room.freedoms, 0
@@ -240,7 +243,7 @@ def aim(room: Any, state: Any) -> None:
             qvel[i] = scheme[NOW] * velocity[i] + scheme[BEFORE] * before
         regime[i] = int(state[first + 2 * size + i])
         rebound[i] = 1.0
-        # At rest on a stop, rounding may leave a velocity.
+        # Rounding may leave a velocity in a joint that rests on a stop.
         if abs(regime[i]) == AT_UPPER and velocity[i] * regime[i] > ROUNDING * abs(before):
             rebound[i] = 1.5 - min(velocity[i] / before, 1.0) if before * velocity[i] > 0.0 else 0.5
             impacts += 1 if rebound[i] != 1.0 else 0
@@ -285,8 +288,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     """Change `room.velocity` and `room.middle` in a piece of the kick. lengths: lengths of the pieces as fractions of a step.
 
     The piece is split at the time at which the velocity of a joint with friction becomes 0. In the rest of the piece, the joint
-    sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity of joints that
-    have struck them.
+    sticks or slides in the other direction. Before the first piece, the stops take the rest of the velocity from the joints
+    that have struck them in the last drift.
     """
     count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
     # Time from the beginning of the piece to the middle of the kick, as a fraction of a step.
@@ -297,9 +300,9 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # Whether the part covers the rest of the piece: only then is a velocity of 0 searched for in it.
+    # Whether this part covers the rest of the piece. Only then, search for a velocity that becomes 0 in the part.
     part, whole = 0.0 if impact else length, not impact
-    # `find_change` is called at only one place, since the compiler copies it to every place where it is called.
+    # Call `find_change` at one place only, since the compiler copies it to every place where it is called.
     while True:
         find_change(room, exchange, piece, part, last and not free)
         if whole and splits < count and not free:
@@ -310,7 +313,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
                 continue
         if ahead > 0.0 and not noted:
             if not free and _has_strike(room):
-                # The middle of the kick is before the impact: the stop does not act on it.
+                # The middle of the kick is before the impact: compute the change up to the middle without the stop.
                 free = True
                 continue
             share = min(ahead / part, 1.0) if part > 0.0 else 1.0
@@ -325,7 +328,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         if whole:
             break
         if resting != -1:
-            # The velocity is 0 up to rounding, unless damping acts or another joint strikes its stop in this part.
+            # The velocity is 0 up to rounding. If damping acts, or if another joint strikes its stop in this part, it is not.
             if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
                 room.velocity[resting] = 0.0
             length -= part
@@ -334,7 +337,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
 
 
 def _has_strike(room: Any) -> bool:
-    """Whether a joint strikes its stop in the drift after this kick."""
+    """Whether a joint strikes its stop in the drift that follows this kick."""
     count = 0
     for i in range(room.freedoms):
         goal = room.velocity[i] + room.change[i]
@@ -344,9 +347,10 @@ def _has_strike(room: Any) -> bool:
 
 
 def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool) -> None:
-    """Compute `room.change`, the change of velocity in a part of a piece of the kick in which no sliding direction changes.
+    """Compute `room.change`, the change of velocity in a part of a piece of the kick. In this part no sliding direction
+    changes.
 
-    length: length of the part as a fraction of a step; last: whether the drift follows this piece. If not, stops act
+    length: length of the part as a fraction of a step; last: whether the drift follows this part. If it does not, stops act
     only on joints that rest at them.
     """
     step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
@@ -371,8 +375,8 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
             diagonal[i] += implicitness * time * damping
             bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
-        # The drift after the kick takes a joint to its stop at most. A joint beyond its stop stays there: pushing the joint
-        # back would give the joint a velocity.
+        # The drift after the kick takes a joint to its stop at most. A joint that is already beyond its stop stays there:
+        # pushing it back would give it a velocity.
         slowest[i] = min((room.lower[j] - position) / step, 0.0)
         fastest[i] = max((room.upper[j] - position) / step, 0.0)
         if not last and slowest[i] < -SLOW:
@@ -388,9 +392,9 @@ def first_standstill(room: Any) -> int:
     """Index of the degree of freedom with friction whose velocity is the first to reach 0 under `room.change`; -1 if no
     velocity reaches 0.
 
-    As long as a joint slides, its friction opposes the velocity. If velocities reach 0, `room.change` is therefore computed
-    again with this friction. A velocity reaches 0 after the fraction -velocity / change of the time. The result is -1 in a kick
-    with an impact at a stop, since the velocities are then not linear in time.
+    As long as a joint slides, its friction opposes its velocity. If velocities reach 0, `room.change` is therefore computed
+    again with full friction on these joints. A velocity reaches 0 after the fraction -velocity / change of the part. The result
+    is -1 in a kick with an impact at a stop, since the velocities are then not linear in time.
     """
     velocity, change = room.velocity, room.change
     count = 0
@@ -425,8 +429,8 @@ def _reaches_zero(room: Any, i: int) -> bool:
 def _leave_stops(room: Any, state: Any) -> None:
     """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
 
-    If forces reverse the motion of a joint within a step, the time of its impact cannot be computed from its velocity:
-    `rebound` becomes 1.
+    If forces reverse the motion of a joint within a step, its velocity does not give the time of its impact: its `rebound` then
+    becomes 1.
     """
     old, leaving = room.coordinates + room.freedoms, 0
     for i in range(room.freedoms):
@@ -435,7 +439,8 @@ def _leave_stops(room: Any, state: Any) -> None:
         if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
-            # Twice a state of sliding is the state at a stop, in which `solve_states` gives the joint a prescribed velocity.
+            # Twice a sliding state is the state at a stop, in which `solve_states` gives the joint the velocity prescribed
+            # here.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
             leaving += 1
@@ -450,7 +455,7 @@ def _leave_stops(room: Any, state: Any) -> None:
 
 
 def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
-    """Compute the drift after the kick, and the new state."""
+    """Compute the drift after the kick, and write the new state to `state` and `exchange`."""
     step = room.scheme[STEP]
     if room.impacts[0]:
         _leave_stops(room, state)
@@ -461,8 +466,8 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     rest = 1.0 - 1.0 / total
     for i in range(size):
         before, after = state[first + i], room.velocity[i]
-        # After a first, shorter kick, the stored old velocity is the velocity from which a full kick would have led to the new
-        # velocity.
+        # After a first kick that is shorter than a step, store as the old velocity the one from which a full kick would have
+        # led to the new velocity.
         state[first + size + i] = before + rest * (after - before)
         state[first + i] = after
         state[first + 2 * size + i] = float(room.regime[i])
@@ -485,12 +490,12 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
             exchange[last, j, VELOCITY] = room.ratio[j] * state[first + room.joint_z[j]]
             exchange[last, j, MIDDLE] = room.ratio[j] * room.middle[room.joint_z[j]]
             if room.loops.chains and room.master[j] != j:
-                # The mean velocity of the drift, since the ratio of a loop is not constant.
+                # Store the mean velocity of the drift, since the ratio of a joint in a loop varies during the drift.
                 exchange[last, j, VELOCITY] = (state[place] - room.qpos[place]) / step
 
 
 def _place_followers(room: Any, state: Any, step: float) -> None:
-    """Set the positions of the joints that follow others. step: length of the drift in s; 0 at the start."""
+    """Set the positions of the joints that follow others, after a drift of `step` s; 0 s at the start."""
     loops, first = room.loops, room.coordinates
     for k in range(loops.follower[loops.chains]):
         j = loops.follower_joint[k]
@@ -512,7 +517,7 @@ def _in_loop(loops: Any, j: int) -> bool:
 
 
 def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> None:
-    """Compute kick and drift from mass matrix and bias in the room, and aim at the next step.
+    """Compute kick and drift from the mass matrix and bias in the room, then aim at the next step.
 
     forces: generalised forces (p, w, 1) of the wrenches in N m.
     """
@@ -529,7 +534,8 @@ def advance(room: Any, state: Any, exchange: Any, forces: Any, lengths: Any) -> 
 
 
 def _turn(state: Any, first: int, step: float) -> None:
-    """Compute the drift of a floating base, the first seven values of the state. The velocities begin at index `first`."""
+    """Compute the drift of a floating base, whose pose is the first seven values of the state. Velocities begin at index
+    `first`."""
     for i in range(3):
         state[i] += step * state[first + i]
     x, y, z = state[first + 3], state[first + 4], state[first + 5]
@@ -548,12 +554,12 @@ def _turn(state: Any, first: int, step: float) -> None:
 
 
 def _sizes(room: Any) -> tuple[int, int, int]:
-    """Sizes of the other arguments; see `asrsim.compiled.compiling.compile_packed`."""
+    """Sizes of the other arguments of the step; see `asrsim.compiled.compiling.compile_packed`."""
     return room.joints, room.speeds, 1
 
 
 def unused(room: Any) -> tuple[str, ...]:
-    """Names of the functions that the robot of a room never calls, so that compiled code can leave them out."""
+    """Names of the functions that a step never calls for the robot of this room, so that compiled code can leave them out."""
     return () if room.loops.chains else OF_LOOPS if room.reduced else (*OF_LOOPS, *OF_COUPLINGS)
 
 
@@ -567,10 +573,10 @@ def _compiled(function: Callable[..., None], kind: Any, left_out: tuple[str, ...
 
 
 class Calculation:
-    """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Further
-    arguments of the function are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
+    """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Its further
+    arguments are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
 
-    The function runs as Python until it is compiled; the results are bitwise identical.
+    The function runs as Python until it is compiled; both give bitwise the same results.
     """
 
     def __init__(
@@ -581,28 +587,29 @@ class Calculation:
         *,
         own: Collection[str] = (),
     ) -> None:
-        """make: returns the compiled function for records of a Numba type. None: the record is a `Room`, and the function is
-        compiled if this process has imported Numba. own: names of the record's arrays that only this function uses."""
+        """make: function that returns the compiled function for records of a Numba type. None: the record is a `Room`, and the
+        function is compiled only if this process has imported Numba. own: names of the record's arrays that only this function
+        uses."""
         self._function, self._record, self._make = function, record, make
         self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
-        """Arrays of the last call, and the arguments made from them, since callers often pass the same arrays."""
+        """Arrays of the last call, with the arguments made from them: callers often pass the same arrays again."""
         self._arguments: tuple[Any, ...] = ()
         self._call = function
 
     def compile(self) -> Callback:
-        """The compiled function, which later calls use."""
+        """Compile the function for all later calls, and return the compiled function."""
         if self._compiled is None:
             kind = compiling.type_of(self._record)
             self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
-            # This call releases the interpreter's lock.
+            # A call through CFUNCTYPE releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()
         return self._compiled
 
     def __call__(self, *arrays: Array) -> None:
-        """Apply the function to numbers, exchange, forces and lengths."""
+        """Apply the function to a vector of numbers, an exchange, forces and lengths."""
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
             if self._make is None and "numba" in sys.modules:
                 self.compile()
@@ -613,9 +620,9 @@ class Calculation:
 
 
 class RigidEngine(Engine):
-    """The part of an engine for robots without contacts that does not depend on the physics library.
+    """The part of an engine for robots without contacts that is the same for every physics library.
 
-    The class of each library derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine`. It
+    An engine derives from this class and adds `look` and the other members of `asrsim.engines.base.Engine` for its library. It
     sets `robot` before it calls `__init__`.
     """
 
@@ -625,14 +632,14 @@ class RigidEngine(Engine):
     root: str
     """Name of the base link."""
     origin: Vector = ZERO
-    """Origin of the base's frame in the frame of the base link, m; see `asrsim.robot.merge.merge_for_engine`."""
+    """Origin of the base's frame, in the frame of the base link, m; see `asrsim.robot.merge.merge_for_engine`."""
 
     def __init__(
         self, room: Room, home: Array, calculation: Calculation | None = None, *, scenario: Scenario | None = None
     ) -> None:
-        """home: configuration (q,) at the start; the values of the joints are not used. calculation: the part of a step that
-        may be compiled; None: kick and drift. scenario: the scenario, whose wrenches act on the robot; None: the engine refuses
-        scenarios with wrenches."""
+        """home: configuration (q,) at the start; its joint positions are not used. calculation: the part of a step that may be
+        compiled; None: kick and drift. scenario: scenario whose wrenches act on the robot; None: the engine refuses scenarios
+        with wrenches."""
         self.takes_wrenches = scenario is not None
         self._wrenches = scenario.wrenches if scenario else ()
         self._held: tuple[HeldWrench, ...] = ()
@@ -650,14 +657,14 @@ class RigidEngine(Engine):
     def look(self, wrenches: Array, forces: Array) -> None:
         """Compute `full_matrix` and `full_bias` of the room at its `qpos` and `qvel`.
 
-        On entry, `forces` (p, w, 1) contains the generalised forces of the wrenches (p, w, 6) in N m, by the Jacobian
-        of `asrsim.robot.dynamics.RobotModel`. An engine may replace them by those of its library.
+        On entry, `forces` (p, w, 1) contains the generalised forces in N m of the wrenches (p, w, 6), by the Jacobian of
+        `asrsim.robot.dynamics.RobotModel`. An engine may replace them by the forces that its library computes.
         """
         raise NotImplementedError
 
     def map_wrenches(self, wrenches: Array, forces: Array) -> None:
-        """Write the generalised forces in N m of the wrenches (p, w, 6), and of those that are held, at the room's `qpos` to
-        `forces` (p, w, 1)."""
+        """Write to `forces` (p, w, 1) the generalised forces in N m of the wrenches (p, w, 6) and of the wrenches that are
+        held, at the room's `qpos`."""
         forces[:] = 0.0
         loads = [
             (one.link, one.point, one.frame == "world", wrenches[:, index])
@@ -670,7 +677,7 @@ class RigidEngine(Engine):
         room, model = self._room, self._make_model()
         positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
         if rotation is not None:
-            # The base's frame is the origin of a floating robot.
+            # Place a floating robot with the origin of its base's frame at 0: the torques on the base are about this point.
             base = frame(-rotation @ self.origin, rotation)
         for link, point, world, values in loads:
             at, turned = model.pose(positions, link, point, base)
@@ -695,7 +702,7 @@ class RigidEngine(Engine):
 
     @property
     def rotation(self) -> Array | None:
-        """Rotation matrix (3, 3) of a floating base at the configuration of the room; None for a fixed base."""
+        """Rotation matrix (3, 3) of a floating base in the room's configuration; None for a fixed base."""
         if not self._room.free:
             return None
         w, *vector = self._room.qpos[3:7].tolist()
@@ -704,7 +711,8 @@ class RigidEngine(Engine):
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run; see `asrsim.engines.base.Engine`. The returned values are those of coupled joints."""
+        """Begin a run; see `asrsim.engines.base.Engine`. The returned positions and velocities satisfy the couplings of
+        joints."""
         room, state = self._room, self._state
         first, size = room.coordinates, room.freedoms
         room.scheme[:] = (step, 1.5, -0.5, implicitness) if staggered else (step, 1.0, 0.0, implicitness)
@@ -723,7 +731,7 @@ class RigidEngine(Engine):
         return positions, velocities
 
     def _check_loops(self) -> None:
-        """Raise RobotError if a linkage is not closed at the start, or its master stands at a dead centre."""
+        """Raise RobotError if a linkage is not closed at the start, or if its master stands at a dead centre there."""
         room = self._room
         for linkage in self.robot.couplings.linkages if room.loops.chains else ():
             reason = linkage.fault(self._state[room.joint_q])
@@ -750,7 +758,7 @@ class RigidEngine(Engine):
 
     @property
     def room(self) -> Room:
-        """Work space of the step, with the indices and stops of the joints."""
+        """Work space of the step, which also has the indices and stops of the joints."""
         return self._room
 
     @property
@@ -762,7 +770,7 @@ class RigidEngine(Engine):
 
     @property
     def state(self) -> Array:
-        """The state as a vector; the docstring of the module lists its parts."""
+        """The state as a vector, with the parts that the docstring of the module lists."""
         return self._state.copy()
 
     @state.setter
@@ -771,7 +779,7 @@ class RigidEngine(Engine):
         self._changed = True
 
     def scene(self) -> Scene:
-        """Pose of the base link, if it floats. The base's position in a state is that of `origin`, a point of the link."""
+        """Pose of the base link, if it floats. The base position in a state is that of the point `origin` of this link."""
         if not self._room.free:
             return Scene({}, {})
         w, *vector = self._state[3:7].tolist()
@@ -779,5 +787,5 @@ class RigidEngine(Engine):
         return Scene({self.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Whether the inertials are unchanged: an engine without a better `vary` cannot change the inertials of its robot."""
+        """Whether the robot has the same inertials as before: an engine that can change inertials overrides this method."""
         return robot.inertials == self.robot.inertials

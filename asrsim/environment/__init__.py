@@ -21,7 +21,7 @@ def make_env(
 
     Args:
         scenario: Scenario file, or a loaded scenario.
-        render_mode: `rgb_array` or None.
+        render_mode: `rgb_array` for pictures, or None.
         size: Edge of the pictures in pixels.
         options: The keyword arguments below.
         variant: Name of a variant of the scenario, as in `asrsim.run`.
@@ -35,20 +35,22 @@ def make_env(
             its range. Default: the first reference of every joint.
             Actions are in [-1, 1] and are scaled to the range of the reference (`reference_ranges`, else the robot's limits).
         reward: Function that returns the reward for the state after each action. Default: the reward is 0.
-        terminated: Function of the state after each action that returns whether the episode is over.
+        terminated: Function that returns whether the episode is over, for the state after each action. Without it,
+            an episode is terminated only if the simulation diverges.
         batched: Whether `reward` and `terminated` take the states of all N environments at once (arrays with N as their first
             axis), and return arrays (N,). This is much faster for many environments.
         adaptive: Whether each environment takes fewer substeps while its springs are soft enough, as in `asrsim.Worlds`; such
             environments are up to twice as fast, and differ from runs within the error of the step. While references of the
-            scenario itself jump, all substeps are taken.
-        randomise: Laws by key, as in `asrsim sweep --over`, drawn at every reset. `key & key`: both keys get the same value.
+            scenario itself jump, they take all substeps.
+        randomise: Law (values, range or distribution) of each key, as in `asrsim sweep --over`; a value is drawn from each law
+            at every reset. `key & key`: both keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references,
             and the delays `imperfections.sensors.JOINT.delay` and `imperfections.commands.JOINT.delay`, whose laws have an
             upper bound (the option `delay` delays actions).
         fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
-        push: Laws of external torques on joints, in N m, drawn at every reset; a torque acts during the whole episode.
+        push: Laws of the external torques on joints, in N m, drawn at every reset; each acts during the whole episode.
         delay: Delay of the actions in s, or a law of this delay, drawn at every reset and rounded to control periods.
-        noise: Standard deviations of the noise of observed quantities, by name, in their units. It does not affect rewards.
+        noise: Standard deviation of the noise of each observed quantity, by name, in its unit. It does not affect rewards.
         history: Number of earlier control periods whose observed values and actions belong to an observation, after the goal.
         initial: Laws of the start positions by joint, in rad or m.
         goal: Laws of goal values by name, drawn at every reset. The values are the last entries of the observation.

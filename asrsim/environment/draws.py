@@ -1,4 +1,4 @@
-"""Random values of an episode, drawn from distributions that are written as in sweeps."""
+"""Random values of an episode, drawn from distributions that are stated in the same way as in sweeps."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Draws:
-    """Laws of random values, from which each episode draws one value per key."""
+    """Laws of random values. For each episode, one value per key is drawn from them."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
         """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
@@ -45,11 +45,11 @@ class Draws:
         return tuple(key for axis in self._axes for key in axis.keys)
 
     def draw(self, chance: np.random.Generator) -> dict[str, float]:
-        """Random values of an episode by key."""
+        """Random values of one episode, by key; `chance` is the generator."""
         return {key: float(value) for axis in self._axes for key, value in axis.assign(_drawn(axis.law, chance)).items()}
 
     def bounds(self) -> tuple[list[float], list[float]]:
-        """Lower and upper bounds of the values, in the order of the keys; infinite for unbounded laws."""
+        """Lower and upper bound of the values of each key, in the order of the keys; infinite for a law without a bound."""
         rows: list[list[float]] = []
         for axis in self._axes:
             ends = axis.law.values if isinstance(axis.law, Values) else axis.law.quantile(np.array([0.0, 1.0])).tolist()
@@ -58,12 +58,13 @@ class Draws:
 
 
 def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
-    """Parts of the scenario that the keys set. Raises InputError for keys that require reading the scenario again."""
+    """Parts of the scenario that the keys change. Raises InputError for a key whose change requires reading the scenario
+    again."""
     late = {key: name for key in keys if (name := _delay(key))}
     found = plan_keys([key for key in keys if key not in late], dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
     numbers = {**found.numbers, **{key: _late_joints(key, name, prepared) for key, name in late.items()}}
     wrong = [key for key in keys if key not in numbers and key not in found.references]
-    # A number that a scenario without such a start could draw.
+    # These keys could be drawn if the scenario did not start in equilibrium, which depends on them: say so in the error.
     freed = replace(prepared.scenario, initial_equilibrium=False) if prepared.scenario.initial_equilibrium else None
     able = plan_keys(wrong, dict.fromkeys(wrong, True), freed, prepared.robot).numbers if freed and wrong else {}
     problems = [
@@ -82,8 +83,8 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
 
 
 def with_longest_delays(scenario: Scenario, draws: Draws) -> Scenario:
-    """The scenario with the longest delays of commands and sensors that can be drawn, since worlds keep memory for these.
-    Raises InputError.
+    """The scenario with the longest delays of commands and sensors that can be drawn, since worlds reserve memory for the
+    longest delay. Raises InputError.
     """
     for key, longest, shortest in zip(draws.keys, *reversed(draws.bounds()), strict=True):
         if not (name := _delay(key)):
@@ -110,7 +111,7 @@ def _delay(key: str) -> str:
 
 
 def _late_joints(key: str, name: str, prepared: Prepared) -> tuple[tuple[str, str], ...]:
-    """Joints whose delay a key sets, with the name of the delay."""
+    """Joints whose delay a key sets, each with the name of this delay."""
     commands, joint = name == COMMAND_DELAY, split_path(key)[2]
     own = prepared.scenario.command_imperfections if commands else prepared.scenario.sensor_imperfections
     return tuple(
@@ -128,6 +129,6 @@ def _is_number(value: Any) -> bool:
 def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     if isinstance(law, Values):
         return law.values[int(chance.integers(len(law.values)))]
-    # The interval is open, since quantiles at 0 and 1 may be infinite.
+    # Leave out 0 and 1, since the quantiles of a law without bounds are infinite there.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])

@@ -1,4 +1,4 @@
-"""Simulation as a single Gymnasium environment with pictures."""
+"""A scenario as a single Gymnasium environment, with pictures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
         self._many = many = SoftRobotVectorEnv(scenario, options, num_envs=1, threads=1, render_mode=render_mode, size=size)
         self.metadata = {**self.metadata, "render_fps": max(1, round(options["control_rate"]))}
         self.worlds = many.worlds
-        """The simulation of the environment, as a single world."""
+        """The simulation of this environment, as one world."""
         self.observation_space, self.action_space = many.single_observation_space, many.single_action_space
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -36,18 +36,18 @@ class SoftRobotEnv(gymnasium.Env[Single, Single]):
 
     @property
     def action_names(self) -> tuple[str, ...]:
-        """Meaning of each entry of an action, as `joint.reference`."""
+        """Reference that each entry of an action sets, as `joint.reference`."""
         return tuple(f"{joint}.{reference}" for joint, reference in self._many.task.actions)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Single, dict[str, Any]]:
-        """Begin a new episode with new random values; returns the observation and the random values."""
+        """Begin a new episode with new random values. Returns the observation, and the random values."""
         super().reset(seed=seed)
         observations, _ = self._many.reset(seed=seed)
         episode = self._many.episodes[0]
         return observations[0], {"parameters": episode.parameters, "goal": episode.goal}
 
     def step(self, action: Any) -> tuple[Single, float, bool, bool, dict[str, Any]]:
-        """Apply one action for one control period. If the simulation diverges, the episode is terminated."""
+        """Apply one action for one control period. If the simulation diverges, this terminates the episode."""
         observations, rewards, ended, truncated, _ = self._many.step(np.asarray(action)[None])
         return observations[0], float(rewards[0]), bool(ended[0]), bool(truncated[0]), {}
 

@@ -1,4 +1,4 @@
-"""Options of an environment, and their validation."""
+"""Options of an environment, and the check of their values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _is_tip(value: Any) -> bool:
 
 
 def _fits(value: Any, types: Any) -> bool:
-    """Whether a value has one of the types. Entries of a list and keys of a mapping must be texts."""
+    """Whether a value has one of the types. The entries of a list, and the keys of a mapping, must be texts."""
     if isinstance(value, bool):
         return types in (bool, object)
     named = types is not object and isinstance(value, Sequence | Mapping)
@@ -59,7 +59,7 @@ def _fits(value: Any, types: Any) -> bool:
 _NAMES = "a name or a list of names"
 _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}"
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
-# Names are given in sequences, since the order of a set differs from process to process.
+# The names are in sequences: the order of a set would differ from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
     "variant": (None, object, ""),
     "overrides": ((), object, ""),
@@ -81,11 +81,12 @@ _FORMS: dict[str, tuple[Any, Any, str]] = {
     "history": (0, int, "a number of control periods"),
     "tip": (None, object, ""),
 }
-"""Options by name: default, types of valid values, and description of valid values."""
+"""Default, types of valid values, and description of valid values of each option, by name."""
 
 
 def checked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options; options that are not given get their defaults. Raises InputError that lists all unknown or wrong options."""
+    """Values of all options; an option that is not given gets its default. Raises InputError with all unknown or wrong
+    options."""
     problems = [
         Problem(
             "is not an option", key=name, choices=tuple(_FORMS), hint=did_you_mean(name, list(_FORMS)), code="unknown-option"

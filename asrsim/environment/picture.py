@@ -12,11 +12,11 @@ from asrsim.samples import Array
 from asrsim.simulation.worlds import Worlds
 
 POSTURES = 40
-"""Number of random postures that must be in the camera's view."""
+"""Number of random postures of the robot that the camera's view must contain."""
 
 
 class Picture:
-    """Pictures of the robot and the objects of a world from a fixed viewpoint that shows the joints' whole ranges."""
+    """Pictures of the robot and the objects of a world. The fixed viewpoint shows the whole ranges of the joints."""
 
     def __init__(self, worlds: Worlds, size: int) -> None:
         """size: edge of the pictures in pixels."""

@@ -1,4 +1,4 @@
-"""Observed quantities of simulated worlds."""
+"""Values of the quantities that are observed in simulated worlds."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
 _MOTORS = {f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")}
-"""Quantities of the motors at the present time: field of the observation, and index of the motor. The positions of ideal motors
-are those of the last step.
+"""Quantities of the motors at the present time: name of the field of the worlds' observation, and index of the motor in it. For
+motors without dynamics, the positions are those of the last step.
 """
 _STEP = (
     "link_torque",
@@ -29,24 +29,25 @@ _STEP = (
     "external_torque",
     "stiffness",
 )
-"""Quantities that belong to a step. Their values are those of the last step or, at the start of an episode, of the first
-step.
+"""Quantities that belong to a step rather than to a time. Their values are those of the last step; at the start of an episode,
+of the first step.
 """
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
 BEYOND = 1e-3
-"""Margin of observed positions beyond the stops, rad or m, since observations are rounded to single precision."""
+"""Distance in rad or m beyond the stops up to which observed positions are allowed, since they are rounded to single
+precision."""
 
 
 class Links(NamedTuple):
-    """Positions and velocities of links. They are read faster than an observation that also contains the motors."""
+    """Positions and velocities of the links only: they are read faster than an observation that also contains the motors."""
 
     link_position: Array
     link_velocity: Array
 
 
 class Readings:
-    """Reader of the observed quantities: arrays (N, n) for N worlds, over the joints that have these quantities."""
+    """Reader of the observed quantities. It gives arrays (N, n) for N worlds and the n joints that have the quantity."""
 
     def __init__(self, source: Worlds, names: Sequence[str], tip: tuple[str, Sequence[float]] | None) -> None:
         self._source, self._tip = source, tip
@@ -55,7 +56,7 @@ class Readings:
         problems = []
         choices = tuple(name for name in KNOWN if name == TIP or any(name in own for own in recorded))
         self._joints: dict[str, Any] = {}
-        """Index of the joints that have each quantity."""
+        """Indices of the joints that have each quantity, by name of the quantity."""
         for name in names:
             having = [j for j, own in enumerate(recorded) if name in own]
             self._joints[name] = picking(having or [0])
@@ -81,7 +82,7 @@ class Readings:
         self._logged = [name for name in names if name in (*_STEP, *_MOTORS)]
 
     def bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the observed values; infinite where a value is unbounded."""
+        """Lower and upper bounds of the observed values, in the order in which `read` gives them; infinite without a bound."""
         parts = []
         for name, joints in self._joints.items():
             part = np.full((2, len(self._source.joints)), np.inf)
@@ -92,7 +93,7 @@ class Readings:
         return -low, high
 
     def read(self) -> dict[str, Array]:
-        """Present values (N, n) of each quantity in SI units."""
+        """Present values (N, n) of each observed quantity in SI units, by name."""
         state = self._source.observe() if self._moved else Links(*self._source.links())
         step = self._source.read(self._logged) if self._logged else {}
         return {name: self._one(name, joints, state, step) for name, joints in self._joints.items()}
@@ -110,6 +111,6 @@ class Readings:
         logged = step[name][..., joints]
         if motor >= motors.shape[-1]:
             return logged
-        # Ideal motors have no state: their values come from the last step.
+        # Motors without dynamics have no state, so their values are those of the last step.
         values = motors[..., joints, motor]
         return np.where(np.isnan(values), logged, values)

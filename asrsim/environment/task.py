@@ -1,4 +1,4 @@
-"""Actions, observations, random values and rewards, shared by single and vectorised environments."""
+"""Actions, observations, random values and rewards of a learning task, for single and vectorised environments."""
 
 from __future__ import annotations
 
@@ -29,31 +29,31 @@ from asrsim.simulation.worlds import Worlds
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 
 TRIED = 20
-"""Number of episodes whose random values are tried when an environment is made."""
+"""Number of episodes whose random values are tried when an environment is made, so that errors in them appear at once."""
 LARGEST = float(np.finfo(np.float32).max)
-"""Bound that the observation space states for unbounded values."""
+"""Bound that the observation space states for a value without bounds."""
 Single = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
 class State:
-    """State after an action: the argument of the reward and termination functions. With the option `batched` it is the state of
-    N environments, and each array has the environments as its first axis.
+    """State after an action: the argument of the functions `reward` and `terminated`. With the option `batched` it is the state
+    of all N environments, and each array has the environments as its first axis.
     """
 
     time: Any
-    """Time since the start of the episode, s; (N,) of several environments."""
+    """Time since the start of the episode, s; for N environments (N,)."""
     values: Mapping[str, Array]
     """Values (n,) or (N, n) of each observed quantity in SI units, without noise."""
     goal: Mapping[str, Any]
-    """Goal values by name; (N,) of several environments."""
+    """Goal values by name; for N environments each is an array (N,)."""
     action: Array
     """The action (m,) or (N, m) as the caller gave it, nominally in [-1, 1]."""
 
 
 @dataclass(frozen=True)
 class Episode:
-    """Random values of an episode: parameters, goal and start positions of joints."""
+    """Random values that are drawn for an episode: parameters, goal values and start positions, each by name."""
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     goal: Mapping[str, float] = field(default_factory=dict)
@@ -65,11 +65,11 @@ class Episode:
 
 
 class ControlTask:
-    """A scenario as a learning task; see `asrsim.environment.make_env`."""
+    """A scenario as a task for reinforcement learning; see `asrsim.environment.make_env`."""
 
     def __init__(self, scenario: str | Path | Scenario, options: Mapping[str, Any], *, engine: str | None = None) -> None:
         """options: values of all options, as `asrsim.environment.options.checked` returns them; engine: name of an engine;
-        None: that of the scenario.
+        None: the engine of the scenario.
         """
         self._random, self._start, self._goal, self._push = (
             Draws(options[name]) for name in ("randomise", "initial", "goal", "push")
@@ -84,11 +84,11 @@ class ControlTask:
         self.last = math.ceil(scenario.duration / (self.steps * scenario.step) - 1e-9)
         """Number of actions per episode."""
         self.actions, low, high = _actions(prepared, one_or_more(options["act"] or ()))
-        """Joint and reference that each entry of an action sets, and the lowest and highest value."""
+        """Joint and reference that each entry of an action sets; `low` and `high` are the ends of their ranges."""
         self._middle, self._half = 0.5 * (high + low), 0.5 * (high - low)
         self._reward, self._terminated = options["reward"], options["terminated"]
         self.batched: bool = options["batched"]
-        """Whether the user's functions take the states of all environments at once."""
+        """Whether the functions `reward` and `terminated` take the states of all environments at once."""
         delay = options["delay"]
         self._delay = Draws({} if delay is None else {"delay": [delay] if isinstance(delay, int | float) else delay})
         self._period = self.steps * scenario.step
@@ -97,13 +97,13 @@ class ControlTask:
         )
         for joint in self._push.keys:
             prepared.slot_of(joint, EXTERNAL_TORQUE)
-        # Start positions beyond a stop must raise an error now, not after hours of training.
+        # A start position beyond a stop must raise an error now, not after hours of training.
         for places in self._start.bounds():
             positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
             prepared.started(Start(positions=positions))
         drawn = () if self._fit is None else tuple(key for group in self._fit.groups for key in group)
         self._plan = plan((*self._random.keys, *drawn), prepared)
-        # Unphysical numbers must also raise an error now.
+        # Random values that are physically impossible must also raise an error now.
         chance = np.random.default_rng(0)
         for _ in range(TRIED if self._random.keys or drawn else 0):
             prepared.vary(self.changes(self.draw(chance)))
@@ -117,7 +117,7 @@ class ControlTask:
                 message = "must be a standard deviation of at least 0"
                 raise InputError(message, key=f"noise.{name}", value=value, code="noise")
         self.history: int = options["history"]
-        """Number of control periods whose observations and actions belong to an observation."""
+        """Number of earlier control periods whose observed values and actions belong to an observation."""
         if not 0 <= self.history <= self.last:
             message = f"must be 0 to {self.last} control periods, the length of an episode"
             raise InputError(message, key="history", value=self.history, code="option-type")
@@ -128,12 +128,12 @@ class ControlTask:
 
     @property
     def read_names(self) -> list[str]:
-        """Names of the quantities that the worlds must record for the observations."""
+        """Names of the quantities that the worlds must record, so that they can be observed."""
         recorded = {name for drive in self.prepared.drives for name in recorded_quantities(drive)} & {*QUANTITIES}
         return [name for name in KNOWN if name in recorded and (name in self._observe or name.startswith("motor"))]
 
     def readings(self, worlds: Worlds) -> Readings:
-        """Reader of the observed quantities of worlds. Raises InputError for unknown quantities."""
+        """Reader of the observed quantities of these worlds. Raises InputError for unknown quantities."""
         return Readings(worlds, self._observe, self._tip)
 
     def spaces(self, readings: Readings) -> tuple[Any, Any]:
@@ -152,7 +152,7 @@ class ControlTask:
         return spaces.Box(rounded[0], rounded[1], dtype=np.float32), spaces.Box(-1.0, 1.0, (len(self.actions),), np.float32)
 
     def draw(self, chance: np.random.Generator) -> Episode:
-        """Random values for the next episode."""
+        """Random values for the next episode, drawn with the generator `chance`."""
         goal, parameters = self._goal.draw(chance), self._random.draw(chance)
         start, push = self._start.draw(chance), self._push.draw(chance)
         delay = round(max(self._delay.draw(chance).get("delay", 0.0), 0.0) / self._period)
@@ -163,7 +163,7 @@ class ControlTask:
 
     @property
     def longest_delay(self) -> int:
-        """Largest delay of an action that can be drawn, in control periods."""
+        """Largest delay of the actions that can be drawn, in control periods."""
         return round(max([0.0, *self._delay.bounds()[1]]) / self._period)
 
     @property
@@ -178,11 +178,11 @@ class ControlTask:
 
     @property
     def draws(self) -> bool:
-        """Whether any value is drawn at random for each episode."""
+        """Whether any value is drawn anew for each episode."""
         return bool(self._random.keys or self._start.keys or self._goal.keys or self._push.keys or self._fit is not None)
 
     def changes(self, episode: Episode) -> Mapping[str, Mapping[str, float]]:
-        """Parameters of the robot that the episode changes, by joint and parameter."""
+        """Values of the robot's parameters that were drawn for the episode, by joint and parameter."""
         return self._plan.changes(episode.parameters)
 
     def references(self, episode: Episode) -> list[tuple[str, str, float]]:
@@ -194,20 +194,20 @@ class ControlTask:
         ] + [(joint, EXTERNAL_TORQUE, torque) for joint, torque in episode.push.items()]
 
     def values_of(self, actions: Array) -> Array:
-        """References (environments, actions) in SI units for the actions of some environments. Raises InputError."""
+        """References (environments, actions) in SI units for actions (environments, actions) in [-1, 1]. Raises InputError."""
         if actions.shape[1:] != (len(self.actions),) or np.count_nonzero(np.isfinite(actions)) < actions.size:
             raise InputError(f"an action must be {len(self.actions)} finite numbers", value=actions, code="action")
-        # numpy.clip takes twice as long.
+        # numpy.clip takes twice as long as numpy.minimum and numpy.maximum.
         return self._middle + self._half * np.minimum(np.maximum(actions, -1.0), 1.0)
 
     @property
     def judges(self) -> bool:
-        """Whether the user has given a function for rewards or for termination."""
+        """Whether the user has given a function `reward` or `terminated`."""
         return self._reward is not None or self._terminated is not None
 
     def judge_all(self, states: State) -> tuple[Array, NDArray[np.bool_]]:
-        """Rewards (N,) of N environments, and whether their episodes are over, by functions that take the states of all
-        environments. Raises InputError.
+        """Rewards (N,) of N environments, and whether (N,) their episodes are over, by the user's functions, which take the
+        states of all environments. Raises InputError.
         """
         count = len(states.action)
         rewards = np.zeros(count) if self._reward is None else _numbers(self._reward(states), count, "reward")
@@ -215,7 +215,7 @@ class ControlTask:
         return rewards, over.astype(bool)
 
     def judge(self, state: State) -> tuple[float, bool]:
-        """Reward, and whether the episode is over. Raises InputError for a reward that is not a number."""
+        """Reward in a state, and whether the episode is over. Raises InputError for a reward that is not a number."""
         reward = _rewarded(self._reward(state)) if self._reward is not None else 0.0
         over = False if self._terminated is None else self._terminated(state)
         if np.size(over) != 1:
@@ -255,7 +255,7 @@ def _steps(control_rate: float, step: float) -> int:
 
 
 def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, str], ...], Array, Array]:
-    """Joint and reference of each entry of an action, and the smallest and largest values of these references."""
+    """Joint and reference of each entry of an action, and the smallest and largest value of each of these references."""
     ranges = ranges_of(prepared.scenario, prepared.drives)
     firsts = [(joint, name) for joint, given in ranges.items() for name in list(given)[:1] if name != "external_torque"]
     known = {f"{joint}.{name}": (joint, name) for joint, given in ranges.items() for name in given}

@@ -1,4 +1,4 @@
-"""Vectorised environment: many environments of one task, stepped together."""
+"""Vectorised environment: many environments of one task that are stepped together."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from asrsim.simulation.worlds import Worlds, check_number
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
 AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
-"""By name: time at which an environment whose episode is over is reset."""
+"""When an environment whose episode is over is reset, by name of the option `autoreset`."""
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     """The environments that `asrsim.environment.make_vec_env` returns. Environment i gives the same bits as a single
-    environment with the seed of environment i.
+    environment with the same seed.
     """
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.NEXT_STEP, "render_modes": ["rgb_array"]}  # noqa: RUF012
@@ -99,13 +99,13 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         actions = len(task.actions)
         self._late = task.longest_delay
         self._sent = np.zeros((num_envs, self._late + 1, actions))
-        """Latest actions of each environment, the newest first."""
+        """Latest actions of each environment as references in SI units, the newest first."""
         self._delays = np.zeros(num_envs, dtype=int)
         self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
         self._seen = np.zeros((num_envs, task.history + 1, len(self._readings.bounds()[0])))
         """Observed values (N, history + 1, n) of the latest control periods, the newest first."""
         self._done = np.zeros((num_envs, task.history, actions))
-        """Actions of earlier control periods, the newest first."""
+        """Actions of earlier control periods, the newest first; 0 is the middle of a range."""
         self._shown: Single = np.zeros(self.observation_space.shape or (), np.float32)
         """Latest observation of each environment."""
 
@@ -116,8 +116,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Single, dict[str, Any]]:
-        """Begin new episodes with new random values. seed: seed of environment 0, where environment i gets seed + i, or a seed
-        for each environment. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset.
+        """Begin new episodes with new random values. seed: one seed for each environment, or a seed for environment 0, where
+        environment i gets seed + i. options: `reset_mask` (n,) selects the environments to reset; by default, all are reset.
         """
         mask = np.ones(self.num_envs, dtype=bool) if options is None else np.asarray(options.get("reset_mask", True))
         if mask.shape not in ((), (self.num_envs,)):
@@ -147,7 +147,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._counts[mask], self._over[mask] = 0, False
 
     def step(self, actions: Any) -> tuple[Single, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Apply one action to each environment for one control period. Environments whose episode is over are reset instead."""
+        """Apply one action to each environment for one control period. An environment whose episode is over is reset
+        instead."""
         try:
             given = np.asarray(actions, dtype=np.float64)
         except (TypeError, ValueError) as error:
@@ -156,7 +157,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)
         going, fresh = ~self._over, self._over.copy()
-        # A single number for all worlds (None) is handled faster than arrays and masks.
+        # None stands for all worlds; it is handled faster than an array of indices or a mask.
         which, everyone = None, list(range(self.num_envs))
         if np.count_nonzero(fresh):
             self._begin(fresh)
@@ -164,7 +165,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         acts = which
         if self._late:
             self._sent = np.concatenate([values[:, None], self._sent[:, :-1]], axis=1)
-            # Until the first action arrives, the scenario's references act.
+            # Until the first action has passed its delay, the scenario's own references act.
             acting = going & (self._counts >= self._delays)
             acts = None if acting.all() else acting
             values = self._sent[np.arange(self.num_envs), self._delays]
@@ -212,9 +213,9 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         return tuple(self._picture.image(i) for i in range(self.num_envs))
 
     def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_], *, moved: bool) -> Single:
-        """Observations (N, n) from the values found. fresh: environments whose episodes have just begun; moved: whether the
-        other environments have moved for a control period. If they have not moved, they keep their latest observations, and
-        draw no noise.
+        """Observations (N, n) from the values in `found`. fresh: environments whose episodes have just begun; moved: whether
+        the other environments have moved for a control period. If they have not, they keep their latest observations, and no
+        noise is drawn for them.
         """
         if self._spread:
             drawn = range(self.num_envs) if moved else np.flatnonzero(fresh).tolist()
@@ -224,7 +225,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             now = np.concatenate(parts[:-1], axis=1)
             if moved:
                 self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
-            # The history of a new episode repeats its start, with actions in the middle of their range.
+            # The history of a new episode repeats its start, with actions in the middle of their range, which are 0.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
         shown = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")
@@ -232,7 +233,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         return self._shown
 
     def _noisy(self, name: str, values: Array, drawn: Sequence[int]) -> Array:
-        """Values (N, n) of a quantity, with noise in the environments `drawn`."""
+        """Values (N, n) of a quantity, with new noise in the environments `drawn`."""
         deviation = self._spread.get(name)
         if deviation is None:
             return values
@@ -242,7 +243,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         return values + deviation * noise
 
     def _infos(self, fresh: NDArray[np.bool_], infos: dict[str, Any] | None = None) -> dict[str, Any]:
-        """Random values of the episodes that have just begun, in Gymnasium's format for infos of vector environments."""
+        """Random values of the episodes that have just begun, in the format of Gymnasium's infos for vector environments."""
         infos = infos or {}
         if not np.count_nonzero(fresh) or not self.task.draws:
             return infos

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
 __all__ = ["PROGRAMS", "Export", "Program", "Replay", "export"]
 
 APART = 1.0
-"""Largest difference between a program and MuJoCo on the same file, mrad (mm), with which the export succeeds."""
+"""Largest difference in mrad (mm) between a program and MuJoCo on the same file with which the export counts as good."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """An exported model, and its differences from the simulation in asrsim."""
+    """An exported model, and the differences of its motion from the simulation in asrsim."""
 
     files: tuple[Path, ...]
     """Paths of the written files; the model is the first file."""
@@ -45,11 +45,11 @@ class Export:
     """Name of the program that the files are made for."""
     replay: Replay
     spring_errors: Mapping[str, float]
-    """Largest difference between spring laws and their splines, divided by the stiffness, mrad, by joint."""
+    """Largest difference between the law and the spline of a joint's springs, divided by the stiffness, mrad, by joint."""
 
     @property
     def good(self) -> bool:
-        """Whether the motion is finite, and the program simulates the file as MuJoCo does."""
+        """Whether the replayed motion is finite, and the program simulates the file as MuJoCo does."""
         return self.replay.diverged_at is None and self.replay.apart <= APART
 
     def as_dict(self) -> dict[str, Any]:
@@ -87,16 +87,16 @@ def export(
     """Write a scenario's robot as MJCF for a program, and replay the scenario there.
 
     Args:
-        scenario: Scenario in modes that MuJoCo can represent (all but 2 and 3).
+        scenario: Scenario whose joints have modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
-        variant, overrides: As for `asrsim.run`.
+        variant, overrides: As in `asrsim.run`.
         program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only
             constructs that this program simulates correctly. The replay is in this program if it is installed, else in MuJoCo.
         knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
         step: Time step of the model, s; None: half of the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
-            randomisation.
-        plot: Draw the error.
+        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges
+            for domain randomisation.
+        plot: Whether to draw the error of each joint.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that the program would simulate wrongly.
@@ -122,7 +122,7 @@ def export(
         files.append(folder / f"mesh_{len(files)}.stl")
         mesh: Any = concatenate(simplified(mesh_parts(Path(source))))
         with written(files[-1], "mesh") as stream:
-            # The header of the STL file shows that asrsim wrote the file.
+            # The header of the STL file marks the file as written by asrsim.
             stl = mesh.export(file_type="stl")
             stream.write(b"asrsim mesh".ljust(80) + stl[80:])
         return f"{folder.name}/{files[-1].name}"
@@ -133,7 +133,7 @@ def export(
     write_text(path, exact_xml(model.spec), "mjcf")
     remarks, ranges = list(model.remarks), None
     if distribution is not None:
-        # Models with the values at both ends of an interval need equal numbers of tendons.
+        # The models for both ends of an interval must have equal numbers of tendons, and so of knots, to be compared.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
 
         def compiled(values: dict[str, float]) -> Any:

@@ -10,13 +10,13 @@ class Constructs:
     """Constructs of MJCF that a program simulates correctly."""
 
     dc_motors: bool = True
-    """DC motors with speed limit, integral action and bristles, and an implicit integrator that respects their limits. Without
-    them, motors are affine actuators and the integrator is the Euler method.
+    """DC motors with speed limit, integral action and bristles, and an implicit integrator that keeps the motors' limits. In a
+    program without them, motors are affine actuators, and the integrator is Euler's method.
     """
     curved_springs: bool = True
-    """Tendons whose stiffness is a polynomial. Without them, springs are made of linear pieces."""
+    """Tendons whose stiffness is a polynomial. For a program without them, springs are made of linear pieces."""
     delays: bool = True
-    """Actuators with a delay."""
+    """Actuators that delay their control."""
     stiffness_controls: bool = True
     """Actuators on tendons, whose control is a stiffness."""
     contacts: bool = True

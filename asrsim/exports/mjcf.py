@@ -39,24 +39,25 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Range of deflections in which springs are fitted, as a multiple of the scenario's largest deflection; smallest range, rad."""
+"""Range of deflections over which springs are fitted: a multiple of the largest deflection in the scenario's run, but at least
+`LEAST_REACH` rad."""
 VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
-"""Groups of the model's elements; viewers of MuJoCo show the groups 0 to 2."""
+"""Groups of the model's visuals, collision shapes and sites; MuJoCo's viewers show the groups 0 to 2."""
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
 COUPLING_STEPS = 2.0
 """Time constant of couplings of joints, in time steps: the smallest value that MuJoCo accepts."""
 ALL = Constructs()
 STILL = 1e-9
-"""Range of an adjuster's positions, in its unit, below which the adjuster does not move."""
+"""Range of an adjuster's positions in the run, in their unit, below which the adjuster counts as at rest."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
     "_load_friction": "the friction of its motors does not depend on load",
     "_max_voltage": "the voltage limit of its motors limits their torque at rest",
 }
-"""Effects of parameters that the model lacks, by the end of the parameter's name."""
+"""Parts that the model lacks if a parameter is set, by the end of the parameter's name, in words for a remark."""
 DIRECT_LACKS = {"_max_velocity": "its motors have no speed limit", "_integral": "its controllers have no integral action"}
-"""Effects that the model lacks for motors with a voltage or a current as command, by the end of the parameter's name."""
+"""Parts that the model lacks for motors whose command is a voltage or a current, by the end of the parameter's name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,7 @@ class Mjcf:
     splines: Mapping[str, tuple[Spline, ...]]
     """Splines of the springs, by joint."""
     remarks: tuple[str, ...]
-    """Sentences about parts of the scenario that the model lacks."""
+    """Sentences about the parts of the scenario that the model lacks."""
 
 
 def model_of(
@@ -86,7 +87,7 @@ def model_of(
     Args:
         prepared: The scenario.
         run: Results of the scenario's run in asrsim; springs are fitted over its deflections.
-        path: Path of the model's file.
+        path: Path of the file that the model is for.
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
         timestep: Time step of the model, s; None: half of the scenario's step.
@@ -99,7 +100,7 @@ def model_of(
     _check(prepared, constructs)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
-        # Older versions read the gains of DC motors in volts.
+        # MuJoCo versions before 4 read the gains of DC motors in volts.
         raise SimulationError(
             f"files with DC motors need MuJoCo 4, but MuJoCo {library_version()} is imported here: install mujoco-core 4 in an "
             "environment without mujoco 3, or write for mjx or mjlab, whose files have no DC motors"
@@ -116,7 +117,7 @@ def model_of(
         spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.timestep = timestep or 0.5 * scenario.step
     if not spec.pairs:
-        # Elliptic friction cones serve contacts only, and some programs that read MJCF do not support them.
+        # Only contacts need elliptic friction cones, and some programs that read MJCF do not support such cones.
         spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_PYRAMIDAL, 1.0
     bodies = {link.name: spec.body(link_body(link.name)) for link in robot.links}
     couple(spec, robot, HARD, COUPLING_STEPS * spec.option.timestep)
@@ -129,7 +130,8 @@ def model_of(
     remarks, splines = [f"shapes are left out ({len(warnings)} groups); the first: {warnings[0]}"] if warnings else [], {}
     lacks: dict[str, list[str]] = {}
     for j, stepped in enumerate(prepared.drives):
-        # Positions and velocities (motors, n) of the motors; the last row is the adjuster, if the actuator has one.
+        # Positions and velocities (motors, n) of the motors in the run; the last row is the adjuster's, if the actuator has
+        # one.
         positions, speeds = (
             np.array([values[:, j] for name, values in run.items() if name.startswith("motor") and name.endswith(quantity)])
             for quantity in ("position", "velocity")
@@ -165,7 +167,7 @@ def model_of(
             if moving:
                 add_adjustable_spring(spec, drive)
         elif drive is not None:
-            # Modes 0 and 1: torque or PID controller on the link itself.
+            # In modes 0 and 1, a torque or a PID controller acts on the link itself.
             names = ("proportional", "integral", "derivative")
             gains = tuple(drive.values[f"controller_1_{name}"] for name in names) if drive.mode.controller else ()
             most = stepped.joint.most_effort
@@ -188,7 +190,7 @@ def model_of(
     if any(one.delay for one in scenario.sensor_imperfections.values()):
         remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
-        # MuJoCo accepts any triangles for a shell; the inertia of the shell is not used, since bodies have explicit inertia.
+        # As a shell, MuJoCo accepts a mesh of any triangles. Its inertia is not used, since each body states its own.
         mesh.inertia, mesh.file = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, mesh_file(mesh.file)
     try:
         model = spec.compile()
@@ -199,7 +201,7 @@ def model_of(
 
 
 def _check(prepared: Prepared, constructs: Constructs) -> None:
-    """Raise ScenarioError for parts of the scenario that need other constructs."""
+    """Raise ScenarioError if the scenario has parts that need constructs other than `constructs`."""
     problems = [
         Problem(f"joint '{stepped.name}': the program of --for does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives
@@ -213,8 +215,8 @@ def _check(prepared: Prepared, constructs: Constructs) -> None:
 
 
 def _describe(spec: Any, body: Any, link: Link) -> None:
-    """Add name, inertia and visuals of a link to its body."""
-    # MuJoCo reserves the name "world".
+    """Add the name, inertia and visuals of a link to the link's body in the model."""
+    # MuJoCo reserves the body name "world".
     body.name = "world_link" if link.name == "world" else link.name
     moments, rpy = principal_axes(link)
     body.mass, body.inertia = max(link.mass or 0.0, TINY), np.maximum(moments, TINY)
@@ -229,7 +231,7 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
 
 
 def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
-    """Add the initial state of the scenario as a keyframe. model: the compiled model."""
+    """Add the start of the scenario to the model as a keyframe. model: the compiled model, as MjModel."""
     positions, velocities = model.qpos0.copy(), np.zeros(model.nv)
     for name, position, velocity in starts_of(prepared):
         joint = model.joint(name)
@@ -243,7 +245,8 @@ def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
 def _lacks(
     prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], positions: Array, speeds: Array
 ) -> Iterator[str]:
-    """Sentences about parts of a joint that the model lacks. positions, speeds: of its motors in the run (motors, n)."""
+    """Sentences about the parts of a joint that the model lacks. positions, speeds: of the joint's motors in the run, (motors,
+    n)."""
     joint, drive = stepped.joint, stepped.drive
     largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)
     if joint.friction_varies:

@@ -1,4 +1,4 @@
-"""Motors, springs and controllers of a joint in MJCF, made of the constructs that a program simulates correctly."""
+"""Motors, springs and controllers of a joint in MJCF, made of constructs that the program of the file simulates correctly."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 TINY = 1e-9
-"""Smallest mass (kg) and moment of inertia (kg m^2) of a body: MuJoCo rejects bodies without mass. Motors have this mass; their
-inertia is the armature of their joint.
+"""Mass (kg) and moments of inertia (kg m^2) of the body of a motor: nearly 0, but MuJoCo rejects bodies without mass. The
+inertia of the motor is the armature of the body's joint.
 """
 FRICTION_SOLREF, FRICTION_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.01, 0.5, 2.0]
-"""Solver parameters with which friction is nearly Coulomb friction."""
+"""Parameters of MuJoCo's solver with which its friction is nearly Coulomb friction."""
 STOP_SOLREF, STOP_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.001, 0.5, 2.0]
-"""Solver parameters of stiff joint stops."""
+"""Parameters of MuJoCo's solver with which joint stops are stiff."""
 BRAKE = 10.0
-"""Time step divided by the time constant with which a motor at its speed limit brakes. With larger values the motor chatters
-about the limit; with smaller values it exceeds the limit (measured with time steps of 0.25 to 1 ms).
+"""Time step, divided by the time constant with which a motor above its speed limit is braked. With larger values the motor
+chatters about the limit; with smaller values it exceeds the limit (measured with time steps of 0.25 to 1 ms).
 """
 IMPLICIT = 0.9
-"""Fraction of a motor's inertia that implicit damping replaces, if damping limits the speed. A time step removes this fraction
-of the speed above the limit.
+"""Fraction of a motor's inertia that implicit damping replaces, if damping limits the motor's speed. In each time step, the
+speed above the limit falls by this fraction.
 """
 
 
@@ -42,7 +42,7 @@ def motor_name(joint: str, index: int) -> str:
 
 
 def starts_of(prepared: Prepared) -> Iterator[tuple[str, float, float]]:
-    """Joint of the model, and its position and velocity at the start, for each link joint and motor; rad (m), rad/s (m/s)."""
+    """Name of the model's joint, position and velocity at the start, for each joint and each motor; rad (m), rad/s (m/s)."""
     for drive, *start in zip(prepared.drives, prepared.initial_positions, prepared.initial_velocities, strict=True):
         for i, (position, velocity, *_) in enumerate([start, *drive.motor_starts(drive.dynamic_motors)]):
             yield motor_name(drive.name, i) if i else drive.name, float(position), float(velocity)
@@ -54,7 +54,7 @@ def stiffness_name(joint: str) -> str:
 
 
 def set_limits(joint: Any, stops: tuple[float, float], damping: float, friction: float) -> None:
-    """Add stops, damping and friction to a joint."""
+    """Add stops, damping and friction to a joint of the model."""
     joint.damping[0], joint.frictionloss = damping, friction
     if friction:
         joint.solref_friction, joint.solimp_friction = FRICTION_SOLREF, FRICTION_SOLIMP
@@ -64,7 +64,7 @@ def set_limits(joint: Any, stops: tuple[float, float], damping: float, friction:
 
 
 def refused(stepped: SteppedJoint, constructs: Constructs) -> Iterator[str]:
-    """Parts of a joint that a program cannot step with these constructs."""
+    """Parts of a joint that a program with only the constructs `constructs` cannot step, in words."""
     drive = stepped.drive
     if not constructs.delays and delay_of(stepped):
         yield "delay of its commands"
@@ -82,9 +82,9 @@ def refused(stepped: SteppedJoint, constructs: Constructs) -> Iterator[str]:
 def springs_of(
     drive: Drive, reach: float, adjuster: Array, knots: int | None = None, *, curved: bool = True
 ) -> tuple[Spline, ...]:
-    """Splines of the springs of a drive, one for each motor. adjuster: position of the adjuster, if the actuator has one;
-    curved: whether the pieces are cubic, else they are linear. Raises ScenarioError for a law that depends on more than each
-    motor's own deflection.
+    """Splines of the springs of a drive, one for each motor. adjuster: positions of the adjuster, if the actuator has one;
+    curved: whether the pieces are cubic; False: they are linear. Raises ScenarioError for a spring whose torque depends on more
+    than the deflection of its own motor.
     """
     actuator, count = drive.actuator, drive.actuator.motors
     tail = [*adjuster, 0.0][: actuator.positions() - count]
@@ -109,8 +109,8 @@ def springs_of(
 
 
 def add_motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float, constructs: Constructs) -> None:
-    """Add the motors of a joint with their controllers and springs. splines: one for each motor; empty: the springs are added
-    elsewhere. delay: delay of the commands, s.
+    """Add the motors of a joint with their controllers and springs. splines: one for each motor; empty: other code adds the
+    springs. delay: delay of the motors' commands, s.
     """
     for i in range(drive.actuator.motors):
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
@@ -154,8 +154,8 @@ def _tendon(spec: Any, name: str, motor: str, joint: str) -> Any:
 
 
 def _friction(drive: Drive, index: int) -> tuple[float, ...]:
-    """LuGre friction of motor `index` in the parameters of MuJoCo: stiffness (N m/rad) and damping of the bristles, torque
-    while sliding and at rest (N m), Stribeck velocity (rad/s); all 0 without friction.
+    """LuGre friction of motor `index`, as MuJoCo's parameters: stiffness (N m/rad) and damping of the bristles, torque while
+    sliding and torque at rest (N m), Stribeck velocity (rad/s); all 0 without friction.
     """
     values = {name: drive.values[f"motor_{index}_{name}"] for name in ("friction_torque", "stribeck_friction")}
     sliding, sticking = values["friction_torque"], sum(values.values())
@@ -176,8 +176,9 @@ def add_servo(
     fastest: float,
     friction: Sequence[float] = (0.0,) * 5,
 ) -> Any:
-    """Add a motor with a PID controller, speed limit and torque limit. gains: proportional, integral and derivative; empty: the
-    command is the torque. inertia in kg m^2, limit in N m, fastest in rad/s, friction: see `_friction`.
+    """Add a motor with a PID controller, a speed limit and a torque limit. gains: proportional, integral and derivative gain;
+    empty: no controller, the command is the torque. inertia in kg m^2; limit: torque limit in N m; fastest: speed limit in
+    rad/s; friction: see `_friction`.
     """
     proportional, integral, derivative = gains or (0.0, 0.0, 0.0)
     if not constructs.dc_motors:
@@ -186,8 +187,8 @@ def add_servo(
         if math.isfinite(fastest):
             _brake(spec, joint, inertia, fastest, limit)
         return actuator
-    # MuJoCo's DC motor with a torque constant of 1 N m/A limits the voltage, and so the speed; its back-EMF brakes a motor
-    # beyond the limit with 1 / resistance N m s/rad. Below the limit the controller compensates the back-EMF.
+    # MuJoCo's DC motor has a torque constant of 1 N m/A here, so the limit of its voltage limits its speed. Beyond this speed
+    # its back-EMF brakes the motor with 1 / resistance N m s/rad; below, the controller compensates the back-EMF.
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_dcmotor(
@@ -202,12 +203,12 @@ def add_servo(
 
 
 def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -> None:
-    """Limit the speed of a motor to `fastest` (rad/s) by viscous damping, which an actuator without control cancels up to this
-    speed. inertia: of the motor, kg m^2; limit: its largest torque, N m.
+    """Limit the speed of a motor to `fastest` (rad/s) by viscous damping. An actuator without control cancels this damping up
+    to the limit. inertia: of the motor, kg m^2; limit: largest torque of the motor, N m.
 
     MuJoCo's Euler integrator takes the damping implicitly, as if the inertia were larger by time step times damping. The
-    armature is reduced by the same amount, so the effective inertia is unchanged. The damping begins below the limit, so that
-    the largest torque drives the motor exactly to the limit.
+    armature is reduced by this product, so that the effective inertia is that of the motor. The damping begins to act below the
+    limit, so that the largest torque drives the motor exactly to the limit.
     """
     mujoco = load()
     joint, step = spec.joint(name), spec.option.timestep
@@ -215,14 +216,14 @@ def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -
     joint.armature = (1.0 - IMPLICIT) * inertia
     joint.damping[0] += damping
     actuator = spec.add_actuator(name=f"{name}.speed_limit", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    # With a gain of 0, MuJoCo would take the bias for a damping ratio.
+    # With a gain of exactly 0, MuJoCo would read the bias as a damping ratio.
     actuator.gainprm[0], actuator.biastype, actuator.biasprm[2] = 1e-9, mujoco.mjtBias.mjBIAS_AFFINE, damping
     begin = max(damping * fastest - limit, 0.0) if math.isfinite(limit) else damping * fastest
     actuator.forcerange, actuator.ctrlrange = [-begin, begin], [0.0, 1e-9]
 
 
 def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: float) -> Any:
-    """Add an actuator with the torque gain * control - damping * velocity."""
+    """Add an actuator with the torque gain * control - damping * velocity, up to `limit` N m."""
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
@@ -233,14 +234,14 @@ def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: floa
 
 
 def _hysteresis(spec: Any, drive: Drive, index: int, own: Any) -> None:
-    """Add the hysteresis of spring `index`: bristles between motor and joint that bend by the length (rad) before they slip at
+    """Add the hysteresis of spring `index`: bristles between motor and joint. They bend by the length (rad) before they slip at
     the level of the torque (N m).
     """
     level, length = own.level, own.length
     mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
     _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    # The motor itself has no effect: only its friction is used.
+    # The DC motor itself has no effect: only its bristles are used, as the hysteresis.
     actuator.set_to_dcmotor(motorconst=[1e-6, 0.0], resistance=1.0, lugre=[level / length, 0.0, level, level, 1.0])
 
 
@@ -251,7 +252,7 @@ def _damper(spec: Any, drive: Drive, index: int, own: Any) -> None:
 
 
 STAGES_OF_MUJOCO: Mapping[str, Callable[[Any, Drive, int, Any], None]] = {"hysteresis": _hysteresis, "damper": _damper}
-"""Functions that add a stage at motor 1, 2, ... to a model, by name of the stage; the model lacks the other stages."""
+"""Functions that add a stage at motor 1, 2, ... to a model, by name of the stage. Other stages are not exported."""
 
 
 def add_adjustable_spring(spec: Any, drive: Drive) -> None:
@@ -264,13 +265,13 @@ def add_adjustable_spring(spec: Any, drive: Drive) -> None:
 
 
 def delay_of(stepped: SteppedJoint) -> float:
-    """Delay of the commands of a joint, s."""
+    """Delay of a joint's commands, s."""
     return stepped.command_imperfections.delay if stepped.command_imperfections is not None else 0.0
 
 
 def set_delay(spec: Any, actuator: Any, delay: float) -> None:
-    """Delay the control of an actuator by `delay` s, rounded to whole time steps."""
+    """Delay the control of an actuator by `delay` s, rounded to whole time steps of the model."""
     steps = round(delay / spec.option.timestep)
     if steps:
-        # The delay is half a step shorter, so that rounding errors do not select an earlier sample.
+        # Make the delay half a step shorter, so that rounding errors cannot select an earlier sample.
         actuator.delay, actuator.nsample = (steps - 0.5) * spec.option.timestep, steps + 1

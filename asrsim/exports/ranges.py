@@ -1,4 +1,4 @@
-"""Ranges for domain randomisation: the intervals of a fit as fields of the MuJoCo model."""
+"""Ranges for domain randomisation: the intervals of a fit as values of fields of the MuJoCo model."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ FIELDS = {
     "tendon": ("tendon_stiffness", "tendon_stiffnesspoly", "tendon_lengthspring"),
     "actuator": ("actuator_gainprm", "actuator_biasprm", "actuator_dynprm", "actuator_forcerange"),
 }
-"""Fields of MjModel with one row per element, by kind of element."""
+"""Fields of MjModel whose values change with the parameters, by the kind of element that each row describes."""
 WIDTH = 1.96
-"""Half-width of a 95 % interval, in standard deviations."""
+"""Half-width of a 95 % interval of a normal distribution, in standard deviations."""
 HEADING = """\
 # Ranges by asrsim export: 95 % intervals of {}, each with the other parameters at their estimates.
 # fields: fields of MjModel, by element: values at `low` and at `high`; between them the fields are nearly linear.
@@ -41,10 +41,10 @@ def own_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, di
 
 
 def write_ranges(fit: JointDistribution, compiled: Callable[[dict[str, float]], Any], path: Path, source: Path) -> Path:
-    """Write the 95 % intervals of a fit as fields of the model at `path`, and return the path of the written file.
+    """Write what the 95 % intervals of a fit mean for fields of the model at `path`. Returns the path of the written file.
 
-    compiled: function that returns the MjModel with other values of the robot's parameters, with equal numbers of knots.
-    source: file of the fit. Raises OutputError.
+    compiled: function that returns the MjModel for other values of the robot's parameters; all models have equal numbers of
+    knots. source: file of the fit. Raises OutputError.
     """
     import yaml
 

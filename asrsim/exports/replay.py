@@ -1,4 +1,4 @@
-"""The scenario's motion in another program, compared with the motion in asrsim: error of the exported model for each joint."""
+"""The scenario's motion in another program, compared with that in asrsim: the error of the exported model for each joint."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from asrsim.simulation.worlds import Worlds
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """The scenario's motion in asrsim and in another program, at the scenario's steps."""
+    """The scenario's motion in asrsim and in another program, at the steps of the scenario."""
 
     program: str
-    """Name and versions of the other program. MuJoCo stands in for a program that is not installed here."""
+    """Name and versions of the other program: the program of the file, or MuJoCo if that program was not tried."""
     untried: str
     """Reason why the program that the file is made for was not tried; empty if it was tried."""
     joints: tuple[str, ...]
@@ -43,7 +43,8 @@ class Replay:
     theirs: Array
     """Link positions (n, joints) of the other program, rad (m); NaN after a divergence."""
     apart: float
-    """Largest difference between the other program and MuJoCo, mrad (mm): a fault of the program, not of the file."""
+    """Largest difference in mrad (mm) between the other program and MuJoCo on the same file: an error of the program, not of
+    the file."""
 
     @property
     def error(self) -> Array:
@@ -63,7 +64,7 @@ class Replay:
 
 
 def run_of(prepared: Prepared) -> dict[str, Array]:
-    """Results of the scenario's run in asrsim: values (n, joints) by quantity. Raises SimulationError if it diverges."""
+    """Values (n, joints) by quantity of the scenario's run in asrsim. Raises SimulationError if the run diverges."""
     with Worlds(prepared, 1, watched=False) as worlds:
         kinds = "link_position", "external_torque", "reference_", "motor_"
         names = [name for name in worlds.names if name.startswith(kinds)]
@@ -74,8 +75,8 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Program) -> Replay:
-    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. Each
-    program gets the scenario's references and external torques; the model itself delays the references.
+    """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. Each program
+    gets the scenario's references without delay, since the model itself delays them, and its external torques.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -118,7 +119,8 @@ def _versioned(program: Program) -> str:
 
 
 def _start_of(model: Any, controls: Array) -> Any:
-    """The start of the model as MjData: the state of its keyframe, and delay buffers with the first controls (n, nu)."""
+    """The start of the model as MjData: the state of its keyframe; its delays begin with the first row of the controls (n,
+    nu)."""
     mujoco = load()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -152,7 +154,7 @@ def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Arr
 
 
 def charts(found: Replay) -> list[list[Chart]]:
-    """Rows of charts, one for each joint: both motions, and their difference."""
+    """Rows of charts, one row for each joint: both motions, and their difference."""
     rows, title = [], found.program.partition(" (")[0]
     for j, joint in enumerate(found.joints):
         unit = found.units[j]
@@ -172,5 +174,5 @@ def charts(found: Replay) -> list[list[Chart]]:
 
 
 def draw_replay(found: Replay, path: Path) -> list[Path]:
-    """Draw both motions and the error in a picture in the folder of the model. Raises OutputError."""
+    """Draw both motions and their difference; the picture goes to the folder of the model. Raises OutputError."""
     return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in {found.program}")

@@ -10,34 +10,35 @@ import numpy as np
 from asrsim.samples import Array
 
 POINTS = 1001
-"""Number of deflections on each side at which a spring law is evaluated."""
+"""Number of deflections on each side of 0 at which a spring law is evaluated."""
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
-"""Numbers of knots that are tried in turn; bound of the spline's error, rad, below which the first number is accepted."""
+"""Numbers of knots that are tried in turn; the first one with an error of the spline below `ERROR` rad is taken."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
-"""Numbers of knots and bound of the error for springs that are made of linear pieces."""
+"""`KNOTS` and `ERROR` for springs that are made of linear pieces."""
 FAR = 1e6
-"""End of a dead band that no motion reaches, and rest position of a weak spring that produces a nearly constant torque, rad.
+"""End of a dead band that no motion reaches, rad; also the rest position of a weak spring, which gives a nearly constant
+torque.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spline:
-    """Approximation of a spring law, torque over deflection, by a sum of polynomial springs with dead bands."""
+    """Approximation of a spring law (torque over deflection) by a sum of polynomial springs, each with a dead band."""
 
     pieces: Array
     """Rows (n, 5): lower and upper end of the dead band, rad; coefficients k_1, k_2, k_3 in N m/rad, N m/rad^2, N m/rad^3.
 
-    At the distance u from the nearer end of the dead band, the torque is k_1 u + k_2 u^2 + k_3 u^3.
+    Outside the dead band, at the distance u from its nearer end, the torque is k_1 u + k_2 u^2 + k_3 u^3.
     """
     reach: float
     """Largest deflection for which the pieces were fitted, rad."""
     knots: int
-    """Number of knots on each side."""
+    """Number of knots of the spline on each side of 0."""
     error: float
     """Largest difference of the torques within `reach`, divided by the local stiffness, rad."""
 
     def torque(self, deflection: Array) -> Array:
-        """Torques at deflections in rad, N m."""
+        """Torques of the spring in N m at deflections in rad."""
         low, high, *stiffness = self.pieces.T
         x = np.asarray(deflection)[..., None]
         u = np.maximum(x - high, 0.0) + np.minimum(x - low, 0.0)
@@ -48,14 +49,14 @@ def spline_of(
     law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None, curved: bool = True
 ) -> Spline:
     """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first of `KNOTS` with an
-    error below `ERROR`. curved: whether the pieces are cubic, else they are linear.
+    error below `ERROR`. curved: whether the pieces are cubic; False: they are linear.
 
-    The error is weighted by one over the stiffness, so that it is a difference of positions under equal torques. limit:
-    deflection beyond which the law is constant, rad. An odd law gets pieces that act for positive and negative deflections.
+    The error of the torque is divided by the stiffness, so that it is a difference of positions under equal torques. limit:
+    deflection beyond which the law is constant, rad. If the law is odd, its pieces act for positive and negative deflections.
     """
     saturates, edge = limit <= reach, min(limit, reach)
     x, constant = np.linspace(0.0, edge, POINTS), law(0.0)
-    # Torques over positive deflections: law(x), and -law(-x) for negative deflections.
+    # Torques over positive deflections x: law(x) for the positive side, and -law(-x) for the negative side.
     sides = {
         sign: sign * (np.array([law(sign * value) for value in x.tolist()]) - constant * (1.0 + sign * x / FAR))
         for sign in (1.0, -1.0)
@@ -81,13 +82,13 @@ def spline_of(
 
 
 def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved: bool) -> tuple[Array, float]:
-    """Spline of torques y over deflections x >= 0: rows of a knot and the three coefficients of the piece that begins there,
-    and the largest error divided by the stiffness, rad.
+    """Spline of torques y over deflections x >= 0, and its largest error divided by the stiffness, rad. Each row of the spline
+    is a knot, and the three coefficients of the piece that begins at this knot.
     """
     stiffness = np.abs(np.gradient(y, x))
-    # In flat parts of a law the stiffness is zero, so a lower bound avoids a division by zero.
+    # In flat parts of a law the stiffness is zero: a lower bound avoids a division by zero.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    # The pieces that begin at the knots are cubic or linear. The curvature of an odd law is zero at zero.
+    # The pieces that begin at knots have only a cubic or only a linear term. An odd law has no curvature at zero.
     last = 3 if curved else 1
     powers = ([x] if odd else [x, x**2]) if curved else []
     columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** last]) / stiffness[:, None]
@@ -99,7 +100,7 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     rows[:, last] = pieces
     rows[0, 1 : 1 + len(powers)] += factors[: len(powers)]
     if saturates:
-        # Beyond the last deflection, this piece cancels the slope and the curvature of all others.
+        # Beyond the deflection limit, this piece cancels the slope and the curvature of all other pieces.
         edge = x[-1]
         if curved:
             first, second, _ = rows[0, 1:]

@@ -13,16 +13,17 @@ from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.registry import Registry, is_declared
 
 OF_JOINTS = frozenset((*QUANTITIES, *DERIVED))
-"""Names of the quantities that joints have without stages."""
+"""Names of the quantities that every joint has, with or without stages."""
 GROUP = "asrsim.stages"
 """Entry point group of the stages of installed packages."""
 
 
 class Stages(Registry[type[Stage]]):
-    """Table of the stages; the quantities of a stage are known from its registration on."""
+    """Table of the stages; when a stage is registered, its quantities become known to logs."""
 
     def loaded(self) -> tuple[type[Stage], ...]:
-        """All stages, in the order of registration. A stage acts as soon as its package is installed."""
+        """All registered stages, in the order of registration. The stages of a package act as soon as the package is
+        installed."""
         if is_declared(GROUP):
             self.names()
         return super().loaded()
@@ -32,11 +33,11 @@ class Stages(Registry[type[Stage]]):
         return super()._take(name, entry)
 
     def state(self) -> Any:
-        """A copy of what the registry contains, for `put`."""
+        """Copy of the registry's content, which `put` can restore."""
         return super().state(), dict(QUANTITIES)
 
     def put(self, state: Any) -> None:
-        """Restore this earlier state of the registry."""
+        """Restore the content that `state` returned earlier."""
         entries, quantities = state
         super().put(entries)
         for name in QUANTITIES.keys() - quantities.keys():

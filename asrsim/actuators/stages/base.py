@@ -1,8 +1,9 @@
 """The interface of a stage: a part of an actuator beside its springs, such as a damper, with parameters, memory and laws.
 
-The laws are static methods of numbers. They use only the module `math`, so that one source runs interpreted, compiled and on
-Warp. A law receives the memory of the stage at one motor, and the constants there. A stage declares only the laws that it
-needs; the others have no effect. Laws are combined when the robot is built: joints without the stage run none of its code.
+The laws are static methods of numbers. They use only the module `math`, so that one source runs as Python, compiled, and on
+Warp. A law receives the memory and the constants of the stage at one motor. A stage declares only the laws that it needs; laws
+that it does not declare have no effect. Laws are combined when the robot is built: joints without the stage run none of its
+code.
 
     class Slip(Stage):
         name = "slip"
@@ -34,7 +35,7 @@ from asrsim.records import value
 
 @dataclass(slots=True)
 class Kick:
-    """Values that a stage receives in a kick of its motor, the change of all velocities in a substep."""
+    """Values that a stage receives in a kick of its motor. A kick is the change of all velocities in a substep."""
 
     motor_position: float = value("position of the motor", "rad")
     motor_velocity: float = value("velocity of the motor", "rad/s")
@@ -60,7 +61,8 @@ class Stage:
     source: ClassVar[str] = ""
     """Publication of the model."""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    """Parameters of the stage. They are shared by all motors of a joint; at their defaults the stage must not act."""
+    """Parameters of the stage. They are shared by all motors of a joint; while all have their defaults, the stage must not
+    act."""
     Memory: ClassVar[Any] = NoMemory
     """Record of the state of the stage at one motor: a dataclass with slots of numbers `asrsim.records.value`."""
     Constants: ClassVar[Any]
@@ -77,13 +79,13 @@ class Stage:
 
     @staticmethod
     def place(memory: Any, own: Any, deflection: float) -> float:
-        """Deflection of the spring in rad for a deflection (motor minus link) in rad: a part in series with the spring. The
-        function does not decrease, and has no slope above 1."""
+        """Law of a part in series with the spring, such as a play: deflection of the spring in rad for a deflection of the
+        joint (motor minus link) in rad. The law must not decrease, and its slope must not exceed 1."""
         return deflection
 
     @staticmethod
     def torque(memory: Any, own: Any, deflection: float, velocity: float) -> float:
-        """Torque in N m of a part parallel to the spring: it pulls the link towards the motor.
+        """Torque in N m of a part parallel to the spring; a positive torque pulls the link towards the motor.
 
         deflection: motor minus link, rad; velocity: rate of the deflection, rad/s.
         """
@@ -100,16 +102,16 @@ class Stage:
 
     @staticmethod
     def limit(memory: Any, own: Any, torque: float) -> float:
-        """Largest torque of the motor in N m, which is `torque` without the stage."""
+        """Largest torque of the motor in N m with the stage. torque: largest torque without the stage, N m."""
         return torque
 
     @staticmethod
     def remember(memory: Any, own: Any, kick: Kick) -> None:
-        """Advance the memory to a kick of the motor, once per substep."""
+        """Advance the memory to a kick of the motor. This law is called once per substep."""
 
     @staticmethod
     def energy(memory: Any, own: Any) -> float:
-        """Energy in J that the stage stores after `remember`, beside that of the spring."""
+        """Energy in J that the stage itself stores, without the energy of the spring; called after `remember`."""
         return 0.0
 
     @staticmethod

@@ -2,9 +2,9 @@
 
     C dT/dt = p tau^2 - (T - T_a) / R        T: temperature; p: R_w / (n k_t)^2, W/(N m)^2; tau: torque of the motor, N m
 
-One thermal mass with the capacity C, and the thermal resistance R to surroundings of the temperature T_a. The torque limit
-falls from its full value at `derating_temperature` to 0 at `max_temperature`. The resistance of the winding does not follow its
-temperature.
+A winding is one thermal mass with the capacity C. The thermal resistance R connects it to surroundings at the temperature T_a.
+The torque limit falls from its full value at `derating_temperature` to 0 at `max_temperature`. The electric resistance of the
+winding is constant in this model, although a real one rises with the temperature.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ class Heating(Stage):
         power = own.heat * kick.motor_torque * kick.motor_torque
         last = memory.power if memory.power >= 0.0 else power
         memory.temperature = own.ambient + memory.rise
-        # The mean power until the next kick, extrapolated from this and the last kick.
+        # The mean power until the next kick is not known yet: extrapolate it from the powers at this kick and at the last one.
         mean = power + 0.5 * (power - last)
         decay = exp(-kick.step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)

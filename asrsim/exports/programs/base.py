@@ -1,4 +1,4 @@
-"""Interface of the programs that an exported file can be made for."""
+"""Interface of the programs for which an exported file can be made."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from asrsim.simulation.prepared import Prepared
 
 
 class Program:
-    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. Only the names are required."""
+    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. A subclass must state the
+    names."""
 
     name: ClassVar[str]
     """Name on the command line."""
     title: ClassVar[str]
-    """Name in texts."""
+    """Name for people, in messages and pages."""
     packages: ClassVar[tuple[str, ...]] = ()
     """Names of the program's packages on PyPI; the modules have these names with `_` instead of `-`."""
     modules: ClassVar[tuple[str, ...]] = ()
-    """Modules that the program needs here."""
+    """Python modules that a replay in this program needs."""
     constructs: ClassVar[Constructs] = Constructs()
     """Constructs of MJCF that the program simulates correctly."""
     longest: ClassVar[int] = 10**9
-    """Largest number of time steps of a replay: programs for thousands of robots are slow with a single robot."""
+    """Largest number of time steps of a replay, since programs for thousands of robots are slow with one robot."""
 
     def missing(self) -> str:
-        """Reason why the program cannot be tried here; empty if it can."""
+        """Reason why the program cannot replay a motion on this computer; empty if it can."""
         if type(self).positions is Program.positions:
             return f"asrsim has no replay in {self.title}"
         for module in self.modules:
@@ -42,20 +43,20 @@ class Program:
         return ""
 
     def version(self) -> str:
-        """Names and versions of the installed packages."""
+        """Names and versions of the program's installed packages."""
         return ", ".join(_versions(self.packages))
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """Positions (n, nq) of the model at `path`, at its time steps, with controls (n, nu) and torques on joints (n, nv).
+        """Positions (n, nq) at the time steps of the model at `path`, driven by controls (n, nu) and joint torques (n, nv).
 
-        model, start: the model and its start as MjModel and MjData. Rows after a divergence are NaN. A program without this
-        method is not tried: the scenario is replayed in MuJoCo.
+        model, start: the same model and its start, as MjModel and MjData. Rows after a divergence are NaN. A program without
+        this method replays nothing: the scenario is then replayed in MuJoCo.
         """
         raise NotImplementedError
 
     def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
-        """Write the further files that the program needs beside the model at `path`, and return their paths. timestep: of the
-        model, s; ranges: file of the ranges of a fit.
+        """Write the files that the program needs in addition to the model at `path`, and return their paths. timestep: time
+        step of the model, s; ranges: file of the ranges of a fit, if there is one.
         """
         return []
 

@@ -1,4 +1,4 @@
-"""mjlab: the file, and a small package with entity, actions, events and a reach task."""
+"""mjlab: the file, and a small Python package with an entity, actions, events and a reach task."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from asrsim.simulation.drives import SteppedJoint, ranges_of
 from asrsim.simulation.prepared import Prepared
 
 FILES = "__init__", "robot", "reach", "train"
-"""Modules of the package; their texts are in the folder `mjlab_package`."""
+"""Modules of the package that is written for mjlab; their texts are in the folder `mjlab_package`."""
 UNLIMITED = -1.0, 1.0
-"""Range of the actions of a reference without limits, in its unit."""
+"""Range of an action that sets a reference without limits, in the unit of the reference."""
 
 
 class Mjlab(Program):
-    """mjlab 1.6, which needs MuJoCo and MuJoCo Warp 3.11: in these versions, the gains of DC motors are in volts."""
+    """mjlab 1.6. It needs MuJoCo and MuJoCo Warp 3.11, in which the gains of DC motors are in volts."""
 
     name, title, packages, modules = "mjlab", "mjlab", ("mjlab", "mujoco-warp", "torch"), ("mjlab", "torch")
     constructs = Constructs(dc_motors=False, delays=False, contacts=False, stiffness_controls=False)
@@ -88,7 +88,7 @@ class Mjlab(Program):
 
 
 def _module_at(path: Path) -> Any:
-    """The module at `path`, without its package, which would register its task."""
+    """The module at `path`. It is loaded without its package, since the package would register its task."""
     found = spec_from_file_location(path.stem, path)
     module: Any = module_from_spec(found)  # type: ignore[arg-type]
     sys.modules[module.__name__] = module
@@ -102,7 +102,8 @@ def package_name(path: Path) -> str:
 
 
 def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
-    """Motors and references of a joint: the inputs of the motors are matrix @ references + offset. Raises ScenarioError."""
+    """Motors and references of a joint for the package; the inputs of the motors are matrix @ references + offset. Raises
+    ScenarioError."""
     drive: Any = stepped.drive
     own = ranges_of(prepared.scenario, prepared.drives)[stepped.name]
     names = [name for name in stepped.acting_references if name in own]
@@ -119,7 +120,7 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
     values = goals(points)
     offset = values[:, 0]
     matrix = values[:, 1:-1] - offset[:, None]
-    # An adjuster at rest moves no motor.
+    # Leave out references that move no motor, such as that of an adjuster at rest.
     used = np.asarray(np.abs(matrix).any(axis=0)).tolist()
     names = [name for name, one in zip(names, used, strict=True) if one]
     bounds = [own[name] if np.isfinite(own[name]).all() else UNLIMITED for name in names]

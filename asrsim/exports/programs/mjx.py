@@ -15,8 +15,8 @@ from asrsim.samples import Array
 
 
 class Mjx(Program):
-    """MuJoCo XLA in its JAX implementation. It refuses DC motors, and ignores polynomial springs, delays, and, with the
-    implicit integrator, limits of torque (measured with 3.17)."""
+    """MuJoCo XLA in its JAX implementation. With version 3.17 it refused DC motors, and ignored polynomial springs, delays and,
+    with the implicit integrator, torque limits."""
 
     name, title, packages = "mjx", "MuJoCo XLA", ("mujoco-mjx", "jax")
     modules = "mujoco.mjx", "jax"

@@ -22,7 +22,7 @@ class Mujoco(Program):
         mujoco, data = load(), start
         found = np.full((len(controls), model.nq), np.nan)
         for k in range(len(controls)):
-            # After a divergence MuJoCo restarts at time 0.
+            # After a divergence MuJoCo restarts at time 0, which is too early for step k.
             if data.time < (k - 0.5) * model.opt.timestep:
                 break
             found[k] = data.qpos

@@ -14,7 +14,7 @@ from asrsim.warping.program import loaded_warp
 
 
 class MujocoWarp(Program):
-    """MuJoCo Warp on the CPU: the replay only compares its motion with MuJoCo, and does not measure speed."""
+    """MuJoCo Warp, replayed on the CPU: the replay only compares its motion with that of MuJoCo, and measures no speed."""
 
     name, title, packages, modules = "warp", "MuJoCo Warp", ("mujoco-warp", "warp-lang"), ("mujoco_warp", "warp")
     longest = 1000
