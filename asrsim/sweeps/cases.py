@@ -167,8 +167,9 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 
 
 def extreme_runs(study: Study, variant: str) -> list[int]:
-    """Indices of a variant's runs with the smallest or largest value of a varied key, and of a few runs in between. For a key
-    whose values are not numbers: runs with up to 20 different values. At most `PROBES` runs are searched.
+    """Indices of a variant's runs with the smallest or largest value of a varied key, and of a few runs in between.
+
+    For a key whose values are not all numbers: runs with up to 20 different values. At most `PROBES` runs are searched.
     """
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)

@@ -137,7 +137,7 @@ def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array)
 
 
 def _followers(keys: tuple[str, ...], ties: Mapping[str, tuple[str, float]]) -> Iterator[tuple[str, str, float]]:
-    """Keys that are a multiple of a drawn key, directly or through keys in between, each as (key, drawn key, factor)."""
+    """Keys that are a multiple of a drawn key, directly or through other tied keys, each as (key, drawn key, factor)."""
     for key, (to, factor) in ties.items():
         for _ in ties:
             if to in ties:

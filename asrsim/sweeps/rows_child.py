@@ -1,6 +1,6 @@
 """Script that `asrsim.confined.run` starts: reads a study's files of rows completely and reports the fault of each file.
 
-The script reads a JSON request from stdin and writes pairs (index of the file, fault) to stdout. It imports nothing from asrsim.
+It reads a JSON request from stdin and writes pairs (index of the file, fault) to stdout. It imports nothing from asrsim.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ import pyarrow.parquet as pq
 
 
 def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
-    """Fault of a file; an empty text for a file without a fault. tables: receives the file's rows, which stay in memory, so that
-    the memory limit applies to all files together.
+    """Fault of a file; an empty text for a file without a fault.
+
+    tables: receives the rows of the file, which thus stay in memory: the memory limit applies to all files together.
     """
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)

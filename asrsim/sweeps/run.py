@@ -116,8 +116,8 @@ def sweep(
 
 
 def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
-    """Study from a `Study`, a study file or a scenario file. Raises InputError, and SimulationError if options are given for a
-    study that is complete.
+    """Study from a `Study`, a study file or a scenario file. Raises InputError, and SimulationError if `over` or options are
+    given with a `Study` or a study file, which contain them already.
     """
     if isinstance(scenario, Study):
         study = scenario

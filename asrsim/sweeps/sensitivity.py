@@ -58,8 +58,8 @@ def numeric_keys(table: Table) -> list[str]:
 
 
 def influences(table: Table, result: str) -> list[Influence]:
-    """Influence of every key on a result. The key with the largest change of the result's mean comes first. The list is empty if
-    too few runs have the result.
+    """Influence of every key on a result; the key with the largest change of the result's mean comes first. The list is empty
+    if too few runs have the result, or if the result is the same in all runs.
     """
     there = np.isfinite(table[result])
     values = table[result][there]
