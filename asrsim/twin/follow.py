@@ -228,7 +228,7 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
 
 
 def charts(found: Followed) -> list[list[Chart]]:
-    """Charts of each joint, one row per joint: external torque with its threshold and alarms, and stiffness where it is known."""
+    """Charts in rows, one row per joint: external torque with its threshold and alarms, and stiffness where it is known."""
     rows = []
     for j, joint in enumerate(found.joints):
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]

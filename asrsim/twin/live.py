@@ -51,8 +51,8 @@ class LiveTwin:
         duration: float | None = None,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """bandwidth: bandwidth of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`;
-        duration: time in s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
+        """bandwidth: of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`; duration: time in
+        s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
         """
         prepared = prepare_worlds(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
@@ -138,8 +138,8 @@ class LiveTwin:
             yield between
 
     def _follow(self, row: Array, messages: Sequence[Received], transports: Sequence[Transport]) -> None:
-        """Let the twin do a step, and publish its estimates. row: positions followed by applied commands; messages: commands that
-        the twin uses if the robot does not publish its applied commands.
+        """Let the twin do a step, and publish its estimates. row: positions followed by applied commands; messages: commands
+        that the twin uses if the robot does not publish its applied commands.
         """
         positions, applied = np.split(row, [len(self._twin.joints)])
         values = dict(zip(self._references, applied.tolist(), strict=True))
@@ -154,7 +154,7 @@ class LiveTwin:
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
         for number in np.flatnonzero(found.alarm).tolist():
-            # Do not report an alarm that begins shortly after an alarm of the same joint, because the torque is at the threshold.
+            # Report no alarm that begins shortly after another of the same joint: a torque at the threshold causes many alarms.
             if self.time - self._alarm_ends[number] > QUIET:
                 self.alarms += 1
                 self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[number]}")

@@ -1,8 +1,8 @@
 """Loops over the joints of a twin and of its copies, which compute observed torques and alarm thresholds in each step. They run
 as Python or compiled.
 
-The loops write into the arrays of `TwinTables` and create no arrays of their own: for few joints, creating an array takes longer
-than computing its values.
+The loops write into the arrays of `TwinTables` and create no arrays of their own: for few joints, it takes longer to create an
+array than to compute its values.
 """
 
 from __future__ import annotations
@@ -172,7 +172,8 @@ def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, sha
             rows[last, j] += share * (own - rows[last, j])
             total = 0.0
             for i in range(1, simulations):
-                # Add the torque that the springs lack because the simulated link is not at the measured position.
+                # The deflections of the simulated and the robot's springs differ by the position error. Add the torque of this
+                # difference.
                 lacking = t.torques[i, j] + _known(t.stiffness[j] * error[i, j])
                 rows[i, j] += share * ((lacking - own) / shares[2] - rows[i, j])
                 total += rows[i, j] * found[i - 1, j]
@@ -183,8 +184,8 @@ def judge(
     t: TwinTables, limits: AlarmLimits, rows: Any, springs: Any, stiffness: int, learned: Any, friction: Any, external: Any,
     ready: bool, error: Any, alarm: Any, found: Any,
 ) -> bool:  # fmt: skip
-    """Compute the reported external torque, the alarm threshold and the alarm of each joint. Returns whether, for any joint, the
-    threshold for noise alone exceeds the largest torque that its springs have carried so far.
+    """Compute the reported external torque, the alarm threshold and the alarm of each joint. Returns whether, for any joint,
+    the threshold for noise alone exceeds the largest torque that its springs have carried so far.
 
     rows: recorded values of the simulations (w, n, columns); springs: indices (n, k) of the columns with the torque of each
     spring on each link, N m, -1: no such spring; stiffness: index of the column with the joints' stiffness, -1: no such column;
@@ -206,7 +207,7 @@ def judge(
         for k in range(joints):
             total += t.masses[j, k] * t.masses[j, k] * t.variance[k]
         t.noise[j] = limits.noise_gain * math.sqrt(total)
-        # Noise is independent of errors of the model, so the two thresholds are combined as the root of the sum of their squares.
+        # Noise is independent of the errors of the model, so the squares of both thresholds are added.
         tolerated = (limits.tolerance if learned[j] else limits.unlearned) * t.peak[j]
         tolerated += (limits.friction if abs(t.rows[0, 0, j]) > limits.slowest else limits.sticking) * friction[j]
         threshold = math.hypot(limits.sigmas * t.noise[j], tolerated)

@@ -1,10 +1,11 @@
 """Errors of a twin's model. They are estimated from the torque that the twin observes while nothing touches the robot, by a
 regression that forgets old data.
 
-Copies of the twin run beside the twin. In each copy, one kind of parameter, such as damping, is larger in all joints. The columns
-of the regression are the differences between the torque that a copy observes and the torque that the twin observes. They thus
-contain all effects of a parameter: on the motion of the motors, and through the delay of the observer and the filters. The last
-column is constant. The contributions of all columns but the last are subtracted from the torque that the twin observes.
+Copies of the twin run beside the twin. In each copy, one kind of parameter, such as damping, is larger in all joints. The
+columns of the regression are the differences between the torque that a copy observes and the torque that the twin observes.
+They thus contain all effects of a parameter, also those on the motion of the motors, as seen through the observer and the
+filters. The last column is constant. The contributions of all columns but the last are subtracted from the torque that the twin
+observes.
 """
 
 from __future__ import annotations
@@ -107,8 +108,8 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
         for a in range(columns):
             for b in range(columns):
                 normal[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
-            # Use two right-hand sides: the first gives the coefficients, the second gives the first column of the inverse matrix,
-            # from which the standard error of the stiffness follows.
+            # Use two right-hand sides. The first gives the coefficients. The second gives the first column of the inverse
+            # matrix, from which the standard error of the stiffness follows.
             normal[a, columns], normal[a, columns + 1] = products[a, columns] / size[a] / size[columns], 1.0 if a == 0 else 0.0
         solve_normal(normal, columns, columns, 2)
         found, inverse = normal[:, columns + 2], normal[:, columns + 3]

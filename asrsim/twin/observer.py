@@ -16,7 +16,7 @@ import numpy as np
 from asrsim.samples import Array
 
 SLOW, FAST = 0.7, 4.0
-"""Cutoff frequencies of two low-pass filters as multiples of w: `SLOW` for the reported torque, `FAST` for the alarms' torque."""
+"""Cutoff frequencies of two low-pass filters, as multiples of w: of the reported torque, and of the torque for alarms."""
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
@@ -58,8 +58,8 @@ def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple
 
 
 def noise_gain(step: float, bandwidth: float) -> float:
-    """Standard deviation of the torque for alarms, divided by that of the noise of the positions, for a link of inertia 1 without
-    springs and damping, s^-2.
+    """Standard deviation of the torque for alarms, divided by that of the noise of the positions, s^-2, for a link of inertia 1
+    without springs and damping.
     """
     gains, share = gains_of(step, bandwidth), float(filter_shares(step, bandwidth)[1])
     position = velocity = fast = total = integral = lagged = 0.0

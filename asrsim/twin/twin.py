@@ -31,8 +31,8 @@ TOLERANCE, UNLEARNED = 0.08, 0.6
 were estimated, `UNLEARNED` before.
 """
 FRICTION, STICKING = 0.5, 2.0
-"""Alarm thresholds for errors of the friction, as multiples of the friction: `FRICTION` in motion, `STICKING` at rest, where the
-friction of the robot and that of the twin may have opposite signs.
+"""Alarm thresholds for errors of the friction, as multiples of the friction: `FRICTION` in motion, `STICKING` at rest, where
+the friction of the robot and that of the twin may have opposite signs.
 """
 RELEASE = 0.7
 """An alarm ends when the torque falls below this fraction of the alarm threshold."""
@@ -89,9 +89,9 @@ class Twin:
             found = twin.step({"joint_1": position}, {"joint_1": {"equilibrium_position": goal}})
             found.external_torque, found.alarm
 
-    A step lasts as long as the scenario's `step:`, which must be the sampling interval of the measurements. References for which
-    there are no commands follow the scenario's signals. Raises the errors of `asrsim.prepare`, and InputError for unknown
-    joints. Wrong measurements cause notes (`TwinStep.notes`) and no errors.
+    A step lasts as long as the scenario's `step:`, which must be the sampling interval of the measurements. References without
+    commands follow the scenario's signals. Raises the errors of `asrsim.prepare`, and InputError for unknown joints. Measured
+    positions that cannot be right cause notes (`TwinStep.notes`) and no errors.
     """
 
     def __init__(
@@ -257,7 +257,10 @@ class Twin:
             self._note(f"{self.joints[joint]}: no position is measured, so the twin of this joint is not corrected", notes)
 
     def _note_jumps(self, distances: list[float], notes: list[str]) -> None:
-        """Add a note for each joint whose distance exceeds `JUMP`. distances: positions of robot minus twin, rad (m), or empty."""
+        """Add a note for each joint that is farther than `JUMP` from its twin.
+
+        distances: positions of the robot minus those of the twin, rad (m); empty if the twin has just been set to the robot.
+        """
         for joint, distance in zip(self.joints, distances, strict=False):
             if abs(distance) > JUMP:
                 why = "another robot, a motor that is off, or a wrong command?"
@@ -289,7 +292,7 @@ class Twin:
         )
 
     def _note_noise(self, notes: list[str]) -> None:
-        """Add a note for each joint whose threshold for noise alone exceeds the largest torque that its springs have carried."""
+        """Add a note for each joint whose threshold for noise alone exceeds the largest torque of its springs so far."""
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])

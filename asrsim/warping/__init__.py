@@ -1,4 +1,6 @@
-"""Scalar Python functions as functions of NVIDIA Warp, from their source: laws and kernel run unchanged on CPU and GPU."""
+"""Translates scalar Python functions to functions of NVIDIA Warp, from their source. The laws of the actuators and the simulation
+kernel thus need no second version for the GPU.
+"""
 
 from __future__ import annotations
 
