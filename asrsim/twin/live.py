@@ -51,8 +51,8 @@ class LiveTwin:
         duration: float | None = None,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """bandwidth: of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`; duration: time in
-        s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
+        """bandwidth: of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`; duration: time
+        in s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
         """
         prepared = prepare_worlds(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)

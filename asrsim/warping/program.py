@@ -52,8 +52,8 @@ class WarpProgram:
         return function
 
     def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
-        """Translation of the call of a function. caller: translation of the calling function; None: the call is made by hand,
-        outside translated code; given: translated arguments. Raises TranslationError.
+        """Translation of the call of a function. caller: translation of the calling function, if there is one; given: translated
+        arguments. Raises TranslationError.
         """
         own = self._calls.get(function) if function.__hash__ else None
         if own is not None:
@@ -69,8 +69,8 @@ class WarpProgram:
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
     def function(self, function: Any, kinds: Sequence[Any]) -> tuple[str, Any]:
-        """Name in Warp and type of the result of a function that is called with arguments of these types. Translates the function
-        at the first such call. Raises TranslationError.
+        """Name in Warp, and type of the result, of a function for arguments of these types. The first request for these types
+        translates the function. Raises TranslationError.
         """
         key = function, tuple(kinds)
         if key not in self._done:
@@ -114,9 +114,9 @@ def module_of(text: str) -> types.ModuleType:
 
 
 def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
-    """Source of a Warp module with the kernel `evaluate(positions, parameters, results)`, which evaluates a law for each of n rows.
+    """Source of a Warp module with the kernel `evaluate(positions, parameters, results)`, which evaluates a law n times.
 
-    positions, parameters, results: numbers of columns of the kernel's arrays (n, ...).
+    positions, parameters, results: number of numbers that each evaluation takes from, or writes to, the kernel's arrays.
     """
     program = WarpProgram()
     name, returned = program.function(law, [*[FLOAT] * positions, Row(FLOAT, parameters)])

@@ -29,9 +29,9 @@ GROWTH = 4
 """Largest factor by which the number of items grows from one piece to the next."""
 
 Work = Callable[[Any], Any]
-"""Task: a function that returns the result of one item, and that can be pickled. It may keep prepared data in a worker. A result
-must depend neither on the worker nor on the order of the items. The task may have two methods: `close`, which is called before
-a worker drops the task, and `several`, which returns the results of a list of items."""
+"""Task: a function that returns the result of one item, and that can be pickled. It may keep prepared data in a worker. A
+result must depend neither on the worker nor on the order of the items. The task may have two methods: `close`, which is called
+before a worker drops the task, and `several`, which returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
 """Pairs of the index of an item and the result for this item."""
 
@@ -53,7 +53,7 @@ class Pool(ABC):
     again: tuple[type[Exception], ...] = ()
     """Exceptions that the library raises if a piece is lost without a fault of its items and must be submitted again."""
     piece = 0.5
-    """Intended duration of a piece of work, s. Longer pieces need fewer messages; shorter ones keep all workers busy at the end."""
+    """Intended duration of a piece of work, s: longer pieces need fewer messages, shorter ones keep workers busy at the end."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -82,8 +82,9 @@ class Pool(ABC):
         """Send the task again before the next piece, because workers may have lost the task."""
 
     def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Results in the order in which they arrive, each item once. If `stop` returns True, the pieces in progress have `GRACE`
-        seconds to end. Raises the task's errors, and SimulationError if there are no workers or the task cannot be pickled.
+        """Results in the order in which they arrive, each item once. If `stop` returns True, the pieces in progress have
+        `GRACE` seconds to end. Raises the task's errors, and SimulationError if there are no workers or the task cannot be
+        pickled.
 
         The number of items in a piece follows from the computing time of an earlier piece. To find the item that crashes its
         worker, a piece whose worker has crashed is computed alone; after each further crash it is halved.
@@ -136,7 +137,7 @@ class Pool(ABC):
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
-    """Set variables of this environment that limit NumPy to one thread; call it before NumPy is imported. More threads slow down
+    """Set environment variables that limit NumPy to one thread; call it before NumPy is imported. More threads slow down
     operations on small matrices (2.4 times for 80 joints), and compete with other processes for the cores.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):

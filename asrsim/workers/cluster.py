@@ -17,8 +17,8 @@ from asrsim.workers import Numbered, Pool, Work, do_items
 PATIENCE = 10.0
 """Time in which a scheduler and its first worker must answer, s."""
 PIECE, SHARE = 2.0, 0.01
-"""Smallest intended duration of a piece of work, s, and intended duration per worker thread, s, if that is longer. Scheduler and
-client need about 4 ms for each piece, also with a thousand threads; shorter pieces would keep threads waiting for them.
+"""Smallest intended duration of a piece of work, s, and intended duration per worker thread, s; the longer of both applies.
+Scheduler and client need about 4 ms for each piece, also with a thousand threads: with short pieces, threads would wait.
 """
 AHEAD = 3
 """Largest number of pieces in progress per worker thread. The limit bounds the memory of scheduler and client."""
@@ -59,8 +59,7 @@ class Cluster(Pool):
             self._client.close()
 
     def _compare(self) -> None:
-        """Raise SimulationError if the scheduler has no workers, or if a worker has other versions of `COMPARED` than this machine.
-        """
+        """Raise SimulationError if the scheduler has no workers, or if a worker has another version of a package in `COMPARED`."""
         try:
             self._client.wait_for_workers(1, timeout=PATIENCE)
         except Exception as error:
