@@ -52,8 +52,8 @@ class WarpProgram:
         return function
 
     def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
-        """Translation of the call of a function. caller: translation of the calling function, if there is one; given: translated
-        arguments. Raises TranslationError.
+        """Translation of the call of a function. caller: translation of the calling function, None without one; given:
+        translated arguments. Raises TranslationError.
         """
         own = self._calls.get(function) if function.__hash__ else None
         if own is not None:

@@ -34,8 +34,8 @@ ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
 
 @dataclass(frozen=True)
 class Row:
-    """Type of a row of numbers in a table. In Warp, a row is an array and the index at which the row begins in this array. size:
-    how many numbers the row has, if that is known; record: class of the record whose numbers the row contains
+    """Type of a row of numbers in a table. In Warp, a row is an array and the index at which the row begins in this array.
+    size: how many numbers the row has, if that is known; record: class of the record whose numbers the row contains
     (`asrsim.records`)."""
 
     number: NumberType

@@ -59,7 +59,7 @@ class Cluster(Pool):
             self._client.close()
 
     def _compare(self) -> None:
-        """Raise SimulationError if the scheduler has no workers, or if a worker has another version of a package in `COMPARED`."""
+        """Raise SimulationError if the scheduler has no workers, or if a worker has another version of a compared package."""
         try:
             self._client.wait_for_workers(1, timeout=PATIENCE)
         except Exception as error:
