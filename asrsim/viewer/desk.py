@@ -51,8 +51,8 @@ class Desk:
         companions: Sequence[Companion] = (),
         simulate: Callable[[str], Companion] | None = None,
     ) -> None:
-        """variants: names of the scenario's variants; companions: ghosts that are shown at first; simulate: function that returns
-        the ghost of a variant, called in a separate thread.
+        """variants: names of the scenario's variants; companions: ghosts of other runs and recordings; simulate: function that
+        returns the ghost of a variant, called in a separate thread.
         """
         self._simulate = simulate
         self._arrived = SimpleQueue[Companion | str]()
@@ -77,7 +77,7 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """What the user wants for the next run (`variant`, `tuned`) after a reset or a change; None: the present run continues."""
+        """Variant and tuned numbers of the next run, once the user wants one; None: the present run continues."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
         """Values of the references that the user has set; None: the reference follows the scenario's signal again."""
@@ -347,8 +347,8 @@ class Desk:
             self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
-        """Show each joint's present references below its sliders. The sliders keep the user's values: a new value would overwrite
-        a number that the user is typing.
+        """Show each joint's present references below its sliders. The sliders keep the user's values: a new value would
+        overwrite a number that the user is typing.
         """
         for joint, text in self._present.items():
             parts = []

@@ -24,7 +24,7 @@ NEAR = 1e-3
 APART = 0.05
 """Time for which a joint must be away from a limit before reaching it again counts as a new event, s."""
 EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs, "overshoot": np.abs}
-"""Measures that a claim takes at one instant. Each has a function: the instant is where the function of the series is largest."""
+"""Measures that a claim takes at one instant, each with a function: at this instant the function of the series is largest."""
 
 
 @dataclass(frozen=True, order=True)
@@ -53,8 +53,7 @@ def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: 
 
 
 def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]) -> Iterator[Event]:
-    """Events at which a link reaches a stop or its effort limit, a motor its largest torque, or a spring its largest deflection.
-
+    """Events at which a link reaches a stop or its effort limit, a motor its torque limit, or a spring its largest deflection.
     parameters: parameter values of the actuators, by joint.
     """
     known = {joint.name: joint for joint in robot.joints}
@@ -98,9 +97,7 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 
 def _time_of(claim: Any, samples: Samples) -> float:
-    """Time to which the event of a failed claim belongs, s: that of the extreme value which the claim is about, or the end if the
-    claim is about the whole run.
-    """
+    """Time of the event for a claim that does not hold, s: the instant that its measure is about, or else the end of the run."""
     values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
     if claim.joint in samples.joints and values is not None and size is not None:
         column = size(values[:, samples.joints.index(claim.joint)])

@@ -26,8 +26,8 @@ class Figure:
     """Shapes of a scene on a page, which `place` moves. They hang on nodes of the page's scene tree.
 
     Links that fixed joints connect share a node. The node of a link is placed relative to the node of the link before it in the
-    chain. A turning joint thus changes the orientation of one node and no position, so that a new picture of the robot needs only
-    a few small messages to the page.
+    chain. A turning joint thus changes the orientation of one node and no position, so that a new picture of the robot needs
+    only a few small messages to the page.
     """
 
     def __init__(

@@ -43,7 +43,7 @@ WAIT = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class WantedRun:
-    """The run that the user wants next."""
+    """Run that the user wants next: its variant, tuned numbers and speed, whether it starts paused, and a message to show."""
 
     variant: str
     tuned: Numbers
@@ -67,8 +67,8 @@ class LiveView:
         companions: Sequence[Companion] = (),
         tell: TellUser = lambda text: None,
     ) -> None:
-        """plans: one for each variant; variant: variant of the first run; out: folder of the log, with a subfolder for each variant
-        if there are several; settings: of the live runs; companions: ghosts; tell: receives messages for the user.
+        """plans: one for each variant; variant: of the first run; out: folder of the log, with a subfolder for each variant if
+        there are several; settings: of the live runs; companions: ghosts; tell: receives messages for the user.
         """
         self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
@@ -87,8 +87,8 @@ class LiveView:
         """Values of the numbers that can be tuned, in the latest run."""
 
     def run(self, stop: Stop) -> RunSummary | None:
-        """Do runs until `stop` returns True; returns the summary of the last run. Raises an error that prevents the first run. An
-        error that prevents a later run is shown on the page, and the previous run starts again.
+        """Do runs until `stop` returns True; returns the summary of the last run. Raises an error that prevents the first run.
+        An error that prevents a later run is shown on the page, and the previous run starts again.
         """
         with Painter(self._draw, self._page.lock) as painter:
             summary = self._runs(lambda: stop() or painter.error is not None)
@@ -105,7 +105,7 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # Do not call `stop` before the first run is built: until its first call, Ctrl-C ends the program even while it compiles.
+        # Do not call `stop` before the first run is built: until the first call, Ctrl-C ends even a compilation at once.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)

@@ -219,7 +219,7 @@ class Translation:
         return list(found.items)
 
     def _stored(self, found: Value, name: str = "", *, fresh: bool = False) -> Value:
-        """Store a value in the variable `name`, and return the translation of this variable. fresh: store it in a new variable."""
+        """Store a value in the variable `name`, and return this variable's translation. fresh: store it in a new variable."""
         if found.kind is None:
             raise TranslationError("a function without a result has no value")
         if isinstance(found.kind, Group):
