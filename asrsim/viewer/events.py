@@ -97,7 +97,7 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 
 def _time_of(claim: Any, samples: Samples) -> float:
-    """Time of the event for a claim that does not hold, s: the instant that its measure is about, or else the end of the run."""
+    """Time of the event for a claim that does not hold, s: the instant that its measure is about, else the end of the run."""
     values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
     if claim.joint in samples.joints and values is not None and size is not None:
         column = size(values[:, samples.joints.index(claim.joint)])

@@ -66,8 +66,8 @@ class History:
         return _rows(block, slice(row, row + 1))
 
     def curve(self, joint: str, quantity: str, start: float, end: float) -> tuple[Array, Array]:
-        """Times (n,) in s and values (n,) of a joint's logged or derived quantity, from `start` to `end` in s; both are empty if
-        the quantity is not recorded.
+        """Times (n,) in s and values (n,) of a joint's logged or derived quantity, from `start` to `end` in s. Both are empty
+        if the quantity is not recorded.
         """
         times, values = [np.empty(0)], [np.empty(0)]
         for block in tuple(self._blocks):

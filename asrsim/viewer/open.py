@@ -213,7 +213,7 @@ def _playback(
 
 
 def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: dict[str, Any]) -> list[Companion]:
-    """Recordings beside a live run. Their clocks are aligned with a simulated run of the scenario, which no user has changed."""
+    """Recordings beside a live run. Their clocks are aligned with a run of the scenario that is simulated without a user."""
     if not experiments:
         return []
     from asrsim.recordings.align import SampleReader

@@ -208,8 +208,8 @@ def on_click(button: Any, act: Callable[[], object]) -> None:
 
 
 def lines(number: int, content: str) -> str:
-    """HTML of a text that changes while a user works with the page. It is always as high as `number` lines, so that the controls
-    below it do not move; 0: it is as high as the text.
+    """HTML of a text that changes while a user works with the page. It is always as high as `number` lines, so that the
+    controls below it do not move; 0: it is as high as the text.
     """
     room = f"height: {number * LINE}px; overflow-y: auto; " if number else ""
     style = f"{room}padding: 0 12px; margin-bottom: 8px; font-size: 14px; line-height: {LINE}px; overflow-wrap: anywhere"

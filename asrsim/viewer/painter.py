@@ -12,8 +12,8 @@ from typing import Any
 from asrsim.viewer.page import FRAME
 
 SWITCH = 5e-4
-"""Longest time for which a thread keeps Python's lock while another thread waits for the lock, s. With Python's default of 5 ms,
-each tick of the simulation could wait 5 ms until a thread that draws or sends releases the lock.
+"""Longest time for which a thread keeps Python's lock while another thread waits for the lock, s. With Python's default of 5
+ms, each tick of the simulation could wait 5 ms until a thread that draws or sends releases the lock.
 """
 SHARE = 0.5
 """Largest fraction of a core's time that the thread spends on pictures."""

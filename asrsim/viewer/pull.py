@@ -30,8 +30,8 @@ class Grip:
 
     @classmethod
     def at(cls, body: str, frame: Array, place: Array, target: Array) -> Grip:
-        """Grip of a body. frame: frame (4, 4) of the body in the world; place: held point in the world (3,), m; target: position
-        of the hand in the world (3,), m.
+        """Grip of a body. frame: frame (4, 4) of the body in the world; place: held point in the world (3,), m; target:
+        position of the hand in the world (3,), m.
         """
         x, y, z = (frame[:3, :3].T @ (place - frame[:3, 3])).tolist()
         return cls(body, (x, y, z), target)
@@ -46,7 +46,7 @@ class Grip:
         return Pull(place, self.target, force * (min(1.0, limit / size) if size > 0.0 else 0.0))
 
     def torques(self, model: RobotModel, positions: Array, stiffness: float, limit: float) -> tuple[Array, Pull]:
-        """Torques (n,) in N m (N) on the model's joints that have the same effect as the spring's pull on the link, and the pull.
+        """Torques (n,) in N m (N) on the model's joints with the same effect as the spring's pull on the link, and the pull.
 
         positions: of the model's joints (n,), rad (m); stiffness: of the spring, N/m; limit: largest force, N.
         """
