@@ -24,8 +24,8 @@ class PageServer:
     """Server of a page at an address of this machine; a context manager that ends it even if browsers are still connected."""
 
     def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
-        """port: port of the page; 0: any free port. tell: receives a message for each origin that was refused. Raises InputError
-        if viser is missing or the port is taken.
+        """port: port of the page; 0: any free port. tell: receives a message for each origin that was refused. Raises
+        InputError if viser is missing or the port is taken.
         """
         server: Any = library("viser", "view").ViserServer
         if not 0 <= port <= 65535:

@@ -45,8 +45,8 @@ class Companion:
 
     label: str
     curve: Callable[[str, str, float, float], tuple[Array, Array]]
-    """Function (joint, quantity, start, end) that returns times and values of this quantity between two times in s. All times are
-    on the subject's clock.
+    """Function (joint, quantity, start, end) that returns times and values of this quantity between two times in s. All times
+    are on the subject's clock.
     """
     history: History | None = None
     """Motion of the ghost; None if the companion has no positions, and thus no ghost."""

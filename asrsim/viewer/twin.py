@@ -50,7 +50,7 @@ class TwinPage:
         page.say("Waiting for positions.")
 
     def note(self, time: float, positions: Array, found: TwinStep) -> None:
-        """Add a step of the twin at a time in s, with measured positions (n,). Draws a picture if it is time for the next one."""
+        """Add a step of the twin at a time in s, with measured positions (n,). Draws a picture if it is time for one."""
         self._rows.append((time, positions.copy(), found.external_torque, found.stiffness))
         if not self._page.due():
             return
