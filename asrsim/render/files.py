@@ -28,8 +28,8 @@ ROW = 6
 
 
 def film_strip(frames: Sequence[FilmFrame], *, title: str = "", letters: float = 0.045) -> Picture:
-    """Film strip with rows of at most `ROW` frames, each with its time and the objects in contact. letters: size of the text as a
-    fraction of a frame.
+    """Film strip with rows of at most `ROW` frames, each with its time and the objects in contact. letters: size of the text
+    as a fraction of a frame.
     """
     from PIL import Image as Pictures
     from PIL import ImageDraw

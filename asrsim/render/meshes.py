@@ -21,7 +21,7 @@ CELLS = 192
 
 
 def simplified(meshes: Sequence[Trimesh], *, most: int = MOST) -> list[Trimesh]:
-    """Meshes in which close points are merged, as coarsely as needed so that all meshes together have at most `most` triangles."""
+    """Meshes in which close points are merged, so that all meshes together have at most `most` triangles."""
     longest = max((float(mesh.extents.max()) for mesh in meshes), default=0.0)
     cells, coarse = CELLS, list(meshes)
     while sum(len(mesh.faces) for mesh in coarse) > most and cells > 4:

@@ -92,7 +92,7 @@ class Film:
         positions = self.samples.values["link_position"]
         rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
         self._equilibria = np.where(np.isfinite(rest), rest, positions)
-        """Link positions (n, joints) at which the springs would rest without load; logged positions for joints without springs."""
+        """Link positions (n, joints) at which springs would rest without load; logged positions for joints without springs."""
         self.scene, self.notes = logged_scene(self.info, self.path)
         self._painter = SceneDrawer(self.scene)
         self.camera: Camera

@@ -78,8 +78,7 @@ def plane(corners: Array, values: Array) -> Array:
 
 
 def _expanded(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
-    """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: the k of each integer, and the integers.
-    """
+    """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: k of each integer, and the integer."""
     member = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
     return member, np.arange(len(member)) - starts[member] + first[member]

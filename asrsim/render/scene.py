@@ -86,8 +86,8 @@ class RenderScene:
         return RenderScene(replace(self.model.robot, links=links), self._scenario)
 
     def tip(self) -> tuple[str, Vector]:
-        """Last link that a joint moves, and its far end in the frame of the link, m. The middle of the link's shapes is taken as
-        half the way to this end.
+        """Last link that a joint moves, and its far end in the frame of the link, m. The middle of the link's shapes is taken
+        as half the way to this end.
         """
         moved = [joint.child for joint in self.model.robot.outward_joints if joint.moves]
         name = moved[-1] if moved else self.model.robot.root.name

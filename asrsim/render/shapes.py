@@ -53,7 +53,7 @@ def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None
 
 
 def _rod_ends(robot: Robot) -> dict[str, list[Array]]:
-    """End points of the rods of each link without shapes, in the frame of the link, m."""
+    """End points of the rods that show each link if it has no shapes, in the frame of the link, m."""
     ends: dict[str, list[Array]] = {}
     for joint in robot.joints:
         if np.linalg.norm(joint.origin) > 1e-9:
