@@ -56,7 +56,7 @@ class Comparer:
         self.samples = 0
         """Number of samples compared so far."""
         self.exhausted = False
-        """Whether the repeated run went on after the last sample of the log."""
+        """Whether the end of the log was reached, so that no sample of the log is left."""
 
     @property
     def differences(self) -> tuple[Difference, ...]:

@@ -1,7 +1,7 @@
 """Completes the description of a run, so that the log of the run suffices to repeat it bit for bit.
 
-After a scenario and a robot have been read, the program may change them, for example by planned references or other masses. They
-then differ from their files. These differences are written into the description.
+After a scenario and a robot have been read, the program may change them, for example by planned references or other masses.
+They then differ from their files. These differences are written into the description.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
     """Description of a run that contains all changes of the scenario and of the robot's actuators since they were read.
 
     References that were computed in Python are stored as a table, which the described scenario plays back. Other changes of the
-    scenario are written under the keys to which they belong. A run whose robot has changes that cannot be described is marked as
-    unrepeatable. The scenario's path becomes absolute, so that runs of different projects can be distinguished.
+    scenario are written under the keys to which they belong. A run whose robot has changes that cannot be described is marked
+    as unrepeatable. The scenario's path becomes absolute, so that runs of different projects can be distinguished.
 
     Args:
         info: Description without the changes.

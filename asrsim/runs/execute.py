@@ -135,7 +135,7 @@ def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) 
 
 
 def write_summary(executed: Executed) -> Executed:
-    """Write `summary.json` beside the log, if there is a log, and add its path to the files of the summary. Raises OutputError."""
+    """Write `summary.json` beside the log, if there is a log, and add its path to the summary's files. Raises OutputError."""
     if executed.folder is None:
         return executed
     path = executed.folder / SUMMARY
@@ -145,7 +145,7 @@ def write_summary(executed: Executed) -> Executed:
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
-    """Metadata of the log that state how the run ended. They contain no wall-clock times, so that equal runs have equal logs."""
+    """Metadata of a log that state how the run ended. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
     with suppress(InputError):  # a file was removed during the run
         metadata[INPUTS] = json.dumps(input_hashes(run.scenario, run.robot))

@@ -1,7 +1,7 @@
 """Folder of a run: finds the run's files, and protects other files in the folder.
 
-A run replaces the files of an earlier run of the same scenario file and variant; the caller reports the replaced files. A file is
-removed only if its name and its mark (`asrsim.outfile`) show that a run wrote it.
+A run replaces the files of an earlier run of the same scenario file and variant; the caller reports the replaced files. A file
+is removed only if its name and its mark (`asrsim.outfile`) show that a run wrote it.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def origin_of(scenario: Scenario) -> str:
 
 
 def recorded_origin(path: Path) -> tuple[Any, Any] | None:
-    """Scenario file and variant that a summary or another JSON file of asrsim states; None if the file states neither."""
+    """Scenario file and variant that a summary or another JSON file of asrsim states; None if one of them is missing."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         data = json.loads(path.read_text(encoding="utf-8"))
         return data["scenario_path"], data["variant"]
@@ -138,8 +138,8 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
 def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[Path, ...]:
     """Files of an earlier run in the folder, which `new_log` will remove.
 
-    Raises OutputError if the folder contains results of another scenario or variant and `overwrite` is not given. Also raises it
-    if a file with a name that the run needs is foreign, or is an input file of this run.
+    Raises OutputError if the folder contains results of another scenario or variant and `overwrite` is not given. Also raises
+    it if a file with a name that the run needs is foreign, or is an input file of this run.
     """
     there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
     files = {path: kind for path in there if (kind := _kind(path.name))}
@@ -174,9 +174,8 @@ def clear(files: Iterable[Path]) -> None:
 
 @contextmanager
 def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
-    """Path for writing a run's log. When the block ends without error, the log gets the name `log.mcap` and replaces the files in
-    `earlier`.
-
+    """Path for writing a run's log. When the block ends without error, the log gets the name `log.mcap` and replaces the files
+    in `earlier`.
     Without an earlier log, the path has this name from the beginning. If the block raises an error, an earlier log is kept.
     Raises OutputError.
     """
