@@ -36,7 +36,7 @@ class Sum(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Scale(Signal):
-    """Another signal times a factor, such as 0.017453292519943295 for a signal in degrees."""
+    """Signal times a factor, such as 0.017453292519943295 for a signal in degrees."""
 
     kind: ClassVar[str] = "scale"
 
@@ -52,7 +52,7 @@ class Scale(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Delay(Signal):
-    """Another signal, delayed in time together with its jumps."""
+    """Signal delayed in time, together with its jumps."""
 
     kind: ClassVar[str] = "delay"
 
@@ -66,8 +66,8 @@ class Delay(Signal):
         time = np.asarray(time, dtype=np.float64)
         inner = time - self.by
         if inner.size:
-            # Choose the side of a jump by the delayed time of the jump: rounding must not move a sample across a jump, since
-            # `values` and `jumps` must agree.
+            # Compare times with the delayed times of the jumps, as `jumps` returns them: otherwise rounding could move a sample
+            # across a jump, and `values` would contradict `jumps`.
             jumps = self.of.jumps(float(inner.min()) - 1e-6, float(inner.max()) + 1e-6)
             seen = np.searchsorted(rounded(jumps + self.by), time, side="right")
             found = np.searchsorted(jumps, inner, side="right")

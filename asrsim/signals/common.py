@@ -58,7 +58,7 @@ def between(times: Array, start: float, end: float) -> Array:
 
 
 def interpolate(time: Array, times: Array, values: Array, interpolation: str) -> Array:
-    """Values at the times `time` (n,), from samples at ascending `times`; constant before the first and after the last sample."""
+    """Values (n,) at the times `time` (n,), from samples at ascending `times`; constant beyond the first and last sample."""
     if interpolation == "hold":
         # Rounding must not delay a sample until the next time step: 100.2 - 100 is 2.8e-15 larger than 0.2.
         index = np.searchsorted(times, time + SLACK, side="right") - 1

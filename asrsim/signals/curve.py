@@ -23,7 +23,7 @@ with more large jumps counts as stairs."""
 
 @dataclass(frozen=True, eq=False)
 class CubicCurve:
-    """Curve that consists of pieces: a cubic polynomial for each interval between two samples. It jumps where the series jumps."""
+    """Curve of pieces: a cubic polynomial for each interval between two samples. It jumps where the series jumps."""
 
     time: Array
     """Start times of the pieces (n,), s; the curve is constant after the last start time."""
@@ -72,7 +72,7 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCur
     for first, last in pairwise(edges) if not hold else ():
         _join(time[first:last], cubics[first:last])
         if last < len(time) and last - first > 1:
-            # Extrapolate the piece before the last sample's interval up to the jump.
+            # Between the last sample before a jump and the jump, continue the polynomial of the previous interval.
             _, b, c, d = cubics[last - 2]
             width = time[last - 1] - time[last - 2]
             cubics[last - 1] = values[last - 1], b + width * (2.0 * c + 3.0 * d * width), c + 3.0 * d * width, 0.0

@@ -1,4 +1,4 @@
-"""Reads the signals of a scenario. A signal is a number, or a mapping whose only key is the kind of the signal."""
+"""Reads the signals of a scenario. Each is a number, or a mapping whose only key is the kind of the signal."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reads one series of a recording for playback. Missing values are errors here, and are skipped by other uses of recordings."""
+"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
 
 from __future__ import annotations
 

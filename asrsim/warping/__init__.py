@@ -1,6 +1,4 @@
-"""Translates scalar Python functions to functions of NVIDIA Warp, from their source. The laws of the actuators and the
-simulation kernel thus need no second version for the GPU.
-"""
+"""Translates scalar Python functions to functions of NVIDIA Warp, so that laws and kernel run unchanged on CPU and GPU."""
 
 from __future__ import annotations
 
