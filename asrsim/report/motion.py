@@ -18,7 +18,7 @@ FRAMES = 400
 TRIANGLES = 30_000
 """Number of triangles of all bodies together above which their meshes are simplified."""
 DIGITS = 7
-"""Number of decimals in a pose. Rounding makes the values of a body at rest exactly equal, so that they are packed as one value."""
+"""Number of decimals in a pose. Rounding makes the values of a body at rest equal, so that they are packed as one value."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:

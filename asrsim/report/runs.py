@@ -28,7 +28,7 @@ def runs_page(
     films: Films,
     compared: Compared | None,
 ) -> str:
-    """HTML of the page about runs. labels: label of each run; data: time grid and sections of joints for the plots."""
+    """HTML of the page about runs. labels: label of each run; data: data of the page's plots."""
     first = runs[0].info
     sections = [
         _strips(runs, labels, films),
