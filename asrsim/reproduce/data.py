@@ -44,7 +44,7 @@ def near(value: float, tolerance: float, unit: str = "") -> FigureBound:
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """Statement of the paper about a number that asrsim measures."""
+    """Statement about a number that the experiments of a figure measure."""
 
     text: str
     """Statement in the words of asrsim's authors."""

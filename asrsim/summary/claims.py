@@ -152,7 +152,7 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
 
 
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """Series that `claim_results` reads from a run, each as (quantity, joint), and whether it also reads bodies and contacts."""
+    """Series that `claim_results` reads from a run, each as (quantity, joint), and whether it reads bodies and contacts."""
     wanted: dict[tuple[str, str], None] = {}
     for claim in claims:
         for joint in _joints_of(claim, joints):

@@ -158,9 +158,8 @@ class _Rows:
 
 
 def step_start(reference: Array, initial: float) -> int | None:
-    """Index of the sample at which a reference (n,) begins its motion, if it moves in one direction and then stays at rest; 0 if
-    the reference is constant and differs from the joint's position `initial` at the start.
-
+    """Index of the sample at which a reference (n,) begins its motion, if it moves in one direction and then stays at rest; 0
+    if the reference is constant and differs from the joint's position `initial` at the start.
     None if the reference reverses, still moves in the last tenth of the run, or stays at `initial`: such a motion has no
     overshoot and no settling time.
     """
