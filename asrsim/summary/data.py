@@ -34,7 +34,7 @@ class JointReport:
     effort: int
     """Number of substeps in which the torque on the link was limited to the effort limit in the URDF."""
     velocity: int
-    """Number of substeps in which the link was faster than the velocity limit in the URDF, which is reported but not enforced."""
+    """Number of substeps in which the link was faster than the velocity limit in the URDF, which is not enforced."""
     saturation: int
     """Number of substeps in which a motor of the joint was at its torque limit."""
     motor_stop: int
@@ -85,7 +85,7 @@ class RunSummary:
     motor_substeps: int
     """Number of motor-and-spring substeps per world substep."""
     total_substeps: int
-    """Number of motor-and-spring substeps in the whole run, of which the joints' reports count those at each limit."""
+    """Number of substeps in the whole run; the reports on the joints count those of them at each limit."""
     samples: int
     """Number of logged samples per joint."""
     stepping: str

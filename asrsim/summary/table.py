@@ -78,8 +78,7 @@ def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 
 
 
 def _error(joint: Mapping[str, Any]) -> str:
-    """Steady-state error of a joint with its unit. The unit's prefix follows from the size: some errors are a degree, some 1 µrad.
-    """
+    """Steady-state error of a joint with its unit, whose prefix follows from the size of the error, from degrees to µrad."""
     error = joint.get("steady_state_error")
     return "-" if error is None else shown(round(error, 9) + 0.0, "m" if joint["prismatic"] else "rad")
 
