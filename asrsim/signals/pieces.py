@@ -29,7 +29,7 @@ from asrsim.signals.common import (
 
 @dataclass(frozen=True, kw_only=True)
 class Constant(Signal):
-    """Constant value. A number in place of a signal in a scenario is short for this signal."""
+    """Constant value. A plain number in a scenario is short for this signal."""
 
     kind: ClassVar[str] = "constant"
     main_field: ClassVar[str] = "value"

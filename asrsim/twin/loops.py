@@ -22,8 +22,9 @@ class TwinTables(NamedTuple):
     """Arrays of a twin with n joints. It consists of w simulations: the twin itself, and its copies with other parameters."""
 
     integral: Any
-    """Integral of the position error, rad s, and (next field) the lagged error: the states of the observer, (w, n) each."""
+    """Integral of the position error (w, n), a state of the observer, rad s."""
     lagged: Any
+    """Lagged position error (w, n), the other state of the observer."""
     torques: Any
     """Torques that pull the simulated links towards the measured positions, (w, n), N m."""
     masses: Any

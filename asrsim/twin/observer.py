@@ -31,8 +31,9 @@ class Gains(NamedTuple):
     slow: float
     quick: float
     lag: float
-    """Fraction of the lagged error that remains after a step, and (next field) the weight of a new error in it."""
+    """Fraction of the lagged error that remains after a step."""
     share: float
+    """Weight of a new position error in the lagged error, s."""
     step: float
     """Time step, s."""
 
