@@ -1,4 +1,4 @@
-"""Film strip, GIF and MP4 of a logged motion, drawn without a display."""
+"""Draws a logged motion as film strip, GIF or MP4, without a display."""
 
 from __future__ import annotations
 

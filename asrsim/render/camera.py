@@ -1,4 +1,4 @@
-"""Position of the camera: the whole motion is in the picture, seen from the side on which it is most visible."""
+"""Places the camera so that the whole motion is in the picture, seen from the side from which it is most visible."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from asrsim.samples import Array
 
 FIELD = 32.0
-"""Vertical angle of view, degrees. The lens is long enough that perspective does not distort."""
+"""Vertical angle of view, degrees. The angle is so small that perspective hardly distorts the robot."""
 MARGIN = 1.1
-"""Margin around the robot, as a factor on its size."""
+"""Size of the picture relative to the size of the motion; the difference is the margin."""
 PLANAR = 0.97
-"""A robot counts as planar if at least this fraction of its motion is rotation about a single direction."""
+"""Fraction of the motion that must be rotation about a single direction for the motion to count as planar."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ def _direction(azimuth: float, elevation: float) -> Array:
 
 
 def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array | None:
-    """Common direction (3,) of the axes about which the robot moves; None if there are several directions.
+    """Common direction (3,) of the axes about which the robot moves; None if the axes have several directions.
 
     axes: axis (3,) of each joint in the world; travel: range of each joint's motion, rad.
     """
@@ -60,7 +60,11 @@ def main_axis(axes: Mapping[str, Array], travel: Mapping[str, float]) -> Array |
 
 
 def viewpoint(axis: Array | None) -> Array:
-    """Direction (3,) from the scene to the camera: along the axis of a planar motion, raised a little; else from a corner."""
+    """Preferred direction (3,) from the scene to the camera: near the axis of a planar motion, but higher and to one side; for
+    other motions, from a corner of the scene.
+
+    axis: common axis (3,) of a planar motion; None for other motions.
+    """
     if axis is None:
         return _direction(-52.0, 24.0)
     if abs(axis[2]) > 0.8:
@@ -74,14 +78,14 @@ def viewpoint(axis: Array | None) -> Array:
 
 
 TURNS, RISES = (0.0, 35.0, -35.0, 70.0, -70.0, 110.0, -110.0, 180.0), (0.0, 25.0)
-"""Azimuths and elevations, in degrees relative to the preferred view, from which the camera may look."""
+"""Azimuths and elevations from which the camera may look, in degrees relative to those of the preferred view."""
 STEEPEST = 70.0
 """Largest elevation of the camera, degrees."""
 
 
 def viewpoints(preferred: Array) -> Iterator[Array]:
-    """Directions (3,) from the scene to the camera: the preferred one first, then others around the scene, at last from
-    higher up.
+    """Directions (3,) from the scene to the camera: first the preferred direction, then others around the scene, and last those
+    from higher up.
     """
     azimuth = float(np.degrees(np.arctan2(preferred[1], preferred[0])))
     elevation = float(np.degrees(np.arcsin(preferred[2] / np.linalg.norm(preferred))))
@@ -91,14 +95,14 @@ def viewpoints(preferred: Array) -> Iterator[Array]:
 
 
 def fitting_aspect(points: Array, towards: Array) -> float:
-    """Ratio of width to height of the points as seen from far away, between 0.7 and 1.6."""
+    """Ratio of width to height of the points (k, 3) as seen from far away in the direction `towards`; limited to 0.7 to 1.6."""
     right, up, _ = view_axes(-towards)
     width, height = np.ptp(points @ right), np.ptp(points @ up)
     return float(np.clip(width / max(float(height), 1e-9), 0.7, 1.6))
 
 
 def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
-    """Nearest camera in the direction `towards` that sees all points.
+    """Camera in the direction `towards` from the points, as near to them as possible with all points in the picture.
 
     points: (k, 3) m; towards: direction (3,) from the scene to the camera; aspect: width / height of the picture.
     """

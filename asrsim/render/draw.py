@@ -1,4 +1,4 @@
-"""Draws a scene as a picture: light, outlines, ground and shadow."""
+"""Draws a scene as a picture, with light, outlines, ground and shadow."""
 
 from __future__ import annotations
 
@@ -14,19 +14,21 @@ from asrsim.render.scene import RenderScene
 from asrsim.samples import Array
 
 Image = NDArray[np.uint8]
-"""Array of a picture, (height, width, 3), with 8 bits per colour."""
+"""Picture as an array (height, width, 3) of red, green and blue, with 8 bits each."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
-"""Fractions of ambient light, of the main lamp, and of a lamp on the opposite side."""
+"""Brightness of the ambient light, of the main lamp, and of the lamp on the opposite side; 1 is full brightness."""
 NEARER = 1.002
-"""Ratio of inverse distances above which a body lies in front of a point and does not merely touch it."""
+"""Ratio of the inverse distances of a body and a point from the camera above which the body hides the point, and does not
+merely touch it.
+"""
 INK = np.array([0.13, 0.15, 0.18])
 """Colour of outlines."""
 TILE_LIGHT, TILE_DARK = np.array([0.87, 0.875, 0.86]), np.array([0.79, 0.80, 0.785])
 
 
 class SceneDrawer:
-    """Draws the shapes of a scene in given frames. One array stores all points of the scene."""
+    """Draws the shapes of a scene for given frames of its bodies."""
 
     def __init__(self, scene: RenderScene) -> None:
         self._scene = scene
@@ -46,7 +48,7 @@ class SceneDrawer:
         self._outer = _outermost(self._points, self._point_body)
 
     def outer_points(self, frames: Mapping[str, Array]) -> Array:
-        """Outermost points (k, 3) of every body in the world, m: sufficient to place a camera."""
+        """Outermost points (k, 3) of all bodies in the world, m. They suffice to place a camera."""
         return self.points(frames)[self._outer]
 
     def points(self, frames: Mapping[str, Array]) -> Array:
@@ -66,8 +68,8 @@ class SceneDrawer:
     ) -> Image:
         """Picture (height, width, 3) from the camera.
 
-        sharpness: factor of oversampling; place: points (k, 3) that size the tiles of the ground, equal in all pictures of a
-        film; None: those of this picture.
+        sharpness: factor of oversampling; place: points (k, 3) that determine the position of the ground and the size of its
+        tiles, the same for all pictures of a film; None: the points of this picture.
         """
         fine = (width * sharpness, height * sharpness)
         points = self.points(frames)
@@ -86,7 +88,9 @@ class SceneDrawer:
         return _averaged(picture, width, height, sharpness)
 
     def hidden(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int) -> dict[str, float]:
-        """Fraction of the points of each body that other bodies hide from the camera; a small picture is enough."""
+        """Fraction of each body's points that other bodies hide from the camera. width, height: of a picture for this test,
+        which may be small.
+        """
         seen = _projected(self.points(frames), camera, width, height)
         raster = rasterise(seen[self._triangles], width, height)
         owner = np.full(width * height, -1, dtype=np.intp)
@@ -103,8 +107,9 @@ class SceneDrawer:
         return stacked[:, :3, :3], stacked[:, :3, 3]
 
     def _background(self, points: Array, around: Array, camera: Camera, width: int, height: int, depth: Array) -> Array:
-        """Colours (height * width, 3) of sky and ground, with the shadow that falls vertically on the ground. around: points
-        (k, 3) in whose middle the ground lies.
+        """Colours (height * width, 3) of sky and ground, and of the shadow that the bodies cast vertically on the ground.
+
+        points: points (k, 3) of the bodies; around: points (k, 3) whose middle is the centre of the ground.
         """
         share = np.linspace(0.0, 1.0, height)[:, None]
         sky = ((1 - share) * SKY_TOP + share * SKY_BOTTOM).astype(np.float32)
@@ -115,7 +120,7 @@ class SceneDrawer:
         ray = _rays(camera, width, height)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (level - camera.eye[2]) / ray[:, 2]
-        # Each ray has length 1 along the view, so the length factor to the ground is the distance along the view.
+        # A ray has length 1 along the view. Its factor to reach the ground is thus the distance of the ground along the view.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
         middle = 0.5 * (around.min(axis=0) + around.max(axis=0))[:2]
@@ -135,7 +140,9 @@ class SceneDrawer:
 
 
 def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Indices of the points of every body that lie farthest out in one of 26 directions."""
+    """Indices of the points that, of all points of their body, lie farthest out in one of 26 directions. body: body of each
+    point (k,).
+    """
     directions = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
     found = []
     for number in np.unique(body):
@@ -145,7 +152,9 @@ def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
-    """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view (not positive: behind the camera)."""
+    """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view, which is not positive for points behind
+    the camera. points: (k, 3) in the world, m.
+    """
     right, up, forward = camera.axes
     away = points - camera.eye
     near = away @ forward
@@ -164,10 +173,12 @@ def _rays(camera: Camera, width: int, height: int) -> Array:
 
 
 def _light(normals: Array, corners: Array, camera: Camera) -> Array:
-    """Brightness (m, 3) at the corners: a main lamp behind the camera and a weaker lamp on the opposite side."""
+    """Brightness (m, 3) at the corners of m triangles, lit by a main lamp behind the camera and a weaker lamp on the opposite
+    side.
+    """
     right, _, forward = camera.axes
     view = camera.eye - corners
-    # Some files have triangles with inward normals: light the side that faces the camera.
+    # Light the side that faces the camera, because in some files the normals of triangles point inward.
     facing = np.sign(np.einsum("mki,mki->mk", normals, view))
     sun = np.array([0.0, 0.0, 0.9]) - 0.7 * forward - 0.35 * right
     fill = np.array([0.0, 0.0, 0.1]) + 0.9 * right - 0.2 * forward
@@ -178,7 +189,7 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
 
 
 def _outline(picture: Array, owner: NDArray[np.intp], depth: Array) -> None:
-    """Draw a line along the edges between bodies, on the body in front."""
+    """Draw a line along each edge between two bodies, on the body in front."""
     edges = []
     for step, there in ((1, owner[:, 1:] != owner[:, :-1]), (owner.shape[1], owner[1:] != owner[:-1])):
         row, column = np.nonzero(there)
@@ -189,7 +200,7 @@ def _outline(picture: Array, owner: NDArray[np.intp], depth: Array) -> None:
 
 
 def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
-    """Picture reduced by `factor`, each pixel the average of factor x factor pixels."""
+    """Picture reduced by `factor`: each of its pixels is the average of factor x factor pixels."""
     blocks = picture.reshape(height, factor, width, factor, 3)
     total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
     return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Writes film strip, GIF and MP4 of a log's motion."""
+"""Writes the motion of a log as film strip, GIF or MP4."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 GIF_FPS, GIF_FRAMES = 15.0, 240
-"""Frames per second of a GIF, and its largest number of frames: a longer run gets fewer frames per second."""
+"""Frames per second of a GIF, and largest number of its frames. A longer run gets fewer frames per second."""
 MP4_FPS = 30.0
-"""Frames per second of a video."""
+"""Frames per second of an MP4."""
 ROW = 6
 """Number of frames in a row of a film strip."""
 
 
 def film_strip(frames: Sequence[FilmFrame], *, title: str = "", letters: float = 0.045) -> Picture:
-    """Film strip: rows of at most six frames with their times and contacts. letters: text size as a fraction of a frame."""
+    """Film strip with rows of at most `ROW` frames, each with its time and the objects in contact. letters: size of the text
+    as a fraction of a frame.
+    """
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
@@ -55,7 +57,7 @@ def film_strip(frames: Sequence[FilmFrame], *, title: str = "", letters: float =
 
 
 def _font(size: int) -> FreeTypeFont:
-    """Font of all pictures, taken from Matplotlib."""
+    """Font of all texts in pictures, which comes with Matplotlib."""
     from importlib.util import find_spec
 
     from PIL import ImageFont
@@ -66,7 +68,7 @@ def _font(size: int) -> FreeTypeFont:
 
 
 def _stamped(film: Film, times: Sequence[float], progress: Tell | None, name: str) -> Iterator[Picture]:
-    """Pictures of the film at the times (s), with the time in a corner and a faint robot at its equilibrium."""
+    """Pictures of the film at these times in s, each with its time in a corner and a faint robot at the equilibrium."""
     from PIL import Image as Pictures
     from PIL import ImageDraw
 
@@ -81,7 +83,7 @@ def _stamped(film: Film, times: Sequence[float], progress: Tell | None, name: st
 
 
 def strip_of(film: Film, *, count: int = ROW) -> Picture:
-    """Film strip whose frames are denser where the motion is faster."""
+    """Film strip with `count` frames, which are closer in time where the motion is faster."""
     frames = [film.frame(time) for time in telling_times([film], count)]
     variant = film.info.variant if film.info.variant not in ("", "default") else ""
     return film_strip(frames, title=" · ".join(filter(None, (film.info.robot, variant))))
@@ -108,7 +110,7 @@ def write_gif(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
 
     times = _times(film, speed, fps, most=GIF_FRAMES)
     pictures = list(_stamped(film, times, progress, Path(path).name))
-    # All frames share one palette: otherwise colours would flicker.
+    # Give all frames the palette of one of them: with a palette each, colours would flicker.
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
@@ -128,7 +130,9 @@ def write_gif(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
 
 
 def write_mp4(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = MP4_FPS, progress: Tell | None = None) -> Path:
-    """Write an MP4 (H.264) with imageio-ffmpeg and return the file. Raises InputError if it is missing, and OutputError."""
+    """Write an MP4 (H.264) and return the file. speed, fps: as for `write_gif`. Raises OutputError, and InputError if
+    imageio-ffmpeg is not installed.
+    """
     imageio_ffmpeg = library("imageio_ffmpeg", "video")
     times = _times(film, speed, fps)
     path = Path(path)
@@ -150,7 +154,7 @@ def write_mp4(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
         finally:
             with suppress(OSError):
                 writer.close()
-        # ffmpeg reports no error on a full disk: check that it wrote the index at the end of the file.
+        # Check that ffmpeg wrote the index at the end of the file, because it reports no error if the disk is full.
         if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
             raise OutputError(f"{path}: cannot be written: ffmpeg did not finish the video")
     return path

@@ -1,4 +1,4 @@
-"""Triangle meshes prepared for pictures: few triangles, smooth shading, one colour."""
+"""Prepares triangle meshes for pictures: fewer triangles, smooth shading, and one colour for each mesh."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 CREASE = 0.6
-"""Angle between two triangles, rad, above which their common edge is drawn sharp; other edges are shaded smoothly."""
+"""Angle between two triangles, rad, above which their common edge is drawn sharp and not shaded smoothly."""
 MOST = 20_000
-"""Number of triangles of a body from which its meshes are simplified: points closer together than a pixel are merged."""
+"""Number of triangles of a body above which its meshes are simplified. The merged points are closer together than a pixel."""
 CELLS = 192
 """Number of cells along the longest side of the grid in which points are first merged."""
 
 
 def simplified(meshes: Sequence[Trimesh], *, most: int = MOST) -> list[Trimesh]:
-    """Meshes in which close points are merged, as coarsely as `most` triangles in all require."""
+    """Meshes in which close points are merged, so that all meshes together have at most `most` triangles."""
     longest = max((float(mesh.extents.max()) for mesh in meshes), default=0.0)
     cells, coarse = CELLS, list(meshes)
     while sum(len(mesh.faces) for mesh in coarse) > most and cells > 4:
@@ -31,7 +31,7 @@ def simplified(meshes: Sequence[Trimesh], *, most: int = MOST) -> list[Trimesh]:
 
 
 def _merged(mesh: Any, cell: float) -> Any:
-    """Mesh in which all points in the same cell of a grid are one point. cell: edge of a cell, m."""
+    """Mesh in which all points in the same cell of a grid are merged to one point. cell: length of a cell's edge, m."""
     coarse = mesh.copy()
     coarse.apply_scale(1.0 / cell)
     coarse.merge_vertices(digits_vertex=0, merge_norm=True)
@@ -41,7 +41,7 @@ def _merged(mesh: Any, cell: float) -> Any:
 
 
 def smooth(mesh: Trimesh) -> Trimesh:
-    """Mesh whose triangles share the normals of their points, except along sharp edges."""
+    """Mesh in which neighbouring triangles have the same normals at their common points, except along sharp edges."""
     from trimesh.graph import smooth_shade
 
     shaded: Trimesh = smooth_shade(mesh, angle=CREASE, facet_minarea=None)
@@ -49,7 +49,9 @@ def smooth(mesh: Trimesh) -> Trimesh:
 
 
 def main_colour(mesh: Any) -> Array | None:
-    """Colour (red, green, blue; 0 to 1) of a mesh: of its material, else of most faces; None without a colour."""
+    """Colour (red, green, blue; 0 to 1) of a mesh: the colour of its material, else that of most of its faces; None without a
+    colour.
+    """
     visual = mesh.visual
     if not visual.defined:
         return None

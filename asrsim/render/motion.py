@@ -1,4 +1,4 @@
-"""Pictures of a logged motion, drawn from the log alone."""
+"""Draws pictures of a logged motion, from the log alone."""
 
 from __future__ import annotations
 
@@ -23,19 +23,21 @@ from asrsim.robot.xmlfile import parse_xml
 from asrsim.samples import Array, RunInfo, Samples
 
 KEPT = 6000
-"""Number of samples kept of a long log: more than a film has frames."""
+"""Approximate number of samples that are kept of a long log, which is more than a film has frames."""
 LOOKS = 40
-"""Number of instants at which the bodies' positions are computed to place the camera."""
+"""Number of instants, evenly spread over the motion, at which all bodies must be in the picture."""
 GLANCES, GLANCE = 4, 90
-"""Number of instants at which hidden bodies are looked for, and square root of the area of these pictures, pixels."""
+"""Number of instants at which hidden bodies are looked for, and square root of the area of the pictures for this, pixels."""
 HIDDEN, GAIN = 0.4, 0.05
-"""Hidden fraction of a moving body with which a view is accepted; gain for which another view is worth it."""
+"""Hidden fraction of a moving body up to which a view is accepted, and reduction of this fraction for which another view is
+preferred.
+"""
 _KEYS = ("robot", "base", "world")
-"""Parts of a scenario that a picture needs."""
+"""Keys of a scenario that pictures need."""
 GHOST = 0.28
-"""Opacity of the robot drawn at its equilibrium."""
+"""Opacity of the faint robot that is drawn at the equilibrium of its springs."""
 _STEADY = 0.3
-"""Fraction of a film strip's frames that are evenly spaced in time; the others follow the motion."""
+"""Weight of time in the choice of a film strip's instants; the rest is the weight of the distance moved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,12 +54,12 @@ class FilmFrame:
 class Film:
     """Motion of a log, ready to be drawn.
 
-    Robot, world and poses come from the log. Meshes are not stored in a log; they are read from their files, and a missing mesh
+    Robot, world and poses come from the log. Meshes are not stored in a log: they are read from their files, and a missing mesh
     is replaced as `asrsim.render.shapes.drawable` describes. Actuators do not affect a picture, so a log with a user's own
     actuator needs no plugin.
 
     size: square root of a picture's area, pixels; the aspect ratio follows from the motion. sharpness: factor of oversampling
-    of the renderer. start, end: limits of the part of the log to draw, s.
+    of the renderer. start, end: start and end of the part of the log that is drawn, s.
 
     Raises LogError for a log without positions or samples, RobotError and ScenarioError if robot or world cannot be built.
     """
@@ -90,7 +92,7 @@ class Film:
         positions = self.samples.values["link_position"]
         rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
         self._equilibria = np.where(np.isfinite(rest), rest, positions)
-        """Link positions (n, joints) at which springs without load rest; measured positions for joints without springs."""
+        """Link positions (n, joints) at which springs would rest without load; logged positions for joints without springs."""
         self.scene, self.notes = logged_scene(self.info, self.path)
         self._painter = SceneDrawer(self.scene)
         self.camera: Camera
@@ -111,7 +113,7 @@ class Film:
         return float(self.samples.time[-1])
 
     def frame(self, time: float, *, ghost: bool = False) -> FilmFrame:
-        """Picture of the sample nearest to a time in s. ghost: with a faint robot at the equilibrium of its springs."""
+        """Picture of the sample nearest to a time in s. ghost: also draw a faint robot at the equilibrium of its springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
         image = self._image(self.frames(row))
         if ghost:
@@ -123,7 +125,9 @@ class Film:
         return self._painter.image(frames, self.camera, self.width, self.height, sharpness=self._sharpness, place=self.place)
 
     def frames(self, row: int, values: Array | None = None) -> dict[str, Array]:
-        """Frame (4, 4) of each body in the world at a sample. values: joint positions instead of the logged ones, rad or m."""
+        """Frame (4, 4) of each body in the world at a sample. row: index of the sample; values: joint positions (joints,) that
+        replace the logged positions, rad or m.
+        """
         values = self.samples.values["link_position"][row] if values is None else values
         return self.scene.frames(
             {name: float(value) for name, value in zip(self.samples.joints, values, strict=True) if math.isfinite(value)},
@@ -131,13 +135,15 @@ class Film:
         )
 
     def _touching(self, row: int) -> tuple[str, ...]:
-        """Objects that touch the robot or another object."""
+        """Objects that touch the robot or another object at a sample. row: index of the sample."""
         pairs = [pair.split("/", 1) for pair, force in self.samples.contacts.items() if np.any(np.nan_to_num(force[row]))]
         touching = (body for pair in pairs if pair[1] != "ground" for body in pair)
         return tuple(dict.fromkeys(body for body in touching if body in self.scene.objects))
 
     def _sight(self) -> tuple[Array, dict[str, Array], dict[str, float]]:
-        """Outermost points of all bodies during the motion (k, 3) m, the joints' axes, and the range of each joint (rad)."""
+        """Outermost points (k, 3) of all bodies during the motion, m; axis (3,) of each joint in the world; and range of each
+        joint's motion, rad.
+        """
         positions = self.samples.values["link_position"]
         travel = {
             name: float(np.ptp(column[np.isfinite(column)])) if np.isfinite(column).any() else 0.0
@@ -149,7 +155,9 @@ class Film:
         return cloud, self.scene.axes(all_frames[-1]), travel
 
     def _hidden(self, camera: Camera, aspect: float) -> float:
-        """Largest fraction of a moving body that others hide from the camera, on average over the motion."""
+        """Fraction of a moving body that other bodies hide from the camera, averaged over the motion, for the body with the
+        largest fraction.
+        """
         rows = np.unique(np.linspace(0, len(self.samples.time) - 1, GLANCES).astype(int))
         frames = [self.frames(int(row)) for row in rows]
         width, height = round(GLANCE * aspect**0.5), round(GLANCE / aspect**0.5)
@@ -158,7 +166,9 @@ class Film:
         return max((float(np.mean([share[name] for share in shares])) for name in moving), default=0.0)
 
     def happening(self) -> Array:
-        """Fraction (n,) of the motion completed at each sample, 0 to 1; proportional to time if nothing moves."""
+        """Progress (n,) of the motion at each sample, from 0 to 1: a mean of the fractions of the distance and of the time that
+        have passed; the fraction of the time alone if nothing moves.
+        """
         ways = [np.nan_to_num(self.samples.values["link_position"])]
         ways += [np.nan_to_num(poses[:, :3]) for poses in self.samples.bodies.values()]
         way = np.concatenate([[0.0], np.cumsum(sum(np.abs(np.diff(one, axis=0)).sum(axis=1) for one in ways))])
@@ -168,7 +178,7 @@ class Film:
 
 
 def share_view(films: Sequence[Film]) -> None:
-    """Set one camera, which sees the motion of all films, and one size of their pictures."""
+    """Give all films the same camera, which sees all their motions, and the same size of pictures."""
     seen = [film._sight() for film in films]
     cloud = np.concatenate([points for points, _, _ in seen])
     axes = {f"{number}/{name}": axis for number, (_, mine, _) in enumerate(seen) for name, axis in mine.items()}
@@ -178,7 +188,7 @@ def share_view(films: Sequence[Film]) -> None:
     least, size = math.inf, films[0]._size
     for towards in viewpoints(viewpoint(main_axis(axes, travel))):
         aspect = fitting_aspect(cloud, towards)
-        # Video encoders need even numbers.
+        # Choose even numbers of pixels, which video encoders need.
         width, height = 2 * round(0.5 * size * aspect**0.5), 2 * round(0.5 * size / aspect**0.5)
         camera = fit_camera(cloud, towards, aspect=width / height)
         hidden = max(film._hidden(camera, aspect) for film in films)
@@ -191,14 +201,16 @@ def share_view(films: Sequence[Film]) -> None:
 
 
 def even_times(film: Film, count: int) -> list[float]:
-    """Evenly spaced times in s over the film, both ends included. Raises InputError for a count below 1."""
+    """`count` evenly spaced times in s over the film, start and end included. Raises InputError for a count below 1."""
     if count < 1:
         raise InputError("must be 1 or more", key="frames", value=count, code="bad-frames")
     return [film.end] if count == 1 else np.linspace(film.start, film.end, count).tolist()
 
 
 def telling_times(films: Sequence[Film], count: int) -> list[float]:
-    """Times in s over the films, both ends included, denser where the motion is faster. Raises InputError."""
+    """`count` times in s over all films, start and end included, closer where the motion is faster. Raises InputError for a
+    count below 1.
+    """
     longest = max(films, key=lambda film: film.end - film.start)
     even = even_times(longest, count)
     if count < 3:
@@ -224,7 +236,7 @@ def logged_scene(info: RunInfo, path: Path) -> tuple[RenderScene, tuple[str, ...
 
 
 def _shape_only(urdf: str) -> str:
-    """Robot description without simulator blocks: pictures need no actuators."""
+    """Robot description without the blocks for simulators, which contain actuators that pictures do not need."""
     from lxml import etree
 
     with suppress(RobotError):

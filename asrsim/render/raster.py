@@ -14,7 +14,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
-    """Covered pixels with the triangle and depth at each."""
+    """Pixels that triangles cover, with the triangle in front and the depth at each."""
 
     pixels: Indices
     """Indices (p,) of the covered pixels, row by row from the top left."""
@@ -25,7 +25,7 @@ class Raster:
 
 
 def rasterise(corners: Array, width: int, height: int) -> Raster:
-    """Front triangle at each pixel.
+    """Triangle in front at each pixel.
 
     corners: corners of m triangles (m, 3, 3), each with x and y in pixels from the top left, and 1 / distance, which is linear
     in the picture. Triangles with a corner behind the camera (1 / distance not positive) are omitted.
@@ -63,12 +63,14 @@ def rasterise(corners: Array, width: int, height: int) -> Raster:
 
 
 def plane(corners: Array, values: Array) -> Array:
-    """Coefficients a, b, c (m, 3) of a x + b y + c, which equals `values` (m, 3) at the corners; constant for zero area."""
+    """Coefficients a, b, c (m, 3) of a function a x + b y + c for each triangle, which equals `values` (m, 3) at the triangle's
+    corners. The function of a triangle without area is constant.
+    """
     x, y = corners[:, :, 0], corners[:, :, 1]
     x1, y1, x2, y2 = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
     v1, v2 = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     area = x1 * y2 - x2 * y1
-    # The slope of a very thin triangle consists of rounding errors: use 0.
+    # Use the slope 0 for a very thin triangle, whose computed slope would consist of rounding errors.
     inverse = np.where(np.abs(area) > 1e-3, 1.0 / np.where(area == 0.0, 1.0, area), 0.0)
     a, b = (v1 * y2 - v2 * y1) * inverse, (v2 * x1 - v1 * x2) * inverse
     c = np.where(inverse == 0.0, values.mean(axis=1), values[:, 0] - a * x[:, 0] - b * y[:, 0])
@@ -76,14 +78,14 @@ def plane(corners: Array, values: Array) -> Array:
 
 
 def _expanded(first: Indices, counts: Indices) -> tuple[Indices, Indices]:
-    """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: k, and the integer."""
+    """All integers from first[k] to first[k] + counts[k] - 1 for every k, as two arrays: k of each integer, and the integer."""
     member = np.repeat(np.arange(len(counts)), counts)
     starts = np.cumsum(counts) - counts
     return member, np.arange(len(member)) - starts[member] + first[member]
 
 
 def _along(start: Array, end: Array, member: Indices, y: NDArray[np.floating]) -> Array:
-    """x at which the edge from start to end (3, m) crosses the height y."""
+    """x at which an edge of triangle `member` crosses the height y; start, end: the ends of this edge in all triangles."""
     rise = end[1] - start[1]
     slope = np.where(rise > 0.0, (end[0] - start[0]) / np.where(rise > 0.0, rise, 1.0), 0.0)
     return np.asarray(start[0][member] + slope[member] * (y - start[1][member]))

@@ -1,4 +1,4 @@
-"""Shapes of robot and world, and their frames for given joint positions."""
+"""The scene that pictures show: shapes of robot and world, and the frames of the bodies for given joint positions."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ if TYPE_CHECKING:
     from trimesh import Trimesh
 
 GREY = (0.55, 0.58, 0.63)
-"""Colour of a shape without colour, distinct from the background and from white."""
+"""Colour for a shape that has no colour of its own, distinct from the background and from white."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScenePart:
-    """Shape of a body, in the body's frame."""
+    """One shape of a body, in the frame of the body."""
 
     body: str
-    """Link, or object of the world."""
+    """Name of the body: a link, or an object of the world."""
     mesh: Trimesh
     colour: Array
     """Red, green and blue (3,), 0 to 1."""
 
 
 class RenderScene:
-    """Shapes of robot and world, and their frames at given positions.
+    """Shapes of robot and world, and the frames of the bodies for given joint positions.
 
-    robot: from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could
-    not be read.
+    robot: from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could not
+    be read.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
@@ -52,7 +52,7 @@ class RenderScene:
         """Frame (4, 4) of the root link at the start."""
         self.model = robot_model(scenario, robot)
         self.parents = {joint.child: joint.parent for joint in robot.joints}
-        """Parent of each link but the root."""
+        """Parent link of each link except the root link."""
         self.ground = world.ground_height if world.ground else None
         """Height of the ground, m; None without ground."""
         self.objects = {item.name: origin_frame(item.position, item.rpy) for item in world.objects}
@@ -64,7 +64,7 @@ class RenderScene:
                 del shapes[name]
         from_base = np.linalg.inv(self._base)
         self.urdf = urdf_of(robot, [(name, from_base @ self.objects[name], shape) for name, shape in shapes.items()])
-        """Robot and objects in yourdfpy."""
+        """Robot and objects as one robot of yourdfpy."""
         self.parts = tuple(_parts(self.urdf.scene))
 
     def frames(self, positions: Mapping[str, float], poses: Mapping[str, Array]) -> dict[str, Array]:
@@ -81,12 +81,14 @@ class RenderScene:
         return frames
 
     def of_collisions(self) -> RenderScene:
-        """The collision shapes of the robot in the same world, instead of the shapes for pictures."""
+        """Scene of the same robot and world in which the robot has its collision shapes instead of its visuals."""
         links = tuple(replace(link, visuals=link.collisions) for link in self.model.robot.links)
         return RenderScene(replace(self.model.robot, links=links), self._scenario)
 
     def tip(self) -> tuple[str, Vector]:
-        """The last link that a joint moves, and its far end: twice the way from its frame to the middle of its shapes."""
+        """Last link that a joint moves, and its far end in the frame of the link, m. The middle of the link's shapes is taken
+        as half the way to this end.
+        """
         moved = [joint.child for joint in self.model.robot.outward_joints if joint.moves]
         name = moved[-1] if moved else self.model.robot.root.name
         points = [part.mesh.vertices for part in self.parts if part.body == name]
@@ -100,7 +102,7 @@ class RenderScene:
 
 
 def _parts(scene: Any) -> Iterator[ScenePart]:
-    """Shapes of each body of a trimesh scene. scene: made by yourdfpy: the parent of a shape's frame is its body."""
+    """Shapes of each body in a trimesh scene. scene: made by yourdfpy, so that the parent of a shape's frame is its body."""
     from trimesh import Trimesh
 
     graph, found = scene.graph, defaultdict[str, list[Any]](list)
@@ -108,7 +110,7 @@ def _parts(scene: Any) -> Iterator[ScenePart]:
         body = graph.transforms.parents[node]
         place, name = graph.get(node, body)
         mesh = scene.geometry[name]
-        # Leave textures out: they would be copied with each mesh.
+        # Leave textures out, because they would be copied with each mesh.
         found[body].append((Trimesh(mesh.vertices, mesh.faces).apply_transform(place), main_colour(mesh)))
     for body, shapes in found.items():
         meshes, colours = zip(*shapes, strict=True)

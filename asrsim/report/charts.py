@@ -1,4 +1,4 @@
-"""Charts (`asrsim.plots.chart`) as data for the plots of a page."""
+"""Converts charts (`asrsim.plots.chart`) to data for the plots of a page."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from asrsim.report.series import pack
 from asrsim.samples import Array
 
 DASHES: tuple[list[float], ...] = ([], [7, 3], [9, 3, 2, 3], [2, 3], [12, 3, 2, 3, 2, 3], [4, 2])
-"""Dash patterns in pixels, by the number of the line style."""
+"""Dash patterns by the number of the line style: lengths of dashes and gaps, pixels."""
 PIXELS = 1.2
-"""Width of a line on a page in pixels, for each pt of the picture."""
+"""Width of a line on a page, in pixels for each pt of the line's width in a picture."""
 
 
 def page_data(groups: Iterable[tuple[str, Sequence[Chart]]]) -> dict[str, Any]:
-    """Data of a page: groups of charts, each with its name. Empty charts are left out."""
+    """Data of a page for groups of charts, each with its name. Charts without data are left out."""
     plots = [(name, [plot_data(chart) for chart in charts if not chart.empty]) for name, charts in groups]
     return {"runs": [], "groups": [{"name": name, "plots": shown} for name, shown in plots]}
 
 
 def plot_data(chart: Chart) -> dict[str, Any]:
-    """Chart as data of a plot: its curves at the common points of all of them."""
+    """Chart as data of a plot, whose curves all have values at the same points."""
     across = _common([*chart.lines, *chart.bands], scattered=any(line.kind == "points" for line in chart.lines))
     by_x = "x" in chart.logarithmic
     series = [_series(line, across, logarithmic="y" in chart.logarithmic) for line in chart.lines]
@@ -43,7 +43,9 @@ def plot_data(chart: Chart) -> dict[str, Any]:
 
 
 def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
-    """Points (n,) of all curves, ascending; scattered points are all kept, also several at the same place."""
+    """Points (n,) on the horizontal axis at which any curve or band has a value, ascending. scattered: keep every point of
+    every curve, also several equal ones; otherwise each point occurs once.
+    """
     known = [part.x for part in parts if len(part.x)]
     distinct = known if scattered else {id(part): part for part in known}.values()
     together = np.concatenate([*distinct])
@@ -51,10 +53,12 @@ def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
 
 
 def _at(across: Array, x: Array, y: Array, *, scattered: bool = False) -> Array:
-    """Values (n,) of a curve at the common points; NaN outside of it, and between scattered points."""
+    """Values (n,) at the points `across` of a curve with the points `x` and values `y`. They are NaN outside of the curve; for
+    scattered points, also between the curve's points.
+    """
     if scattered:
         values = np.full(len(across), np.nan)
-        # Several points with equal x are assigned, one after another, to the common points with this x.
+        # Assign several points of the curve with equal x, one after another, to the points in `across` with this x.
         order = np.argsort(x, kind="stable")
         first = np.searchsorted(across, x[order])
         again = np.arange(len(x)) - np.searchsorted(x[order], x[order])

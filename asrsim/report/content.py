@@ -1,4 +1,4 @@
-"""Content of a report, read from a folder: logs, their summaries, comparisons."""
+"""Reads the content of a report from a folder: logs, their summaries, and comparisons with recordings."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from asrsim.runs.folder import SUMMARY
 from asrsim.samples import Array, RunInfo
 
 STRIPS = 12
-"""Largest number of runs with film strips, and in the moving view."""
+"""Largest number of runs that have film strips and are in the moving view."""
 PICTURES = 4
-"""Largest number of comparison pictures."""
+"""Largest number of pictures of comparisons with recordings."""
 PICTURE_BYTES = 200_000
-"""Largest size of a picture in the page, bytes; larger pictures are omitted."""
+"""Largest size of a picture in the page, bytes; larger pictures are left out."""
 FRAMES = 6
 """Number of frames in a film strip."""
 
@@ -49,14 +49,14 @@ _SUMMARY_SHAPE: PlainShape = {
         "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
     },
 }  # fmt: skip
-"""Keys and types of `summary.json` that the page uses. A summary with another structure was edited by the user: the numbers are
-recomputed from the log.
+"""Keys of `summary.json` that the page uses, with the types of their values. A summary with another structure was edited: the
+page then computes its numbers from the log.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRow:
-    """Row of the page's table of parameters."""
+    """Row of the page's table of parameters: one parameter of one joint."""
 
     name: str
     value: float
@@ -67,7 +67,7 @@ class ParameterRow:
 
 @dataclass(frozen=True, kw_only=True)
 class RunContent:
-    """Data of a run for the page, except the time series."""
+    """Data of a run for the page, without the run's time series."""
 
     log: Path
     info: RunInfo
@@ -78,12 +78,12 @@ class RunContent:
     parameters: Mapping[str, tuple[ParameterRow, ...]] = field(default_factory=dict)
     """Parameters of each joint."""
     notes: tuple[str, ...] = ()
-    """Data that could not be read, with the reasons."""
+    """Messages that name the data which could not be read, with the reasons."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """Comparison with experiments that `asrsim plot` wrote into the folder."""
+    """Comparison of runs with recordings, which `asrsim plot` has written into the folder."""
 
     metrics: tuple[MetricRow, ...]
     pictures: tuple[Path, ...]
@@ -111,7 +111,7 @@ def read_content(log: Path) -> RunContent:
 
 
 def read_parameters(info: RunInfo) -> dict[str, tuple[ParameterRow, ...]]:
-    """Parameters of each joint with their sources, from the robot and scenario in the log. Raises InputError."""
+    """Parameters of each joint with their sources, from the robot and the scenario in a log. Raises InputError."""
     from asrsim.runs.rerun import restore
     from asrsim.scenario import apply_to_robot
 
@@ -132,7 +132,9 @@ def read_parameters(info: RunInfo) -> dict[str, tuple[ParameterRow, ...]]:
 
 
 def find_comparison(folder: Path) -> Compared | None:
-    """Metrics and pictures of the comparisons in a folder, its variants' folders and their `compared` folders, if any."""
+    """Metrics and pictures of the comparisons in a folder, in the folders of its variants, and in the subfolder `compared` of
+    each of these folders. None without metrics.
+    """
     metrics: list[MetricRow] = []
     pictures: list[Path] = []
     for place in _compared_folders(folder):
@@ -154,13 +156,13 @@ class Films:
     strips: Mapping[Path, str]
     """Film strip of each log as a data URL (JPEG)."""
     motion: Mapping[str, Any] | None = None
-    """Data of the moving view; None without film strips."""
+    """Data of the moving view; None if no motion could be drawn."""
     notes: tuple[str, ...] = ()
-    """Pictures that could not be drawn, with the reasons."""
+    """Messages that name the pictures which could not be drawn, with the reasons."""
 
 
 def read_films(logs: Sequence[Path], labels: Sequence[str]) -> Films:
-    """Film strips with a common camera and common times, and the moving view."""
+    """Film strips of the logs, with a common camera and common times, and the moving view. labels: label of each log."""
     from io import BytesIO
 
     from asrsim.render import Film, film_strip, share_view, telling_times
@@ -202,7 +204,7 @@ def recorded_curves(folder: Path, labels: Sequence[str]) -> dict[tuple[str, str,
 
 
 def picture(path: Path) -> str | None:
-    """PNG file as a data URL, reduced to few colours; None if the picture cannot be read or is still too large for the page."""
+    """PNG file as a data URL, with fewer colours. None if the file cannot be read, or if the picture is still too large."""
     from io import BytesIO
 
     from PIL import Image
@@ -218,7 +220,7 @@ def picture(path: Path) -> str | None:
 
 
 def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
-    """Content of the `summary.json` beside a log; None if the summary belongs to another log."""
+    """Content of the `summary.json` beside a log; None if it is missing, damaged, or belongs to another log."""
     with suppress(OSError, ValueError, RecursionError):
         data = json.loads((log.parent / SUMMARY).read_text(encoding="utf-8"))
         fits = not misfit(data, _SUMMARY_SHAPE)
@@ -228,7 +230,7 @@ def _summary(log: Path, info: RunInfo) -> dict[str, Any] | None:
 
 
 def _own_summary(log: Path) -> dict[str, Any]:
-    """Measures of each joint, computed from the log, and the claims of its scenario if they can be evaluated."""
+    """Summary computed from a log: the measures of each joint, and the claims of the scenario if they can be evaluated."""
     from asrsim.plots.claims import judge
 
     reader = open_log(log)

@@ -1,4 +1,4 @@
-"""Page about a fit: verdict, parameters, recordings over simulations, profiles, correlations, and what to record next."""
+"""Page about a fit: verdict, parameters, recordings beside simulations, profiles, correlations, and what to record next."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from asrsim.samples import Array
 MOST = 40
 """Largest number of parameters in the table of correlations."""
 STRONG = 0.9
-"""Magnitude of a correlation from which the page names both parameters."""
+"""Magnitude of a correlation of two parameters from which on the page names both."""
 JUDGED = {True: ("the model fits", "good"), False: ("the model does not fit", "poor"), None: ("not judged", "plain")}
 GRADES = {IDENTIFIED: "good", WEAK: "plain", AT_BOUND: "plain"}
-"""Style of the verdict on a parameter; other verdicts have the style `poor`."""
+"""Style of the page for each verdict on a parameter; verdicts that are not listed have the style `poor`."""
 
 
 def fit_page(folder: Path) -> str:
@@ -63,7 +63,7 @@ def fit_page(folder: Path) -> str:
 
 
 def profile_chart(one: Profile, estimates: Sequence[Estimate]) -> Chart:
-    """Chart of the misfit along a parameter, with the parabola that the interval assumes."""
+    """Chart of the misfit over the values of a parameter, with the parabola that the parameter's interval assumes."""
     unit = next((estimate.unit for estimate in estimates if estimate.name == one.name), "")
     fine = np.linspace(WIDTHS[0], WIDTHS[-1], 61)
     places = np.interp(fine, WIDTHS, one.values) if len(one.values) == len(WIDTHS) else one.values

@@ -1,4 +1,4 @@
-"""Builds an HTML page and its elements. All texts are escaped here."""
+"""Builds an HTML page and its elements. All texts that are not HTML are escaped here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.tables import TableColumn
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
-"""Smallest number of letters of a name that may be broken into two lines in a table."""
+"""Number of letters from which on a name in a table may be broken into two lines."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
@@ -28,7 +28,7 @@ def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) 
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)}</title>",
-            # Empty icon: a browser requests an icon file from the server if the page contains no icon.
+            # Give the page an empty icon: without an icon in the page, a browser requests a file from the server.
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",
             f"</head><body><main>\n{main}\n</main>",
@@ -56,9 +56,10 @@ def section(title: str, body: str) -> str:
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int, ...] = (), long: tuple[int, ...] = ()) -> str:
-    """HTML table without its empty columns; cells of the columns `raw` are HTML already, those of `long` are sentences.
+    """HTML table, in which empty columns are left out. raw: indices of columns whose cells are already HTML; long: indices of
+    columns whose cells are sentences.
 
-    In a narrow window, CSS shows each row as a list of heads and values, so each cell has the head of its column.
+    Each cell carries the head of its column, because in a narrow window CSS shows each row as a list of heads and values.
     """
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)
@@ -79,7 +80,7 @@ def column_table(columns: Sequence[TableColumn]) -> str:
 
 
 def _breakable(text: str) -> str:
-    """Text of a cell; a long name may break after its underscores, so that the table fits the window."""
+    """HTML of a cell's text, in which a long name may be broken after its underscores, so that the table fits the window."""
     return escape(text).replace("_", "_<wbr>") if len(text) > LONG else escape(text)
 
 

@@ -1,4 +1,4 @@
-"""Page about iterative learning: errors over the iterations, learned inputs beside the desired motion, and demands."""
+"""Page about iterative learning: errors over the iterations, learned inputs beside the desired motion, and motor demands."""
 
 from __future__ import annotations
 

@@ -14,15 +14,15 @@ from asrsim.render.scene import RenderScene
 from asrsim.report.series import pack
 
 FRAMES = 400
-"""Largest number of times per run; the page interpolates between them."""
+"""Largest number of times at which the page has the poses of a run; it interpolates between these times."""
 TRIANGLES = 30_000
-"""Number of triangles of all bodies together from which their meshes are simplified."""
+"""Number of triangles of all bodies together above which their meshes are simplified."""
 DIGITS = 7
-"""Number of decimals of a pose. Rounding makes constant values exactly equal, so that they are packed as one value."""
+"""Number of decimals in a pose. Rounding makes the values of a body at rest equal, so that they are packed as one value."""
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
-    """Data of the moving view of at least one film. Runs with the same shapes share them."""
+    """Data of the moving view for one film or more. Runs with the same shapes share the data of these shapes."""
     scenes: list[list[dict[str, Any]]] = []
     runs = []
     for film, label in zip(films, labels, strict=True):
@@ -41,7 +41,9 @@ def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
 
 
 def _shapes(scene: RenderScene) -> list[dict[str, Any]]:
-    """Points (x y z, m, in the frame of the body) and triangles of each part. Points that triangles share have one normal."""
+    """Points (x y z, m, in the frame of the body) and triangles of each part of a scene. Triangles share points where the
+    surface is smooth, so that each point has one normal.
+    """
     meshes = [smooth(mesh) for mesh in simplified([part.mesh for part in scene.parts], most=TRIANGLES)]
     return [
         {
@@ -60,7 +62,9 @@ def _integers(faces: Any) -> str:
 
 
 def _motion(film: Film) -> dict[str, Any]:
-    """Times of a run, and the pose of each body in the frame of its parent, or in the world: x y z, quaternion x y z w."""
+    """Times of a run, and the poses of each body as x y z, quaternion x y z w: in the frame of the body's parent, or in the
+    world for a body without parent.
+    """
     from scipy.spatial.transform import Rotation
 
     time = film.samples.time
@@ -73,7 +77,8 @@ def _motion(film: Film) -> dict[str, Any]:
         if parent is not None:
             local = np.linalg.inv([frame[parent] for frame in frames]) @ local
         turn = Rotation.from_matrix(local[:, :3, :3]).as_quat()
-        # A quaternion and its negative are the same rotation. Each quaternion gets the sign that is closer to its predecessor.
+        # A quaternion and its negative are the same rotation. Give each quaternion the sign with which it is closer to the
+        # quaternion before it, so that the page can interpolate.
         turn[1:] *= np.cumprod(np.where(np.sum(turn[1:] * turn[:-1], axis=1) < 0.0, -1.0, 1.0))[:, None]
         pose = np.round(np.hstack([local[:, :3, 3], turn]), DIGITS)
         bodies.append({"name": name, "parent": parent, "pose": [pack(column) for column in pose.T]})

@@ -1,4 +1,4 @@
-"""The skeleton of every page: head, sections, and the program that draws their plots and the moving view."""
+"""Frame of every page: head, sections, and the program that draws the plots and the moving view in the browser."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ HINT = (
     "<p class='note hint'>Drag to zoom, double-click to see all again; click a name to hide its lines. Plots over the same "
     "quantity share their range, and one cursor marks the time in all of them.</p>"
 )
-"""How to use the plots of a page."""
+"""Instructions for using the plots of a page, as HTML."""
 NO_SCRIPT = "<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>"
 
 
 def asset(name: str) -> str:
-    """Text of a file in this package's assets."""
+    """Text of a file in the folder of this package's assets."""
     return (files("asrsim.report") / "assets" / name).read_text(encoding="utf-8")
 
 
@@ -33,8 +33,8 @@ def page_html(
 ) -> str:
     """HTML of a page.
 
-    head: HTML below the title; sections: HTML of each section, empty ones are left out; data: what the plots show; motion: data
-    of the moving view; foot: last line.
+    head: HTML below the title; sections: HTML of each section, of which empty ones are left out; data: data of the plots;
+    motion: data of the moving view; foot: last line of the page.
     """
     header = f"<header><h1>{escape(title)}</h1>{head}</header>"
     footer = f"<footer class='note'>{foot}</footer>" if foot else ""
@@ -52,7 +52,7 @@ def page_html(
 
 
 def packed(name: str, data: Mapping[str, Any]) -> str:
-    """Data of a page as a script element."""
+    """Data of a page as an HTML script element, which the page's program finds by this name."""
     return f'<script type="application/json" id="{name}">{script_json(data)}</script>'
 
 
@@ -62,7 +62,9 @@ def plots(number: int) -> str:
 
 
 def folded(number: int, name: str, words: str = "", *, opened: bool, three: bool = False) -> str:
-    """HTML element for the plots of a group, with a heading that folds them. three: in three columns instead of two."""
+    """HTML element for the plots of group `number`, with a heading that folds and unfolds them. opened: whether the plots are
+    unfolded at first; three: whether they stand in three columns instead of two.
+    """
     state = " open" if opened else ""
     about = f' <span class="note">{escape(words)}</span>' if words else ""
     return (

@@ -1,4 +1,4 @@
-"""Interactive plots of a page: panels, colours and line styles of the pictures, with recorded curves."""
+"""Data of a page's interactive plots. They have the panels, colours and line styles of the pictures, and recorded curves."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ def page_quantities() -> tuple[str, ...]:
 
 
 def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Array) -> list[dict[str, Any]]:
-    """Section of each joint and body: name, actuator, and plots with packed series. time: times (count,) of the page, s."""
+    """Section of each joint and body: its name, its actuator, and its plots with packed series. time: times (count,) at which
+    the series have values, s.
+    """
     sections = []
     panels = (*joint_panels(), *energy_panels(), *BODY_PANELS)
     for joint in (*joint_names(runs), *body_names(runs)):
@@ -41,7 +43,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Ar
             styles = style.styles_of_equal_colours(panel.of_any(several=len(runs) > 1))
             plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
-                # A reference that is equal in all runs belongs to no single run.
+                # Draw a reference that is equal in all runs once, without the colour of a run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = (
                     DASHES[plain.index(name) % len(DASHES)]
@@ -61,7 +63,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Ar
 
 
 def _series(label: str, quantity: str, unit: str, run: int | None, values: Array, dash: list[float]) -> dict[str, Any]:
-    """Series of a plot for the page. run: number of the run that the colour marks; None: the colour marks the quantity."""
+    """Series of a plot for the page. run: index of the run, which gives the colour; None: the quantity gives the colour."""
     recorded = quantity == "experiment"
     colour = style.EXPERIMENT if recorded else style.colour(quantity)
     if run is not None:

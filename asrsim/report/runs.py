@@ -28,7 +28,7 @@ def runs_page(
     films: Films,
     compared: Compared | None,
 ) -> str:
-    """HTML of the page about runs. data: grid and joints for the plots."""
+    """HTML of the page about runs. labels: label of each run; data: data of the page's plots."""
     first = runs[0].info
     sections = [
         _strips(runs, labels, films),
@@ -146,12 +146,12 @@ _TABLES = {
     "certificate": "Estimated from runs at a half and a quarter of the step. Model errors come on top.",
     "cross_check": "Differences between engines.",
 }
-"""Tables of `summary.json` on accuracy, and their descriptions."""
+"""Entries of `summary.json` about accuracy, each with its description on the page."""
 _NO_ERROR = "<p class='note'>Not estimated. <code>asrsim run --certify</code> estimates it from runs at finer steps.</p>"
 
 
 def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    """Section on the time-step error of certified runs, and on cross-checks."""
+    """Section about the time-step error of certified runs, and about differences from runs in another engine."""
     parts = []
     for key, description in _TABLES.items():
         whose: list[str] = []
@@ -182,11 +182,11 @@ def _accuracy(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
 
 
 def _parameters(runs: Sequence[RunContent], labels: Sequence[str]) -> str:
-    # Joints and variants with equal parameters share a table.
+    # Show one table for all joints and variants that have equal parameters.
     groups: dict[Any, list[tuple[str, str]]] = {}
     for run, label in zip(runs, labels, strict=True):
         for joint, values in run.parameters.items():
-            # Ignore the line number in the parameter's source, which differs from joint to joint.
+            # Compare the parameters without the line number in their sources, which differs from joint to joint.
             key = tuple((p.name, p.value, p.unit, p.origin.split(", line")[0]) for p in values)
             groups.setdefault(key, []).append((label, joint))
     parts = []
@@ -214,7 +214,7 @@ def _warnings(runs: Sequence[RunContent], labels: Sequence[str], notes: Sequence
 
 
 def _sentence(warning: Mapping[str, Any]) -> str:
-    """Warning of a summary as the commands say it; the file without its folder."""
+    """Warning in a summary as a sentence, like the sentences that commands print; its file is named without the folder."""
     known = {name: warning[name] for name in ("line", "key", "value", "hint") if name in warning}
     file = Path(Path(warning["file"]).name) if warning.get("file") else None
     return str(Problem(warning.get("message", ""), file=file, choices=tuple(warning.get("choices", ())), **known))

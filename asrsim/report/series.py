@@ -1,4 +1,4 @@
-"""Time series of runs for the browser: thinned to common times and packed."""
+"""Reads the time series of runs for the browser. They are thinned to common times, and packed as text."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from asrsim.plots.decimate import Curve, Envelope
 from asrsim.samples import Array
 
 BUDGET = 1_050_000
-"""Largest size of all series of a page, bytes."""
+"""Largest size of all series of a page together, bytes."""
 LEAST, MOST = 200, 4000
-"""Smallest and largest number of intervals of a thinned series."""
+"""Smallest and largest number of intervals into which a series is thinned."""
 LEVELS = 65534
-"""Number of quantisation steps between the smallest and the largest value of a series, which are stored exactly."""
+"""Number of quantisation steps between the smallest and the largest value of a series. These two values are stored exactly."""
 GAP = 65535
 """Integer that stands for a missing value in a packed series."""
 
@@ -48,8 +48,8 @@ class TimeGrid:
 
 
 def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[TimeGrid, list[RunCurves]]:
-    """Common time grid that is as fine as `BUDGET` permits, and the runs' curves on this grid; all extreme values are kept.
-    Raises LogError.
+    """Common time grid of the runs, as fine as `BUDGET` permits, and the runs' curves on this grid. The curves keep all extreme
+    values. Raises LogError.
     """
     readers = [open_log(path) for path in paths]
     steps = [reader.info.step * max(reader.info.log_every, 1) for reader in readers]
@@ -61,7 +61,7 @@ def read_runs(paths: Sequence[Path], *, quantities: Sequence[str]) -> tuple[Time
     ]
     columns = sum(len(source.columns) for source in sources)
     step = min(steps)
-    # Two points per interval, two bytes per point, and four characters for three bytes (base64).
+    # An interval has two points of two bytes each; base64 needs four characters for three bytes.
     bins = int(np.clip(BUDGET / (max(columns, 1) * 2 * 2 * 4 / 3), LEAST, MOST))
     samples = round(duration / step) + 1
     alike = all(abs(s - step) <= 1e-9 * step for s in steps)
@@ -92,7 +92,7 @@ def _read(source: CurveSource, grid: TimeGrid, duration: float) -> RunCurves:
 
 
 def pack(values: Array) -> dict[str, Any]:
-    """Series as text: 16 bits per value; the smallest and the largest value of the series are exact."""
+    """Series as text, with 16 bits per value. Its smallest and its largest value are stored exactly."""
     finite = np.isfinite(values)
     low = float(values[finite].min()) if finite.any() else 0.0
     high = float(values[finite].max()) if finite.any() else 0.0

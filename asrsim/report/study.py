@@ -1,4 +1,4 @@
-"""Page about a study: results over the keys, influences and Sobol indices, claims, and rows worth opening."""
+"""Page about a study: results over the varied keys, influences of the keys, Sobol indices, claims, and extreme runs."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from asrsim.sweeps.show import HEADS, remarks, result_rows, study_headline, vary
 from asrsim.sweeps.table import Table
 
 MOST = 24
-"""Largest number of results that are drawn."""
+"""Largest number of results that the page draws over the keys."""
 RANKED = 8
-"""Largest number of results whose influences and rows are listed."""
+"""Largest number of results for which the page lists influences and extreme runs."""
 
 
 def study_page(folder: Path) -> str:
@@ -49,7 +49,9 @@ def _over_keys(count: int, every: int) -> str:
 
 
 def _influences(study: Table, results: Sequence[str]) -> str:
-    """Mean of each result in the lowest and highest fifth of each key, with Sobol indices and their 95 % intervals."""
+    """Section with the mean of each result over the runs with the lowest and with the highest fifth of each key's values, and
+    with Sobol indices and their 95 % intervals.
+    """
     parts = []
     for name in results:
         found = influences(study, name)
@@ -77,7 +79,7 @@ def _influence(study: Table, one: Influence) -> list[str]:
 
 
 def _bar(value: float, error: float, colour: str) -> str:
-    """Index from 0 to 1 as a bar, with its interval as a line."""
+    """HTML of a Sobol index from 0 to 1 as a bar, with its 95 % interval as a line. error: half-width of the interval."""
     width, low, high = (min(max(150.0 * share, 0.0), 170.0) for share in (value, value - error, value + error))
     return (
         f'<svg width="172" height="9" style="display:block" aria-hidden="true"><rect y="1" width="{width:.1f}" height="7" '
@@ -86,7 +88,7 @@ def _bar(value: float, error: float, colour: str) -> str:
 
 
 def _rows(study: Table, results: Sequence[str]) -> str:
-    """Rows with the smallest and the largest value of each result, and how to open one."""
+    """Section with the runs in which each result is smallest and largest, and with the command that repeats one of them."""
     keys = list(study.keys)
     place = {int(run): n for n, run in enumerate(study["run"].tolist())}
     rows = []

@@ -1,4 +1,4 @@
-"""Page about what a twin found in a recording: external torques with their alarms, stiffness and residuals."""
+"""Page about what a twin found in a recording: external torques with alarms, stiffness, and residuals of the positions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asrsim.samples import Array
 
 TWIN = "twin.csv"
 MOST_BYTES = 500_000_000
-"""Largest table that is read."""
+"""Largest size of a table that is read, bytes."""
 _HEADING = re.compile(r"(?P<joint>.+)\.(?P<field>external_torque|stiffness|residual|alarm)( \[(?P<unit>[^]]*)\])?")
 COLOURS = {"external_torque": style.SKY, "stiffness": style.BLUE, "residual": style.PURPLE}
 
@@ -63,7 +63,7 @@ def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Char
 
 
 def _kept(time: Array, values: Array, most: int = 4000) -> NDArray[np.intp]:
-    """Rows (k,) that a plot needs: of every short interval those of the smallest and the largest value."""
+    """Indices (k,) of the rows that a plot needs: of each short interval, the rows with its smallest and its largest value."""
     if len(time) <= most:
         return np.arange(len(time))
     known = np.nan_to_num(values)
@@ -73,7 +73,7 @@ def _kept(time: Array, values: Array, most: int = 4000) -> NDArray[np.intp]:
 
 
 def _read(path: Path) -> tuple[Array, dict[str, dict[str, tuple[str, Array]]]]:
-    """Times, and unit and values by joint and field. Raises InputError."""
+    """Times (n,) in s, and by joint and field its unit and its values (n,), from a twin's table. Raises InputError."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"is larger than {MOST_BYTES / 1e6:g} MB", file=path, code="too-large")

@@ -1,4 +1,4 @@
-"""`write_report`: writes a page about the results in a folder: runs, a fit, a study, learning, or a twin."""
+"""Writes a page about the results in a folder, which may be those of runs, a fit, a study, learning, or a twin."""
 
 from __future__ import annotations
 
@@ -31,15 +31,16 @@ def write_report(
 
     Args:
         folder: Folder of a run, or of a scenario's variants, or a log; or the folder of `identify`, `sweep`, `ilc` or `twin`.
-        path: The page; `report.html` in the folder by default.
+        path: File of the page; None: `report.html` in the folder.
         film: Also draw film strips and the moving view.
-        progress: Called with the current task and the fraction done.
+        progress: Called with the present task and the finished fraction of this task.
 
     Returns:
         Path of the page.
 
     Raises:
-        InputError: The folder contains no results, or they are damaged. LogError: A log cannot be read.
+        InputError: The folder contains no results, or its results are damaged.
+        LogError: A log cannot be read.
         OutputError: The page cannot be written.
     """
     place = Path(folder)
@@ -64,19 +65,19 @@ KINDS = ("fit.json", "study.json", "ilc.json", "twin.csv")
 
 
 def unreadable_logs(place: Path) -> list[Problem]:
-    """Problems of logs that a page about runs leaves out. Raises InputError where there is nothing to report."""
+    """Problems of the logs that a page about runs leaves out. Raises InputError if there are no results for a page."""
     return find_logs(place)[1] if _kind(place)[1] is None else []
 
 
 def _kind(place: Path) -> tuple[Path, str | None]:
-    """Folder of the results at a path, and the file that tells the type of its results; None for runs."""
+    """Folder of the results at a path, and the name of the file in `KINDS` that tells what they are; None for runs."""
     if place.is_file():
         return place.parent, place.name if place.name in KINDS else None
     return place, next((name for name in KINDS if (place / name).is_file()), None)
 
 
 def _other_page(folder: Path, kind: str) -> str:
-    # Each of these pages needs another part of asrsim: a page about runs need not load them.
+    # Import each page only where it is needed, because each needs another part of asrsim, which takes time to load.
     if kind == "fit.json":
         from asrsim.report.fit import fit_page
 

@@ -1,6 +1,6 @@
-"""Repeats the paper's experiments, checks their claims, and writes one page (`asrsim reproduce`).
+"""Repeats the experiments of the paper, checks the paper's claims, and writes one page about them (`asrsim reproduce`).
 
-The experiments are examples (`examples/paper`), one file per figure; `asrsim.reproduce.data` defines their parts.
+The experiments are examples (`examples/paper`), with one file for each figure; `asrsim.reproduce.data` defines their parts.
 """
 
 from __future__ import annotations
@@ -64,10 +64,11 @@ def reproduce(
     workers: int = 2,
     on_figure: Callable[[Reproduction], None] | None = None,
 ) -> FigureOutcome:
-    """Reproduce figures and write `reproduce.html`, `reproduce.json`, the pictures and the runs' logs into `folder`.
+    """Reproduce figures, and write `reproduce.html`, `reproduce.json`, pictures and the logs of the runs into `folder`.
 
-    names: figures to run, all by default; on_figure: called with each result, in any order. For a figure that cannot be run
-    the reason is reported, its claims count as failed, and the other figures continue.
+    names: numbers of the figures, all by default; workers: number of processes; on_figure: called with the result of each
+    figure when it is there, in any order. If a figure cannot be run, its result states the reason, its claims count as failed,
+    and the other figures continue.
     Raises InputError for unknown figures and OutputError if a file cannot be written.
     """
     known = figures()
@@ -97,7 +98,7 @@ def reproduce(
 
 
 def run_figure(name: str, folder: Path) -> Reproduction:
-    """Result of one figure, with its logs in `folder`; an error becomes part of the result."""
+    """Run the experiments of one figure, with their logs in `folder`, and return the result. An error is part of the result."""
     began = clock.perf_counter()
     try:
         done = Reproduction(name=name, parts=figures()[name].parts(folder))

@@ -1,4 +1,4 @@
-"""A figure of the paper, its experiments and claims, and their results, as data."""
+"""A figure of the paper as data: its experiments, its claims, and their results."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Evidence = Literal["paper", "theory", "simulation", "beyond"]
 
 @dataclass(frozen=True)
 class FigureBound:
-    """Condition on the measured number of a claim."""
+    """Condition that the measured number of a claim must satisfy."""
 
     comparison: str
     """Comparison operator `==`, `<`, `<=`, `>` or `>=`; `==` holds within `tolerance`."""
@@ -38,20 +38,20 @@ below, at_most, above, at_least = (partial(FigureBound, sign) for sign in ("<", 
 
 
 def near(value: float, tolerance: float, unit: str = "") -> FigureBound:
-    """Condition that a number equals a value within a tolerance."""
+    """Condition that a measured number equals `value` within `tolerance`."""
     return FigureBound("==", value, unit, tolerance)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """Statement about a measured number."""
+    """Statement about a number that the experiments of a figure measure."""
 
     text: str
     """Statement in the words of asrsim's authors."""
     quantity: str
     """Name of the measured quantity."""
     measured: float
-    """Measured number; NaN if it cannot be measured: the claim then does not hold."""
+    """Measured number; NaN if it cannot be measured, so that the claim does not hold."""
     bound: FigureBound
     origin: Evidence = "paper"
 
@@ -68,19 +68,19 @@ class Claim:
 
 @dataclass(frozen=True, kw_only=True)
 class FigurePicture:
-    """Picture for the page."""
+    """Picture that the page shows."""
 
     name: str
-    """Name of its file, without suffix."""
+    """Name of the picture's file, without suffix."""
     caption: str
-    """Sentence that describes the picture, also for screen readers."""
+    """Sentence below the picture, which also describes the picture for screen readers."""
     kind: Literal["svg", "png"]
     data: bytes = field(repr=False)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FigureTable:
-    """Table of numbers beside the claims."""
+    """Table of numbers that the page shows beside the claims."""
 
     caption: str
     headings: tuple[str, ...]
@@ -89,7 +89,7 @@ class FigureTable:
 
 @dataclass(frozen=True, kw_only=True)
 class FigurePart:
-    """Part of a figure's section: text, claims, numbers and pictures about one experiment."""
+    """Part of the page's section about a figure: text, claims, numbers and pictures of one experiment."""
 
     title: str
     text: str
@@ -100,20 +100,20 @@ class FigurePart:
 
 @dataclass(frozen=True, kw_only=True)
 class PaperFigure:
-    """Experiments of a figure of the paper: the `FIGURE` of a file `figure_N.py`."""
+    """Description of a figure of the paper and of its experiments. A file `figure_N.py` defines it as `FIGURE`."""
 
     number: int
     title: str
     section: str
-    """Section of the paper."""
+    """Section of the paper that contains the figure."""
     paper: str
-    """Claim of the paper, in the words of asrsim's authors."""
+    """What the paper claims with the figure, in the words of asrsim's authors."""
     parts: Callable[[Path], tuple[FigurePart, ...]]
-    """Function that runs the experiments, with their logs in a folder. Its first part is the paper's figure; the others extend
-    it.
+    """Function that runs the experiments, writes their logs into the given folder, and returns the parts of the figure's
+    section. The first part repeats the paper's figure; the others extend it.
     """
     cost: float = 1.0
-    """Relative duration of the experiments; the figure with the longest duration starts first."""
+    """Duration of the experiments relative to those of other figures. The figure with the longest duration starts first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,9 +124,9 @@ class Reproduction:
     """Number of the figure as text."""
     parts: tuple[FigurePart, ...] = ()
     error: str = ""
-    """Reason why the figure could not be run."""
+    """Reason why the figure could not be run; empty if it was run."""
     seconds: float = 0.0
-    """Wall-clock time, s."""
+    """Wall-clock time of the figure's experiments, s."""
 
     @property
     def figure(self) -> PaperFigure:
@@ -135,7 +135,7 @@ class Reproduction:
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """All claims of the figure."""
+        """Claims of all parts of the figure."""
         return tuple(claim for part in self.parts for claim in part.claims)
 
     @property
@@ -166,7 +166,7 @@ class FigureOutcome:
     figures: tuple[Reproduction, ...]
     page: Path
     seconds: float
-    """Total wall-clock time, s."""
+    """Wall-clock time for all figures together, s."""
 
     @property
     def holds(self) -> bool:

@@ -1,4 +1,4 @@
-"""HTML page with the claims, numbers and pictures of every figure, in one self-contained file."""
+"""Makes the HTML page with the claims, numbers and pictures of every figure. The page is one self-contained file."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ ORIGINS = {
     "simulation": "from an independent simulation of the same experiment",
     "beyond": "not in the paper: with link damping that grows with the stiffness",
 }
-"""Origins of claims as words on the page, such as `stated in the paper`."""
+"""Words on the page for the origin of a claim, such as `stated in the paper`."""
 SOURCE = (
     "Mengacci, Zambella, Grioli, Caporale, Catalano, Bicchi (2021): An Open-Source ROS-Gazebo Toolbox for Simulating Robots "
     "With Compliant Actuators, Frontiers in Robotics and AI 8"
 )
 SHOWN_ROWS = 9
-"""Largest number of rows of a table that the page shows without folding."""
+"""Largest number of rows that a table may have to be shown unfolded."""
 
 
 def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
-    """HTML of the page. seconds: total wall-clock time."""
+    """HTML of the page. seconds: wall-clock time for all figures together."""
     failed = ", ".join(one.name for one in reproductions if not one.holds)
     heads = ["figure", "", "claims that hold", ""]
     overview = [[_link(one), escape(one.figure.title), _count(one.claims), _verdict(one.holds)] for one in reproductions]
@@ -56,7 +56,7 @@ def _section(one: Reproduction) -> str:
 
 
 def _part(part: FigurePart, *, folded: bool) -> str:
-    """HTML of a part: the paper's figure is shown unfolded; other parts are folded unless a claim fails."""
+    """HTML of a part of a figure's section. folded: fold the part, unless one of its claims does not hold."""
     heads = ["claim", "measured", "expected", ""]
     claims = table(heads, [_claim(claim) for claim in part.claims], raw=(0, 3), long=(0,))
     body = "\n".join(

@@ -1,1 +1,1 @@
-"""Runs and their folders: simulates into a folder with log and summary, and repeats a run from its log."""
+"""Runs and their folders: simulates a scenario and writes log and summary into a folder, and repeats a run from its log."""

@@ -14,10 +14,10 @@ from asrsim.samples import Array, Samples
 
 @dataclass(frozen=True, kw_only=True)
 class Difference:
-    """First difference between a logged and a repeated series."""
+    """A series that differs between log and repeated run, with its first difference."""
 
     kind: str
-    """Kind of series: time, value, body or contact."""
+    """What the series belongs to: time, value (a quantity of a joint), body or contact."""
     name: str
     """Name of the quantity, body or pair of bodies."""
     joint: str | None
@@ -28,7 +28,7 @@ class Difference:
     logged: float
     repeated: float
     count: int
-    """Number of samples that differ."""
+    """Number of samples of the series that differ."""
 
     def __str__(self) -> str:
         what = f"{self.name} of {self.joint}" if self.joint else self.name
@@ -46,7 +46,7 @@ class Difference:
 
 
 class Comparer:
-    """Sink that compares samples with those of a log, in constant memory."""
+    """Receiver of a repeated run's samples that compares them with the samples of a log, in constant memory."""
 
     def __init__(self, reader: LogReader) -> None:
         self._chunks: Iterator[Samples] = reader.iter_samples()
@@ -56,15 +56,15 @@ class Comparer:
         self.samples = 0
         """Number of samples compared so far."""
         self.exhausted = False
-        """Whether all samples of the log were compared."""
+        """Whether the end of the log was reached, so that no sample of the log is left."""
 
     @property
     def differences(self) -> tuple[Difference, ...]:
-        """Differing series in the order of their first difference."""
+        """Series that differ, in the order of their first differences."""
         return tuple(sorted(self._found.values(), key=lambda one: one.sample))
 
     def write(self, samples: Samples) -> None:
-        """Compare a chunk of the repeated run with the log."""
+        """Compare the next samples of the repeated run with those of the log."""
         position = 0
         while position < len(samples.time):
             logged = self._ahead()
@@ -124,7 +124,7 @@ class Comparer:
 
 
 def _series_of(samples: Samples, rows: slice) -> dict[tuple[str, str, str | None, int], Array]:
-    """Series (n,) in these rows, by (kind, name, joint, column)."""
+    """Series (n,) in these rows of the samples, by (kind, name, joint, column)."""
     found: dict[tuple[str, str, str | None, int], Array] = {("time", "time", None, 0): samples.time[rows]}
     for name, table in samples.values.items():
         found |= {("value", name, joint, 0): table[rows, j] for j, joint in enumerate(samples.joints)}

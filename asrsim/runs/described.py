@@ -1,7 +1,7 @@
-"""Completes the description of a run, so that its log suffices to repeat the run bit for bit.
+"""Completes the description of a run, so that the log of the run suffices to repeat it bit for bit.
 
-After a scenario or robot has been read, the program may change it (learned and planned references, parameters, masses,
-friction), so that it differs from its file. These differences are written into the description.
+After a scenario and a robot have been read, the program may change them, for example by planned references or other masses.
+They then differ from their files. These differences are written into the description.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from asrsim.signals.base import Signal
 from asrsim.signals.sampled import Sampled
 
 UNREPEATABLE = "unrepeatable"
-"""Metadata key under which a log stores the names of the changes that no document can express."""
+"""Metadata key under which a log stores the names of changes that neither a scenario nor a robot file can express."""
 LIVE = "live"
 """Metadata key that marks the log of a live run, which contains the commands from outside."""
 _NOT_OF_THE_RUN = {
@@ -35,20 +35,20 @@ _NOT_OF_THE_RUN = {
 
 
 _OTHER_FORM = ("log_every", "world")
-"""Fields of a scenario whose values differ in form from the values of their keys in a file."""
+"""Fields of a scenario whose values have another form than the values of their keys in a scenario file."""
 
 
 def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> RunInfo:
-    """Description of a run, with all changes of the scenario and of the robot's actuators since they were read.
+    """Description of a run that contains all changes of the scenario and of the robot's actuators since they were read.
 
-    References that were computed in Python are stored as a table, which the described scenario plays back. Other changes are
-    written under their key in the scenario. A run with other changes of the robot is marked as unrepeatable.
-    The scenario's path becomes absolute, so that runs of different projects can be distinguished.
+    References that were computed in Python are stored as a table, which the described scenario plays back. Other changes of the
+    scenario are written under the keys to which they belong. A run whose robot has changes that cannot be described is marked
+    as unrepeatable. The scenario's path becomes absolute, so that runs of different projects can be distinguished.
 
     Args:
         info: Description without the changes.
         scenario: Scenario of the run.
-        robot: Robot in place of the scenario's robot, if given.
+        robot: Robot of the run; None: the robot that the scenario names.
     """
     files: dict[str, bytes] = {}
     resolved = dict(scenario.resolved)
@@ -84,7 +84,7 @@ def as_run(info: RunInfo, scenario: Scenario, robot: Robot | None = None) -> Run
 
 
 def _robot_as_read(robot: Robot) -> Robot:
-    """Robot as stated in its URDF text, without later changes."""
+    """Robot as its URDF text states it, without later changes."""
     with TemporaryDirectory(prefix="asrsim-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot.text, encoding="utf-8")
@@ -92,7 +92,9 @@ def _robot_as_read(robot: Robot) -> Robot:
 
 
 def _value(value: Any, files: dict[str, bytes]) -> Any:
-    """Value of a scenario as plain data of a document. Raises TypeError for a value that documents cannot contain."""
+    """Value of a scenario's field as plain data for a scenario file. files: receives the content of files to which the data
+    refer, by name. Raises TypeError for a value that scenario files cannot contain.
+    """
     return mapped(value, lambda leaf: _leaf(leaf, files))
 
 
@@ -121,9 +123,9 @@ def _by_joint(modes: Any) -> dict[str, int]:
 
 
 def _named(resolved: dict[str, Any], name: str, value: Any, files: dict[str, bytes]) -> None:
-    """Write a field's value under its declared key, inside the key's group if it has one.
+    """Write the value of a scenario's field into `resolved` under the field's key, inside the key's group if it has one.
 
-    Raises TypeError for a field without a key of its own, and for a value that documents cannot contain.
+    Raises TypeError for a field without a key of its own, and for a value that scenario files cannot contain.
     """
     metadata = next(field.metadata for field in fields(Scenario) if field.name == name)
     if "key" not in metadata or metadata["key"].spread or name in _OTHER_FORM:

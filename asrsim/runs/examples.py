@@ -1,4 +1,4 @@
-"""Finds and copies the bundled examples, in a checkout or in the installed package."""
+"""Finds the examples that come with asrsim, in a checkout or in the installed package, and copies them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from asrsim.errors import InputError, OutputError, listed
 from asrsim.outfile import make_folder, write_text
 
 PLACES = (Path(__file__).parents[1] / "examples", Path(__file__).parents[2] / "examples")
-"""Folder of the examples in an installed package, and in a checkout."""
+"""Folder of the examples in an installed package, and folder of the examples in a checkout."""
 
 
 def examples_folder() -> Path:
-    """Folder with `scenarios` and `urdf`. Raises InputError if the installation lacks the examples."""
+    """Folder of the examples, with the subfolders `scenarios` and `urdf`. Raises InputError if the installation lacks it."""
     for target in PLACES:
         if (target / "scenarios").is_dir():
             return target
@@ -24,9 +24,9 @@ def examples_folder() -> Path:
 
 
 def copy_examples(out: Path, *, overwrite: bool = False) -> tuple[Path, ...]:
-    """Copy all examples into `out`. Returns the paths of the copies.
+    """Copy all examples into the folder `out`. Returns the paths of the copies.
 
-    Raises OutputError and writes nothing if files with other content exist there, unless `overwrite`.
+    Raises OutputError and writes nothing if files of the same names have other content there, unless `overwrite` is given.
     """
     source = examples_folder()
     pairs = {

@@ -1,4 +1,4 @@
-"""Simulates a scenario into a folder: log, claims, summary. Neither prints nor plots."""
+"""Simulates a scenario, evaluates its claims, and writes log and summary into a folder. Neither prints nor plots."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ class Executed:
     summary: RunSummary
     folder: Path | None = None
     log: Path | None = None
-    """Path of the log, if a log was written."""
+    """Path of the log; None if no log was written."""
     error: DivergenceError | None = None
-    """Error that ended the run, if it diverged."""
+    """Error that ended the run if it diverged; else None."""
 
 
 def execute(
@@ -58,25 +58,25 @@ def execute(
     progress: Tell | None = None,
     stop: Stop | None = None,
 ) -> Executed:
-    """Simulate one variant and write its log into `folder`, if given. `write_summary` writes the summary.
+    """Simulate one variant and write its log into `folder`, if a folder is given. `write_summary` writes the summary.
 
-    A run that diverges or is stopped also gives a complete log and a summary, which state how the run ended. The log is first
-    written under another name, and replaces the files of an earlier run only when it is complete.
+    A run that diverges or is stopped also gives a readable log and a summary, which state how the run ended. If the folder
+    contains an earlier log, the new log first has another name, and replaces the earlier run's files when it is complete.
 
     Args:
-        plan: The examined variant.
+        plan: The variant, examined for problems.
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
-        overwrite: Replace the results of another run.
-        keep: Keep all samples in memory too, in `.run.samples`.
-        certify: Estimate the numerical error by runs with finer steps (and in another engine, if there is one).
-        cross_check: Run in another engine too, and write the differences to the summary.
-        started: Called with the description of the run when it is built.
-        progress: As in `asrsim.simulation.run.simulate`; the additional runs have a `task`.
+        overwrite: Replace results of another scenario or variant in the folder.
+        keep: Also keep all samples in memory, in `.run.samples` of the result.
+        certify: Estimate the numerical error by runs with finer steps, and by a run in another engine if one is installed.
+        cross_check: Also run in another engine, and state the differences in the summary.
+        started: Called with the description of the run when the run is built.
+        progress: As in `asrsim.simulation.run.simulate`; the progress of additional runs has a `task`.
         stop: As in `asrsim.simulation.run.simulate`.
 
     Raises:
         InputError, SimulationError: The run cannot be built.
-        OutputError: The log cannot be written. The earlier log, or else the written part, remains readable.
+        OutputError: The log cannot be written. An earlier log, or else the written part of the new log, remains readable.
     """
     scenario = plan.scenario
     other = accuracy.other_engine(scenario.engine, required=cross_check)
@@ -119,13 +119,13 @@ def execute(
 
 
 def collector_of(plan: Plan) -> Collector:
-    """Sink that collects the data for the summary and for the claims of a scenario."""
+    """Receiver of a run's samples that collects the data for the run's summary and claims."""
     claims, joints = plan.scenario.expect, plan.joints
     return Collector(joints, samples=plan.scenario.steps + 1, needs=needs_of(claims, joints))
 
 
 def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) -> RunSummary:
-    """Summary of a finished run with its claims. samples: Number of logged samples."""
+    """Summary of a run that has ended, with the verdicts on its claims. samples: number of logged samples."""
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
         claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
@@ -135,7 +135,7 @@ def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) 
 
 
 def write_summary(executed: Executed) -> Executed:
-    """Write `summary.json` beside the log, if there is one, and add it to the summary's files. Raises OutputError."""
+    """Write `summary.json` beside the log, if there is a log, and add its path to the summary's files. Raises OutputError."""
     if executed.folder is None:
         return executed
     path = executed.folder / SUMMARY
@@ -145,7 +145,7 @@ def write_summary(executed: Executed) -> Executed:
 
 
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
-    """Metadata of the log on the end of the run. They contain no wall-clock times, so that equal runs have equal logs."""
+    """Metadata of a log that state how the run ended. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
     with suppress(InputError):  # a file was removed during the run
         metadata[INPUTS] = json.dumps(input_hashes(run.scenario, run.robot))

@@ -1,7 +1,7 @@
-"""Folder of a run: finds its files, and protects other files in it.
+"""Folder of a run: finds the run's files, and protects other files in the folder.
 
-The files of an earlier run of the same scenario file and variant are replaced, and the caller reports the replaced files. A
-file is removed only if its name and its mark (`asrsim.outfile`) show that a run wrote it.
+A run replaces the files of an earlier run of the same scenario file and variant; the caller reports the replaced files. A file
+is removed only if its name and its mark (`asrsim.outfile`) show that a run wrote it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from asrsim.scenario.data import Scenario
 LOG = "log.mcap"
 SUMMARY = "summary.json"
 ASIDE = "log.mcap.part"
-"""Name of a log that will replace an earlier log, until the run ends."""
+"""Name that a log has until its run ends, if the log will replace an earlier log."""
 
 _NAMES = {
     re.escape(LOG): "log",
@@ -31,11 +31,11 @@ _NAMES = {
     r"report\.html": "page",
     r"((joints|objects)(_\d+)?|energy|overview)\.(png|pdf|svg)": "picture",
 }
-"""Kind of each file that `asrsim run` writes, by a regular expression for the file's name."""
+"""Kinds of the files that `asrsim run` writes, each by a regular expression for the names of these files."""
 
 
 def default_folder(scenario: Scenario) -> Path:
-    """Default folder of a run of this variant: `out/<scenario>/<variant>`."""
+    """Default folder for a run of this scenario's variant: `out/<scenario>/<variant>`."""
     return Path("out") / scenario.name / scenario.variant
 
 
@@ -45,7 +45,7 @@ def origin_of(scenario: Scenario) -> str:
 
 
 def recorded_origin(path: Path) -> tuple[Any, Any] | None:
-    """Scenario file and variant stated in a summary or another JSON file of asrsim; None where they are missing."""
+    """Scenario file and variant that a summary or another JSON file of asrsim states; None if one of them is missing."""
     with suppress(OSError, ValueError, KeyError, TypeError):
         data = json.loads(path.read_text(encoding="utf-8"))
         return data["scenario_path"], data["variant"]
@@ -53,9 +53,9 @@ def recorded_origin(path: Path) -> tuple[Any, Any] | None:
 
 
 def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | None, unnamed: str) -> None:
-    """Raise OutputError unless the results in a folder are of this scenario and variant.
+    """Raise OutputError unless the results in a folder belong to this scenario and variant.
 
-    origin: Scenario file and variant of the results; None: unknown. unnamed: Text for the message if the origin is unknown.
+    origin: scenario file and variant of the results; None: unknown. unnamed: reason for the message if the origin is unknown.
     """
     own = origin_of(scenario), scenario.variant
     if origin == own:
@@ -71,16 +71,16 @@ def require_same(folder: Path, scenario: Scenario, origin: tuple[Any, Any] | Non
 
 
 def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
-    """Logs at a path: the file itself, the log in the folder, or else the logs of its subfolders (variants), in scenario order.
+    """Logs at a path, and problems of the logs that are left out. The path may be a log, the folder of a log, or a folder whose
+    subfolders contain the logs of variants, which are returned in the scenario's order.
 
-    If a log is readable, unreadable and empty logs are left out; their problems are the second value. Raises InputError where
-    there is no log.
+    Unreadable and empty logs are left out if there is a readable log. Raises InputError if there is no log.
     """
     if place.is_file():
         return [place], []
     logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
     if not logs and not place.exists() and (place.parent / LOG).is_file():
-        # With --out and one variant, the log lies in the folder itself.
+        # The user may have named a subfolder of the folder with the log: with --out and one variant, there are no subfolders.
         hint = f"The folder above contains a log: {place.parent}"
         raise InputError("no such file or folder", file=place, hint=hint, code="no-log")
     if not logs:
@@ -90,7 +90,7 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
             other = mistaken(place, "log")
             if other is not None and not any(place.glob(f"*/*/{LOG}")):
                 raise InputError([other])
-            # The folder may belong to a study or to several scenarios.
+            # The folder may contain the folders of several scenarios: look for logs one level deeper.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
@@ -100,16 +100,16 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
     bad = {problem.file for problem in problems}
     logs = [log for log in logs if log not in bad]
     variants = _variants_of(logs[0]) if len(logs) > 1 else []
-    # The folder of a variant has the variant's name; other folders come last.
+    # The folder of a variant has the variant's name. Folders with other names come last.
     return sorted(logs, key=lambda log: [*variants, log.parent.name].index(log.parent.name)), problems
 
 
 def _faults(log: Path) -> Iterator[Problem]:
-    """A problem if the log is unreadable, or empty because its run was stopped before the first sample was written."""
+    """A problem if the log is unreadable, or if it has no samples because its run was stopped before the first was written."""
     from asrsim.log import open_log
 
     try:
-        # Reading the times of the first chunk is enough.
+        # Read only the times of the first chunk, which show whether there are samples.
         if next(open_log(log).iter_samples(quantities=[], joints=[]), None) is None:
             yield Problem("left out: the log contains no samples", file=log, code="empty-log")
     except LogError as error:
@@ -117,7 +117,7 @@ def _faults(log: Path) -> Iterator[Problem]:
 
 
 def _variants_of(log: Path) -> list[str]:
-    """Names of the variants in the scenario of a log, in the scenario's order; empty if the log cannot be read."""
+    """Names of all variants in the scenario of a log, in the scenario's order; empty if the log cannot be read."""
     from asrsim.document.yaml_reader import parse_yaml
     from asrsim.log import open_log
 
@@ -138,8 +138,8 @@ def inputs_of(scenario: Scenario) -> tuple[Path, ...]:
 def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[Path, ...]:
     """Files of an earlier run in the folder, which `new_log` will remove.
 
-    Raises OutputError if the folder contains results of another scenario or variant (unless `overwrite`), a foreign file with
-    a name that the run needs, or an input file of this run under such a name.
+    Raises OutputError if the folder contains results of another scenario or variant and `overwrite` is not given. Also raises
+    it if a file with a name that the run needs is foreign, or is an input file of this run.
     """
     there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
     files = {path: kind for path in there if (kind := _kind(path.name))}
@@ -174,13 +174,13 @@ def clear(files: Iterable[Path]) -> None:
 
 @contextmanager
 def new_log(folder: Path, earlier: Sequence[Path]) -> Iterator[Path]:
-    """Path for writing a run's log. When the block ends without error, the log becomes `log.mcap` and replaces earlier files.
-
-    If there is an earlier log, the path has another name until then. If the block raises, the earlier log is kept.
+    """Path for writing a run's log. When the block ends without error, the log gets the name `log.mcap` and replaces the files
+    in `earlier`.
+    Without an earlier log, the path has this name from the beginning. If the block raises an error, an earlier log is kept.
     Raises OutputError.
     """
     log, aside = folder / LOG, folder / ASIDE
-    # A killed run may have left an unfinished log.
+    # Remove the unfinished log that a killed run may have left.
     clear([aside])
     path = aside if log in earlier else log
     try:

@@ -1,4 +1,4 @@
-"""Locks a folder for one run. The operating system releases the lock when the process ends, even if it is killed."""
+"""Locks a folder for one run. The operating system releases the lock when the process ends, even if the process is killed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # Remove the file while it is locked: a waiting process then finds the file removed, and creates a new file.
+            # Remove the lock file before its lock is released: a waiting process then finds it removed, and creates a new file.
             with suppress(OSError):
                 path.unlink()
         os.close(file)
@@ -38,7 +38,7 @@ def owned(folder: Path) -> Iterator[None]:
 
 
 def _locked(path: Path) -> int:
-    """Descriptor of the opened and locked lock file. Raises OutputError."""
+    """File descriptor of the lock file, which is opened and locked. Raises OutputError."""
     while True:
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0), 0o666)
@@ -58,7 +58,7 @@ def _locked(path: Path) -> int:
 
 
 def _still_there(path: Path, file: int) -> bool:
-    """Whether the locked file still has this path, and was not removed by its previous owner before it was locked."""
+    """Whether this path still leads to the locked file. If not, the previous owner removed it before it was locked here."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file))
     except FileNotFoundError:

@@ -30,28 +30,28 @@ from asrsim.simulation.run import Run, simulate
 
 @dataclass(frozen=True, kw_only=True)
 class Repetition:
-    """Result of repeating a run."""
+    """Result of repeating a run and comparing it with its log."""
 
     path: Path
     variant: str
     logged_status: str
-    """Status in the log: complete, interrupted, diverged, truncated, ..."""
+    """Status of the run according to its log, such as complete, interrupted, diverged or truncated."""
     status: str
     """Status of the repeated run."""
     logged_samples: int
-    """Number of samples in the log; of a partial comparison, those compared."""
+    """Number of samples in the log; for a partial comparison, number of samples that were compared."""
     samples: int
-    """Number of samples compared."""
+    """Number of samples that were compared."""
     missing: int
     """Number of samples in the log that the repeated run did not reach."""
     differences: tuple[Difference, ...]
-    """Differing series, in the order of their first difference."""
+    """Series that differ, in the order of their first differences."""
     partial: bool
     """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
-    """Version that wrote the log, and installed version, of each library for which these versions differ."""
+    """By library whose version has changed since the run: the version at the time of the run, and the installed version."""
     changed: tuple[str, ...] = ()
-    """Meshes that have changed since the run; all other inputs are in the log."""
+    """Files of meshes that have changed since the run. All other inputs cannot change, since they are in the log."""
 
     @property
     def identical(self) -> bool:
@@ -59,7 +59,7 @@ class Repetition:
         return not self.differences and not self.missing and self.samples > 0 and not self.partial
 
     def as_dict(self) -> dict[str, Any]:
-        """Fields as plain values for JSON."""
+        """Fields of the result as plain values for JSON."""
         plain = {name: value for name, value in vars(self).items() if isinstance(value, str | int)}
         return {
             "ok": self.identical,
@@ -83,19 +83,19 @@ def rerun(
     """Repeat the run of a log, and compare every sample.
 
     Scenario, robot and attached files are read from the log; only meshes are read from their files. The log of an interrupted,
-    killed or diverged run is compared up to its last sample. The memory is independent of the log's length.
+    killed or diverged run is compared up to its last sample. The memory needed does not grow with the length of the log.
 
     Args:
         path: The log.
-        plugins: Users' Python files, instead of those in the log.
-        trust_plugins: Run the Python files in the log.
-        progress: Called with the simulated time.
-        stop: Called now and then; the comparison ends early when it returns True.
+        plugins: Python files with users' actuators, to be run instead of those in the log.
+        trust_plugins: Run the Python files that the log contains.
+        progress: Called with the progress of the repeated run.
+        stop: Called often; the comparison ends early when it returns True.
 
     Raises:
         LogError: The file is damaged or not a log of asrsim.
         ActuatorError: The run needs plugin files in the log, and neither `plugins` nor `trust_plugins` is given.
-        InputError, SimulationError: The run cannot be built any more.
+        InputError, SimulationError: The run cannot be built from its log any more.
     """
     reader = open_log(path)
     if UNREPEATABLE in reader.metadata:
@@ -124,7 +124,7 @@ def rerun(
                     duration=_whole_steps(reader) if live else None,
                 )
         except DivergenceError as error:
-            # The logged run may have diverged too.
+            # Compare a run that diverges like any other, because the logged run may have diverged too.
             if not isinstance(error.run, Run):
                 raise
             run = error.run
@@ -135,7 +135,7 @@ def rerun(
 
 
 def _repetition(reader: LogReader, run: Run, comparer: Comparer, changed: tuple[str, ...]) -> Repetition:
-    """Result of the comparison."""
+    """Result of comparing a repeated run with its log."""
     stopped = run.status == "interrupted" and not comparer.exhausted
     missing = 0 if stopped else comparer.rest()
     here, there = run.info.metadata, reader.info.metadata
@@ -165,7 +165,7 @@ def _whole_steps(reader: LogReader) -> float:
 
 
 def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
-    """Scenario and robot from the description in a log. Their files are written into `folder`.
+    """Scenario and robot from the description in a log. The files that they need are written into `folder`.
 
     Raises LogError if the log contains no scenario, and InputError if scenario or robot cannot be read any more.
     """
@@ -174,7 +174,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     files = unpacked(info.attachments, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
-    # Claims do not change a run, and may refer to recordings that do not exist on this computer.
+    # Leave out claims: they do not change a run, and may refer to recordings that do not exist on this computer.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
@@ -193,7 +193,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
 
 
 def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
-    """Paths of attachments of a log, which are written into `folder`, by their names in the log."""
+    """Write the attachments of a log into `folder`. Returns their paths by their names in the log."""
     files: dict[str, Path] = {}
     for name, content in attachments.items():
         parts = PurePosixPath(name.replace("\\", "/")).parts

@@ -1,4 +1,4 @@
-"""Signals: scalar functions of time. Users add kinds of signals to the registry `SIGNALS`."""
+"""Signals: scalar functions of time. Users add kinds of signals of their own to the registry `SIGNALS`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Base class of signals: scalar functions of time that list their jumps."""
+"""Base class of signals, which are scalar functions of time and list the times of their jumps."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from asrsim.samples import Array
 
 
 class Signal(ABC):
-    """Scalar function of simulated time. Signals are immutable, and are evaluated for many times at once."""
+    """Scalar function of simulated time. A signal is immutable, and is evaluated for many times at once."""
 
     kind: ClassVar[str]
-    """Name in the registry, which is the signal's key in a scenario."""
+    """Name of the signal's class in the registry, which is also the key of the signal in a scenario."""
 
     @abstractmethod
     def values(self, time: Array) -> Array:
         """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump: the value after the jump."""
 
     def jumps(self, start: float, end: float) -> Array:
-        """Times in [start, end] at which the value jumps, ascending, s. A jump exactly at `start` is included."""
+        """Times in s at which the value jumps, ascending, from `start` to `end` with both included."""
         return np.empty(0)
 
 
 SIGNALS: Registry[type[Signal]] = Registry("signal", "asrsim.signals", base=Signal, label="kind")
-"""Kinds of signals by name; `asrsim.signals` adds its own."""
+"""Kinds of signals by name. `asrsim.signals` adds the kinds that come with asrsim."""

@@ -52,7 +52,7 @@ class Scale(Signal):
 
 @dataclass(frozen=True, kw_only=True)
 class Delay(Signal):
-    """Signal delayed in time, including its jumps."""
+    """Signal delayed in time, together with its jumps."""
 
     kind: ClassVar[str] = "delay"
 
@@ -66,7 +66,8 @@ class Delay(Signal):
         time = np.asarray(time, dtype=np.float64)
         inner = time - self.by
         if inner.size:
-            # Rounding must not move a sample across a jump: `values` and `jumps` must agree.
+            # Compare times with the delayed times of the jumps, as `jumps` returns them: otherwise rounding could move a sample
+            # across a jump, and `values` would contradict `jumps`.
             jumps = self.of.jumps(float(inner.min()) - 1e-6, float(inner.max()) + 1e-6)
             seen = np.searchsorted(rounded(jumps + self.by), time, side="right")
             found = np.searchsorted(jumps, inner, side="right")

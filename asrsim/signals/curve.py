@@ -1,4 +1,4 @@
-"""Smooth curve through a recorded series, with jumps where the series jumps."""
+"""Smooth curve through the samples of a recorded series, with jumps where the series jumps."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 from asrsim.samples import Array
 
 JUMP = 8.0
-"""Smallest ratio of a step of the series to its neighbouring steps for which the step counts as a jump."""
+"""Ratio of the change from one sample to the next to the changes beside it above which the change counts as a jump."""
 TORN, BESIDE = 4.0, 6
-"""Smallest ratio of a jump in a smooth motion to the third differences around it, and number of samples on each side that
-are compared."""
+"""For jumps in a smooth motion: ratio of the size of a jump to the third differences beside it above which it counts as a jump,
+and number of third differences on each side that are compared."""
 LARGE, MANY = 0.05, 40
-"""Size of the smallest large jump as a fraction of the series' range, and largest number of large jumps; a series with more
-large jumps is treated as stairs."""
+"""Smallest size of a jump that counts as large, as a fraction of the series' range, and largest number of large jumps. A series
+with more large jumps counts as stairs."""
 
 
 @dataclass(frozen=True, eq=False)
 class CubicCurve:
-    """Curve made of a cubic polynomial for each interval between samples, with jumps where the series jumps."""
+    """Curve of pieces: a cubic polynomial for each interval between two samples. It jumps where the series jumps."""
 
     time: Array
     """Start times of the pieces (n,), s; the curve is constant after the last start time."""
     cubics: Array
     """Polynomial coefficients of the pieces (n, 4), the constant first."""
     large: NDArray[np.intp]
-    """Indices (m,) of the pieces that begin with a large jump; empty if the series is stairs."""
+    """Indices (m,) of the pieces that begin with a large jump; empty if the series counts as stairs."""
 
     @property
     def jumps(self) -> Array:
@@ -39,7 +39,7 @@ class CubicCurve:
 
     @cached_property
     def sizes(self) -> Array:
-        """Sizes of the large jumps (m,)."""
+        """Sizes of the large jumps (m,), with sign."""
         before = self.large - 1
         return np.asarray(self.cubics[self.large, 0] - _value(self.cubics[before], self.time[self.large] - self.time[before]))
 
@@ -49,7 +49,7 @@ class CubicCurve:
         return _value(self.cubics[place], np.maximum(after, 0.0))
 
     def integral(self, time: Array) -> Array:
-        """Integrals (k,) from the first sample to the times (k,) in s; the curve is constant beyond the ends."""
+        """Integrals (k,) of the curve from the first sample to the times (k,) in s. The curve is constant beyond its ends."""
         place, after = self._pieces_of(time)
         before = after < 0.0
         return np.asarray(self._areas[place] + np.where(before, after * self.cubics[0, 0], _area(self.cubics[place], after)))
@@ -72,7 +72,7 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCur
     for first, last in pairwise(edges) if not hold else ():
         _join(time[first:last], cubics[first:last])
         if last < len(time) and last - first > 1:
-            # Extrapolate the previous piece up to the jump.
+            # Between the last sample before a jump and the jump, continue the polynomial of the previous interval.
             _, b, c, d = cubics[last - 2]
             width = time[last - 1] - time[last - 2]
             cubics[last - 1] = values[last - 1], b + width * (2.0 * c + 3.0 * d * width), c + 3.0 * d * width, 0.0
@@ -82,21 +82,22 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCur
 
 
 def is_jump(values: Array) -> NDArray[np.bool_]:
-    """Whether the series (n,) jumps between two samples, (n - 1,): its step is much larger than the neighbouring steps, or its
-    third differences have the pattern of a jump.
+    """Whether the series (n,) jumps between each two successive samples, (n - 1,): the change there is much larger than the
+    changes beside it, or the third differences have the pattern of a jump.
     """
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
-    # At the ends, compare with two steps on the same side, as a single step may be near zero at an extremum.
+    # At an end of the series, compare with two changes on the same side: a single change may be near zero at an extremum.
     before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
     beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
     return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))
 
 
 def _torn(values: Array, least: float) -> NDArray[np.bool_]:
-    """Whether a smooth motion jumps between two samples, (n - 1,).
+    """Whether a smooth motion (n,) jumps between each two successive samples, (n - 1,).
 
-    A jump changes three successive third differences by 1, -2 and 1 times its size, and leaves the others small.
+    A jump changes three successive third differences by 1, -2 and 1 times its size. All other third differences stay small.
+    least: size up to which a change is no jump.
     """
     n = len(values)
     torn = np.zeros(max(n - 1, 0), bool)
@@ -115,7 +116,9 @@ def _torn(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def _join(time: Array, cubics: Array) -> None:
-    """Set the coefficients (n, 4) of a spline through the samples, which keeps extrema that straight lines would cut off."""
+    """Set the coefficients (n, 4) to those of a spline through the samples. A spline keeps extrema between the samples, which
+    straight lines would cut off.
+    """
     from scipy.interpolate import CubicSpline
 
     if len(time) > 3:

@@ -1,4 +1,4 @@
-"""Reads signals of a scenario: a number, or a mapping whose only key is the kind of signal."""
+"""Reads the signals of a scenario. Each is a number, or a mapping whose only key is the kind of the signal."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FORM = "a number, or a mapping with one key, the kind of signal"
 
 
 class SignalKind(Kind[Signal]):
-    """Kind of value: a signal in a document."""
+    """Kind of value of a document: a signal."""
 
     text = "signal"
 
@@ -56,7 +56,7 @@ class SignalKind(Kind[Signal]):
         return {"$ref": "#/$defs/signal"}
 
     def merge(self, base: Node, over: Node) -> Node:
-        """Signal of `base` with the keys of `over`, if both have the same kind; otherwise `over`."""
+        """The signal `base` with the keys of `over` set, if both are signals of the same kind; otherwise `over`."""
         kinds = [name for name, _ in base.items()]
         return super().merge(base, over) if len(kinds) == 1 and kinds == [name for name, _ in over.items()] else over
 
@@ -87,9 +87,10 @@ def signal_schema() -> Schema:
 
 
 def parse_signal(data: object, *, base: Path | None = None) -> Signal:
-    """Signal made of plain data: a number, or a mapping whose only key is the kind of signal.
+    """Signal described by plain data: a number, or a mapping whose only key is the kind of the signal.
 
-    base: Folder of the files of playbacks; None: the working folder. Raises ScenarioError with every problem.
+    base: folder to which the paths of played recordings are relative; None: the working folder. Raises ScenarioError with every
+    problem.
     """
     reading = DocumentReading(base=base or Path())
     found = attempt(SIGNAL, node_from_data(data), (), reading)

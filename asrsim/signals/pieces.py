@@ -76,7 +76,7 @@ class Ramp(Signal):
         return self.initial * (1.0 - share) + self.final * share
 
     def _way(self, s: Array) -> Array:
-        """Fraction of the change in value at the fraction `s` of the duration."""
+        """Fraction (n,) of the change in value that is done after the fractions `s` (n,) of the duration."""
         return s
 
 
@@ -137,7 +137,7 @@ class Waypoints(Signal):
 
 
 MOST = 10**6
-"""Largest number of pulses in one evaluation."""
+"""Largest number of pulses that one evaluation of a pulse train may cover."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,7 +158,7 @@ class PulseTrain(Signal):
         require(0.0 < self.width < self.period, f"must lie between 0 and the period of {self.period:g} s", key="width")
 
     def _edges(self, start: float, end: float) -> tuple[Array, Array]:
-        """Times of the rising and falling edges of the pulses that overlap [start, end], s."""
+        """Times of the rising edges and of the falling edges of all pulses that overlap the time from `start` to `end`, s."""
         first = max(0, math.floor((start - self.start) / self.period) - 1)
         last = math.floor((end - self.start) / self.period) + 1
         if self.count is not None:

@@ -18,13 +18,15 @@ from asrsim.signals.curve import CubicCurve, curve_through
 from asrsim.signals.recorded import read_column
 
 STAMP_LIMIT = 1e6
-"""First time above which a recording's times are clock stamps, which are shifted to start at 0, s."""
+"""First time of a recording above which its times count as stamps of a clock, s. Such times are shifted to start at 0."""
 
 _RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
 
 def shifted(times: Array, zero: float, start: float = 0.0) -> Array:
-    """Times (n,) in s, shifted from `zero` to `start` and rounded to the resolution of the clock: 100.2 - 100 becomes 0.2."""
+    """Times (n,) in s, shifted so that the time `zero` becomes `start`. They are rounded to the resolution of the clock:
+    100.2 - 100 becomes 0.2.
+    """
     digits = min(9, int(np.floor(-np.log10(np.spacing(max(float(np.max(np.abs(times))), abs(start), 1e-3))))))
     return np.asarray(np.round(times - zero, digits) + start, dtype=np.float64)
 
@@ -70,7 +72,7 @@ class Playback(Signal):
 
     @property
     def samples(self) -> tuple[Array, Array]:
-        """Times in s and values of the playback, (n,) each."""
+        """Times in s and values of the played samples, (n,) each."""
         return self._series
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Reads a series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
+"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from asrsim.recordings.data import Content, Recording
 
 _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
-"""Codes of findings about removed samples."""
+"""Codes of findings that report samples which the reading of a recording has removed."""
 
 
 def read_column(path: Path, column: str) -> tuple[Array, Array]:
@@ -42,7 +42,7 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
             [Problem(message, file=path, key="column", choices=choices, meant=column, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
-    # Of messages with equal stamps, the first is played. Findings about other topics of a bag do not concern this column.
+    # Accept repeated times in a bag, whose first message at each time is played. Ignore findings about other topics of the bag.
     faults = _FAULTS[:3] if table.name else _FAULTS
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))

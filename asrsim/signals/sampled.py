@@ -1,4 +1,4 @@
-"""Signal made of computed samples: planned references, learned inputs. Scenarios use `playback` instead."""
+"""Signal made of computed samples, such as planned references or learned inputs. Scenario files use `playback` instead."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from asrsim.signals.common import between
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Signal):
-    """Linear interpolation between samples, constant beyond the ends. Of two samples at one time, the first is the value before
-    a jump, the second the value after it. Documents cannot contain this signal."""
+    """Linear interpolation between samples, constant before the first and after the last sample. Of two samples at the same
+    time, the first is the value before a jump, and the second the value after the jump. Scenario files cannot contain this
+    signal."""
 
     kind: ClassVar[str] = "sampled"
 
@@ -25,7 +26,7 @@ class Sampled(Signal):
     """Values (n,) in the unit of the driven quantity."""
 
     def __post_init__(self) -> None:
-        # Adding 0.0 removes negative zeros, as in a playback of these numbers, which adds an offset.
+        # Turn negative zeros into zeros by adding 0.0: a playback of these samples from a log adds an offset with this effect.
         object.__setattr__(self, "samples", np.asarray(self.samples, dtype=np.float64) + 0.0)
 
     def values(self, time: Array) -> Array:

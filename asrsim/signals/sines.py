@@ -1,4 +1,4 @@
-"""Signals of sines: sinusoid, chirp and multisine."""
+"""Signals that consist of sines: sinusoid, chirp and multisine."""
 
 from __future__ import annotations
 

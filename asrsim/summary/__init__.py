@@ -1,4 +1,4 @@
-"""Summary of a run: measures of each joint, claims, warnings, files; as data, as a table, as JSON."""
+"""Summary of a run, as data, as tables and as JSON: measures of each joint, verdicts on claims, warnings, and written files."""
 
 from __future__ import annotations
 

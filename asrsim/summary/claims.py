@@ -1,4 +1,4 @@
-"""Evaluation of a scenario's `expect:` on the samples of a run."""
+"""Evaluates the claims of a scenario (its `expect:`) on the samples of a run."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ from asrsim.scenario.data import Expectation
 
 
 def claim_problems(claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None) -> list[Problem]:
-    """Problems of claims that cannot be evaluated, found before the run. joints: empty if they are unknown."""
+    """Problems of claims that cannot be evaluated, as far as they can be found before the run. joints: joints of the run, or
+    empty if they are not known yet.
+    """
     problems: list[Problem] = []
     measurable: set[tuple[object, ...]] = set()
     for claim in claims:
@@ -56,8 +58,8 @@ def _unrecorded(claim: Expectation, joints: Sequence[JointInfo]) -> Iterator[Pro
 def claim_results(
     claims: Sequence[Expectation], joints: Sequence[JointInfo], read: SampleReader, *, file: Path | None = None
 ) -> tuple[ExpectationResult, ...]:
-    """Every claim with its verdict; a claim about `"*"` has one verdict for each joint. Raises ScenarioError, which names
-    `file`.
+    """Every claim with its verdict; a claim about the joint `"*"` has one verdict for each joint. Raises ScenarioError, whose
+    message names the scenario's `file`.
     """
     return Claims(claims, joints, file=file).results(read)
 
@@ -68,7 +70,7 @@ class Claims:
     def __init__(
         self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
     ) -> None:
-        """file: path of the scenario in error messages; checked: `claim_problems` has accepted the claims already."""
+        """file: path of the scenario, for error messages; checked: skip `claim_problems`, which has found no problem before."""
         self._joints, self._file, self._checked = tuple(joints), file, checked
         self._single = [
             (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))
@@ -125,7 +127,7 @@ def _unreadable(claim: Expectation, joints: Sequence[JointInfo]) -> list[Problem
 
 
 def _placed(problem: Problem, claim: Expectation) -> Problem:
-    """Problem of a claim's recording at the line of the claim, unless it states a line of the recording."""
+    """Problem of a claim's recording, placed at the claim's line in the scenario, unless it states a line of the recording."""
     if problem.line is not None:
         return problem
     message = problem.message if problem.file is None else f"{problem.file.name}: {problem.message}"
@@ -150,7 +152,7 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
 
 
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """Series that `claim_results` reads, each as (quantity, joint), and whether `claim_results` reads bodies and contacts."""
+    """Series that `claim_results` reads from a run, each as (quantity, joint), and whether it reads bodies and contacts."""
     wanted: dict[tuple[str, str], None] = {}
     for claim in claims:
         for joint in _joints_of(claim, joints):
@@ -158,7 +160,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         if claim.against is not None:
             from asrsim.recordings.align import ALIGN_ON, simulated_sources
 
-            # A recording may be aligned by any quantity that varies in run and recording, of any recorded joint.
+            # The recording may be aligned by any quantity that varies in run and recording, of any joint that is recorded.
             names = (*ALIGN_ON, claim.quantity)
             wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in simulated_sources(names, [joint]))
     return tuple(wanted), any(claim.body is not None for claim in claims)
@@ -169,8 +171,8 @@ def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tupl
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:
-    """Derived quantities that a claim needs: the claim's quantity, and `position_error` if the claim may use the joint's
-    reference.
+    """Derived quantities that a claim needs: its own quantity if this is derived, and `position_error` if the claim may use the
+    reference of its joint.
     """
     own = claim.quantity == "link_position" and claim.against is None and claim.reference is None
     compared = own and MEASURES.get(claim.measure).needs != "series"

@@ -1,4 +1,4 @@
-"""Collects the data for summary and claims during the run, so that no log is read again."""
+"""Collects the data for a run's summary and claims during the run, so that its log need not be read."""
 
 from __future__ import annotations
 
@@ -18,34 +18,38 @@ if TYPE_CHECKING:
     from asrsim.signals.base import Signal
 
 KEPT = 1_000_000
-"""Largest number of samples of all joints together; a longer run is thinned evenly, except its peaks."""
+"""Largest number of positions, of all joints together, that are kept for the summary. The positions of a longer run are thinned
+evenly; its peaks are still exact.
+"""
 SHAKEN = 10.0
-"""Overshoot (fraction of the step) above which the motion counts as shaking and not as a step response."""
+"""Overshoot, as a fraction of the reference's step, above which a motion counts as shaking and not as a step response."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """Data of a run that were collected for its summary."""
+    """Data that were collected during a run for its summary."""
 
     measures: tuple[JointSummary, ...]
     """Measures of each joint."""
     tip: Mapping[str, float]
-    """Cartesian tasks: distance of the tip from its path, m: `largest`, `rms`, and `last` (mean of the last tenth)."""
+    """For a Cartesian task: distance of the tip from its path in m: `largest`, `rms`, and `last` (mean over the last tenth of
+    the run). Empty without a task.
+    """
     travels: tuple[float, ...]
-    """Range of positions of each joint, rad or m."""
+    """Difference between the largest and the smallest position of each joint, rad or m."""
 
 
 class Collector:
-    """Receiver of a run's samples that stores the positions of all joints and the complete series that claims use."""
+    """Receiver of a run's samples. It stores the positions of all joints, and without thinning the series that claims use."""
 
     full_rate = True
-    """Whether the collector needs every step, independent of the sampling rate of the log."""
+    """Tells the run that this receiver needs the samples of every step, also if fewer samples are logged."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
     ) -> None:
-        """joints: joints of the run's description. samples: upper limit of the number of samples. needs: result of
-        `asrsim.summary.claims.needs_of`.
+        """joints: joints in the description of the run; samples: largest number of samples that the run may have; needs: what
+        the claims need, from `asrsim.summary.claims.needs_of`.
         """
         self._joints = tuple(joints)
         self._stride = max(1, -(-samples * len(joints) // KEPT))
@@ -56,7 +60,7 @@ class Collector:
         wanted, self._needs_bodies = needs
         names = ("link_position", "deflection", "position_error", *(quantity for quantity, _ in wanted))
         self.quantities = frozenset(recorded_sources(names, joints))
-        """Names of the recorded quantities that are collected."""
+        """Names of the quantities that the collector needs in the samples of the run."""
         self._whole_time = _Rows()
         self._whole = {key: _Rows() for key in wanted}
         self._bodies: list[Samples] = []
@@ -85,10 +89,11 @@ class Collector:
             self._bodies.append(Samples(**own, bodies=samples.bodies, contacts=samples.contacts))  # type: ignore[arg-type]
 
     def seen(self, desired: Mapping[str, Signal] | None = None, *, balanced: bool = False) -> Seen:
-        """Summaries; overshoot and settling count from the start of the reference's motion, see `step_start`.
+        """Data collected so far. Overshoot and settling time are counted from the start of the reference's motion; see
+        `step_start`.
 
-        desired: intended motion of joints whose reference is not their intended position (a planned or learned input).
-        balanced: the run begins in equilibrium, so that a constant reference is not a step.
+        desired: intended position of each joint whose reference is another position, such as a learned input; balanced: whether
+        the run begins in equilibrium, so that a constant reference is not a step.
         """
         travels = np.ptp(self._positions.values, axis=1) if self._seen else np.zeros(len(self._joints))
         return Seen(self._measures(desired or {}, balanced), self._tip(), tuple(travels.tolist()))
@@ -121,7 +126,7 @@ class Collector:
         return {"largest": float(errors.max()), "rms": root_mean_square(errors), "last": float(tail.mean())}
 
     def read(self, quantities: Sequence[str], joints: Sequence[str]) -> Samples:
-        """Every step of the series that claims need; the method is an `asrsim.summary.claims.Reader`."""
+        """Samples of every step with the series that claims need. Claims use this method as their `SampleReader`."""
         if not quantities and not joints:
             return concatenate(self._bodies)
         empty = np.full(len(self._whole_time.values), np.nan)
@@ -129,34 +134,33 @@ class Collector:
             name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
             for name in quantities
         }
-        # Do not copy if there is a single column, which is usual for claims on long runs.
+        # Do not copy a single column, because long runs with a claim about one joint are usual.
         tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
         return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
 
 
 class _Rows:
-    """Growing array, (n,) or (rows, n), to which values are appended."""
+    """Array, (n,) or (rows, n), that grows by values which are appended."""
 
     def __init__(self, *rows: int) -> None:
         self._parts: list[Array] = [np.empty((*rows, 0))]
 
     def add(self, values: Array) -> None:
-        """Append a copy of the values."""
+        """Append a copy of these values."""
         self._parts.append(values.copy())
 
     @property
     def values(self) -> Array:
-        """All values that were appended."""
+        """Array of all values that were appended."""
         if len(self._parts) > 1:
             self._parts = [np.concatenate(self._parts, axis=-1)]
         return self._parts[0]
 
 
 def step_start(reference: Array, initial: float) -> int | None:
-    """Sample at which a reference (n,) begins a motion in one direction that ends at rest; 0 if it differs from `initial`
-    throughout.
-
-    None if it reverses, still moves in the last tenth, or stays at the joint's initial position: such a motion has no
+    """Index of the sample at which a reference (n,) begins its motion, if it moves in one direction and then stays at rest; 0
+    if the reference is constant and differs from the joint's position `initial` at the start.
+    None if the reference reverses, still moves in the last tenth of the run, or stays at `initial`: such a motion has no
     overshoot and no settling time.
     """
     changes = reference[1:] - reference[:-1]

@@ -1,4 +1,4 @@
-"""Data of a run's summary, for the terminal and for `summary.json`."""
+"""Data of the summary of a run, which the terminal shows and `summary.json` contains."""
 
 from __future__ import annotations
 
@@ -18,37 +18,37 @@ if TYPE_CHECKING:
 FORMAT = 1
 """Version of the layout of `summary.json`."""
 _OF_CLAIM = ("joint", "body", "quantity", "measure", "engine", "reference", "comparison", "value", "tolerance")
-"""Entries of a claim that `summary.json` contains unchanged, in this order."""
+"""Fields of a claim that `summary.json` contains unchanged, in this order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointReport:
-    """Measures of a joint's motion, and the number of substeps at each limit."""
+    """Measures of a joint's motion, and the number of substeps in which the joint was at each of its limits."""
 
     name: str
     actuator: str
-    """Registry name of the actuator; `rigid` for a joint without plugin."""
+    """Name of the joint's actuator in the registry; `rigid` for a joint whose URDF names no actuator plugin."""
     mode: int | None
     prismatic: bool
     measures: JointSummary
     effort: int
-    """Substeps in which the torque on the link was clipped at the URDF's effort limit."""
+    """Number of substeps in which the torque on the link was limited to the effort limit in the URDF."""
     velocity: int
-    """Substeps in which the link was faster than the URDF's velocity limit (reported, not enforced)."""
+    """Number of substeps in which the link was faster than the velocity limit in the URDF, which is not enforced."""
     saturation: int
-    """Substeps in which a motor was at its torque limit."""
+    """Number of substeps in which a motor of the joint was at its torque limit."""
     motor_stop: int
-    """Substeps in which a motor was at its position stop."""
+    """Number of substeps in which a motor of the joint was at its position stop."""
     motor_speed: int
-    """Substeps in which a motor was at its speed limit."""
+    """Number of substeps in which a motor of the joint was at its speed limit."""
     deflection: int
-    """Substeps in which a spring was beyond its largest deflection."""
+    """Number of substeps in which a spring of the joint was beyond its largest deflection."""
     stop: int
-    """Substeps in which the link was at its position limit; the energy dissipated by a stop appears in no other entry."""
+    """Number of substeps in which the link was at a stop. The energy that a stop dissipates is in no entry of the summary."""
 
     @property
     def limits(self) -> dict[str, int]:
-        """Substeps at each limit of `asrsim.quantities.LIMITS`."""
+        """Number of substeps at each limit, by the names of the limits in `asrsim.quantities.LIMITS`."""
         return {kind: getattr(self, kind) for kind in LIMITS}
 
     def as_dict(self) -> dict[str, Any]:
@@ -68,45 +68,45 @@ class RunSummary:
     robot: str
     robot_path: str
     status: str
-    """Status: complete, interrupted or diverged."""
+    """How the run ended: complete, interrupted or diverged."""
     message: str
-    """Reason for a divergence."""
+    """Reason why the run diverged; empty for other runs."""
     duration: float
-    """Requested duration, s."""
+    """Duration that the scenario requests, s."""
     simulated_time: float
-    """Simulated time, s."""
+    """Time that the run has simulated, s."""
     wall_time: float
     """Wall-clock time of the simulation loop, s."""
     step: float
-    """Time step, s."""
+    """Time step of the scenario, s."""
     log_every: int
     substeps: int
     """Number of world substeps per step."""
     motor_substeps: int
     """Number of motor-and-spring substeps per world substep."""
     total_substeps: int
-    """Total number of substeps in the run, to which the counts of the limits refer."""
+    """Number of substeps in the whole run; the reports on the joints count those of them at each limit."""
     samples: int
     """Number of logged samples per joint."""
     stepping: str
     engine: str
     loop: str
-    """Kind of the simulation loop: compiled or plain."""
+    """Which simulation loop the run used: compiled or plain."""
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()
     """Results of the scenario's `expect:`; empty for a run that did not complete."""
     tip: Mapping[str, float] = field(default_factory=dict)
-    """Cartesian tasks: distance of the tip from its path in m: `largest`, `rms`, `last` (mean over the last tenth)."""
+    """For a Cartesian task: distance of the tip from its path in m: `largest`, `rms`, `last` (mean over the last tenth)."""
     warnings: tuple[Problem, ...] = ()
     files: Mapping[str, Path | tuple[Path, ...]] = field(default_factory=dict)
-    """Files written, by kind: log, summary, plots, report."""
+    """Files that the command has written, by kind: log, summary, plots, report."""
     replaced: tuple[Path, ...] = ()
     """Files of an earlier run that this run replaced."""
     certificate: Mapping[str, Any] = field(default_factory=dict)
-    """Estimated numerical error of a certified run."""
+    """Estimated numerical error, if the run was certified; else empty."""
     cross_check: Mapping[str, Any] = field(default_factory=dict)
-    """Differences from a run in another engine, if requested (`asrsim.simulation.accuracy.cross_check`)."""
+    """Differences from a run in another engine, if the user requested them (`asrsim.simulation.accuracy.cross_check`)."""
     live: Mapping[str, Any] = field(default_factory=dict)
     """Data of a real-time run: lateness, load and commands (`asrsim.live.session.Session`)."""
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -123,7 +123,7 @@ class RunSummary:
 
     @property
     def ok(self) -> bool:
-        """Whether the run completed, every claim holds, and no cross-check contradicts."""
+        """Whether the run completed, every claim holds, and a cross-check, if there was one, does not contradict the run."""
         return self.status == "complete" and not self.failed_claims and not self.cross_check.get("finding")
 
     def joint(self, name: str) -> JointReport:

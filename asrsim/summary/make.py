@@ -1,4 +1,4 @@
-"""Makes the summary of a run from the run and its samples."""
+"""Makes the summary of a run from the run and the data that were collected during it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from asrsim.summary.collect import Seen
 
 NEAR = 1e-2
-"""Distance within which a joint rests on a stop or at its reference, rad or m; for a joint with a short travel, this fraction
-of the travel.
+"""Distance up to which a joint counts as resting on a stop or at its reference, rad or m. For a joint whose stops are less than
+1 rad or m apart: the same fraction of this range.
 """
 STILL = 1e-6
-"""Largest motion of a joint that counts as stuck, rad or m."""
+"""Range of a joint's motion below which the joint counts as stuck, rad or m."""
 
 
 def make_summary(
@@ -35,7 +35,8 @@ def make_summary(
 ) -> RunSummary:
     """Summary of a run. seen: data collected during the run; samples: number of logged samples."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    # The counts are in the order of the robot's moving joints, the run's description in the order of the sample arrays.
+    # Find each joint's counts by its name: they are in the order of the robot's moving joints, and the joints in the run's
+    # description are in the order of the samples.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
         JointReport(
@@ -80,7 +81,7 @@ def make_summary(
 
 
 def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
-    """Warnings about joints that rest on a stop although their reference lies elsewhere."""
+    """Warnings about joints that come to rest on a stop although their reference is elsewhere."""
     for joint in joints:
         limits = run.robot.joint(joint.name)
         rest, error = joint.measures.steady_state, joint.measures.steady_state_error
@@ -95,7 +96,9 @@ def _on_stops(run: Run, joints: tuple[JointReport, ...]) -> Iterator[Problem]:
 
 
 def _stuck(run: Run, joints: tuple[JointReport, ...], seen: Seen) -> Iterator[Problem]:
-    """Warnings about joints that friction keeps away from their reference. Joints that start in equilibrium are exempt."""
+    """Warnings about joints that never move because friction holds them away from their reference. A run that starts in
+    equilibrium causes no such warnings.
+    """
     if run.scenario.initial_equilibrium:
         return
     for joint, travel in zip(joints, seen.travels, strict=True):

@@ -1,4 +1,4 @@
-"""Claims that compare a run with a recording. The recording is read, mapped and aligned as by `asrsim plot`."""
+"""Reads recordings for claims that compare a run with a recording. They are read, mapped and aligned as by `asrsim plot`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class RecordedSeries:
-    """Recordings that the claims about a run refer to; each is aligned once for the same options."""
+    """Recordings to which the claims about a run refer. A recording is aligned once for all claims with the same options."""
 
     def __init__(self, infos: Sequence[JointInfo], read: SampleReader) -> None:
         self._infos = infos
@@ -29,8 +29,8 @@ class RecordedSeries:
         self._lags: dict[tuple[str, ...], float] = {}
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
-        """The claim's quantity of a joint in the run and the recording, aligned by the claim's option `lag`. Its `reading` ends
-        with what is doubtful in the recording.
+        """Series of the claim's quantity for a joint, in the run and in the recording, aligned by the claim's option `lag`. The
+        text `reading` of the series ends with what is doubtful in the recording.
 
         Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
@@ -48,7 +48,7 @@ class RecordedSeries:
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
 ) -> tuple[Recording, Mapping[str, str]]:
-    """Recording named by the claim's `against`, and its joints mapped to the run's joints.
+    """Recording that the claim's `against` names, and the run's joints to which its joints belong.
 
     The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
     quantity for one of the joints in `about`.

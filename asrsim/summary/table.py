@@ -1,6 +1,6 @@
-"""Tables about the joints of a run, for terminal, notebook and report, and the lines around them.
+"""Tables about the joints of a run, and the lines of text around these tables, for terminal, notebook and report.
 
-The tables are made of the entries of `summary.json`, in which a missing number is None.
+The tables are made from the entries of `summary.json`, in which a missing number is None.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Joints = Sequence[Mapping[str, Any]]
 
 
 def measure_columns(joints: Joints) -> tuple[TableColumn, ...]:
-    """Columns of the table of joints: names, actuators and measures."""
+    """Columns of the table of joints, with their names, actuators and measures."""
     length = " or ".join(dict.fromkeys("m" if joint["prismatic"] else "rad" for joint in joints)) or "rad"
     modes = ("" if joint["mode"] is None else f", mode {joint['mode']}" for joint in joints)
     return (
@@ -34,7 +34,9 @@ def measure_columns(joints: Joints) -> tuple[TableColumn, ...]:
 
 
 def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[TableColumn, ...]:
-    """Columns of the limits that a joint reached, with each joint's share of the substeps. totals: all substeps of its run."""
+    """Columns for the limits that any joint reached, with the fraction of the substeps in which each joint was at the limit.
+    totals: number of substeps in the run of each joint.
+    """
     shares = [
         (heading, [joint.get("limits", {}).get(kind, 0) / total for joint, total in zip(joints, totals, strict=True)])
         for kind, heading in LIMITS.items()
@@ -47,8 +49,8 @@ def limit_columns(joints: Joints, totals: Sequence[int]) -> tuple[TableColumn, .
 
 
 def difference_columns(names: Sequence[str], joints: Joints, prismatic: Sequence[bool]) -> tuple[TableColumn, ...]:
-    """Columns of the table of a certificate or a cross-check: largest and RMS differences, and the order if it is known.
-    prismatic: whether each joint is prismatic."""
+    """Columns of the table of a certificate or a cross-check: largest and RMS differences of each joint, and the order of
+    convergence if it is known. names: names of the joints; prismatic: whether each joint is prismatic."""
     rows = [*zip(joints, prismatic, strict=True)]
     columns = [
         TableColumn(
@@ -67,14 +69,16 @@ def _difference(joint: Mapping[str, Any], key: str, unit: str) -> str:
 
 
 def _numbers(heading: str, joints: Joints, key: str, form: str, factor: float = 1.0, digits: int = 12) -> TableColumn:
-    """Column of a number with a dash where it is missing. Numbers are rounded to `digits` decimals."""
+    """Column of the number `key` of each joint times `factor`, rounded to `digits` decimals, with a dash where it is missing.
+    form: format of the number.
+    """
     numbers = (joint.get(key) for joint in joints)
     cells = ("-" if number is None else form.format(round(factor * number, digits) + 0.0) for number in numbers)
     return TableColumn(heading, tuple(cells), right=True)
 
 
 def _error(joint: Mapping[str, Any]) -> str:
-    """Error of the steady state with its unit, whose prefix follows the size: some joints miss by a degree, some by a µrad."""
+    """Steady-state error of a joint with its unit, whose prefix follows from the size of the error, from degrees to µrad."""
     error = joint.get("steady_state_error")
     return "-" if error is None else shown(round(error, 9) + 0.0, "m" if joint["prismatic"] else "rad")
 
@@ -93,7 +97,7 @@ def headline(summary: RunSummary) -> str:
 
 
 def limit_note(summary: RunSummary) -> str:
-    """Explanation of the limits' columns, or the statement that no limit was reached."""
+    """Explanation of the columns for the limits, or a statement that no joint reached a limit."""
     if not summary.samples:
         return "nothing was simulated"
     if any(any(joint.limits.values()) for joint in summary.joints):
@@ -102,7 +106,7 @@ def limit_note(summary: RunSummary) -> str:
 
 
 def rest_note(joints: Joints) -> str:
-    """Reason why measures of joints that are not at rest at the end are missing; "" if all joints are at rest."""
+    """Reason why some measures are missing for joints that are not at rest at the end; "" if all joints are at rest."""
     moving = [
         f"{joint['name']} ({joint['motion_left']:.2g} {'m' if joint['prismatic'] else 'rad'} of motion is left)"
         for joint in joints
@@ -112,7 +116,7 @@ def rest_note(joints: Joints) -> str:
 
 
 def _share(fraction: float) -> str:
-    """Fraction of the run's substeps as text for a cell of a table."""
+    """Fraction of a run's substeps, as text for a cell of a table."""
     if not fraction:
         return "-"
     percent = 100.0 * fraction

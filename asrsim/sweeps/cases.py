@@ -1,4 +1,6 @@
-"""Prepares a study for the workers: reads scenarios, loads robots, plans keys and columns. The result can be pickled."""
+"""Prepares a study for the workers: reads its scenarios, loads their robots, and plans how each key is set and which columns
+the rows have. The prepared study can be pickled.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +39,12 @@ UNITS = {
 """Unit of each measure."""
 TIP = ("largest", "rms", "last")
 PROBES = 4096
-"""Number of runs among which the runs with extreme values are selected."""
+"""Largest number of runs of a variant that are searched for extreme values of the varied keys."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """Variant of the scenario, with its robot and its plan of the varied keys."""
+    """Variant of the scenario, with its robot and the plan of how each varied key is set."""
 
     name: str
     variant: str
@@ -53,12 +55,12 @@ class Case:
     """Robot with the values in its file, without the varied values."""
     plan: KeyPlan
     substeps: Mapping[str, int]
-    """`substeps` and `motor_substeps` of every run; empty: each run determines its own numbers."""
+    """`substeps` and `motor_substeps` of every run; a missing number is in the scenario or is determined by each run."""
     joints: tuple[JointInfo, ...]
     claims: tuple[str, ...]
 
     def scenario(self, settings: Mapping[str, Any]) -> Scenario:
-        """Scenario with some keys set. Raises ScenarioError."""
+        """The variant's scenario with these settings, given as value by `--set` key. Raises ScenarioError."""
         return scenario_from_data(
             self.resolved,
             base_dir=self.base_dir,
@@ -76,13 +78,13 @@ class Case:
         return varied_robot(self.robot, changes) if changes else self.robot
 
     def prepared(self, values: Mapping[str, Any]) -> Prepared:
-        """Scenario prepared with the values of a run. Raises AsrsimError."""
+        """Scenario prepared with a run's values of the varied keys. Raises AsrsimError."""
         return prepare(self.scenario(self.plan.settings(values)), self.robot_of(values))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """Data of the study that every worker receives."""
+    """Study prepared for the workers; every worker receives a copy."""
 
     study: Study
     cases: Mapping[str, Case]
@@ -96,7 +98,7 @@ class Payload:
 
 
 def make_payload(study: Study) -> Payload:
-    """Checked data for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
+    """Study checked and prepared for the workers. Raises InputError or SimulationError if no run of the study can succeed."""
     plans = examine_all(study.scenario, variants=study.variants, overrides=study.overrides, plugins=study.plugins)
     study = replace(study, variants=tuple(plan.scenario.variant for plan in plans))
     numeric = {key: _is_numeric(study, key) for key in study.keys}
@@ -137,9 +139,11 @@ def _case(study: Study, plan: Plan, numeric: Mapping[str, bool]) -> Case:
 
 
 def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
-    """Prepared scenario of a run, and the substeps for all runs: the largest numbers that the runs with extreme values need.
+    """Prepared scenario of the first run that can be prepared, and the numbers of substeps that all runs use.
 
-    With these substeps every run equals `asrsim run` bit for bit. If no run can be prepared, raises the error of the first run.
+    `substeps` and `motor_substeps` are the largest numbers that any run with an extreme value of a varied key needs. With these
+    numbers, `asrsim run` repeats every run of the study bit for bit. If each run determines its own numbers, none are returned.
+    If no run can be prepared, raises the error of the first run.
     """
     found: Prepared | None = None
     first: AsrsimError | None = None
@@ -148,7 +152,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
         try:
             prepared = case.prepared(study.point(run)[1])
         except AsrsimError as error:
-            # Ignore the error here: the row of this run will report the error.
+            # Continue with the next run: the row of this run will report the error.
             first = first or error
             continue
         prepared.make_engine().close()
@@ -163,7 +167,10 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 
 
 def extreme_runs(study: Study, variant: str) -> list[int]:
-    """Indices of a variant's runs with an extreme value of a key, and of some runs between. Fast for studies of any size."""
+    """Indices of a variant's runs with the smallest or largest value of a varied key, and of a few runs in between.
+
+    For a key whose values are not all numbers: runs with up to 20 different values. At most `PROBES` runs are searched.
+    """
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)
     runs = np.unique(np.linspace(first, first + per - 1, min(per, PROBES)).round().astype(np.int64)).tolist()
@@ -200,8 +207,8 @@ def _columns(
 
 
 def _unit(key: str, case: Case) -> str:
-    """Unit of a key: of a number of the robot, or of a number in the scenario."""
-    # Import here and not at the top, because workers import this module but do not need the imported names.
+    """Unit of a varied key, which sets a number of the robot or a number in the scenario."""
+    # Import `parameters_of` here and not at the top: workers import this module and do not call `_unit`.
     from asrsim.identification.parameters import parameters_of
 
     numbers = parameters_of(case.robot, (), {})

@@ -26,7 +26,7 @@ SHAPE = {
     "estimates?": [{"key": str, "verdict": str, "*": object}],
     "*": object,
 }
-"""Expected structure of the file's data, as `asrsim.plain.misfit` checks it."""
+"""Structure of the data in a result file of a fit, in the form that `asrsim.plain.misfit` checks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +35,14 @@ class JointDistribution:
 
     keys: tuple[str, ...]
     mean: Array
-    """Mean (n,) of each key, or of the key's logarithm if the key is logarithmic."""
+    """Mean (n,) of each key's value, or of the value's logarithm if the key is logarithmic."""
     root: Array
     """Matrix root (n, n) of the covariance: root root' = covariance."""
     logarithmic: Array
-    """Whether each key (n,) is logarithmic: its mean and covariance are those of the logarithm."""
+    """Whether each key (n,) is logarithmic: its mean and covariance are then those of the logarithm of its value."""
     low: Array
     high: Array
-    """Bounds (n,); a draw beyond a bound is moved to the bound."""
+    """Bounds (n,) of each key's value; a drawn value beyond a bound is moved to the bound."""
     ties: tuple[tuple[str, str, float], ...]
     """Keys that are a multiple of a drawn key, each as (key, drawn key, factor)."""
     fits: bool
@@ -51,7 +51,7 @@ class JointDistribution:
 
     @property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of keys: each drawn key with the keys that are a multiple of the drawn key."""
+        """Groups of keys: each drawn key, followed by the keys whose values are a multiple of its value."""
         return tuple((key, *(name for name, to, _ in self.ties if to == key)) for key in self.keys)
 
     def from_scores(self, scores: Array) -> Array:
@@ -59,12 +59,12 @@ class JointDistribution:
         return self._values(self.mean + scores @ self.root.T)
 
     def interval(self, width: float) -> Array:
-        """Both ends (2, n) of the interval of each drawn key, from -width to width standard deviations around the mean."""
+        """Ends (2, n) of an interval for each drawn key: its values `width` standard deviations below and above the mean."""
         deviations = np.linalg.norm(self.root, axis=1)
         return self._values(self.mean + width * np.array([[-1.0], [1.0]]) * deviations)
 
     def _values(self, rows: Array) -> Array:
-        """Values (m, n) of the keys within their bounds, from values or logarithms (m, n)."""
+        """Values (m, n) of the drawn keys, moved into their bounds; rows: values (m, n), or logarithms for logarithmic keys."""
         values = rows.copy()
         values[:, self.logarithmic] = np.exp(rows[:, self.logarithmic])
         return np.clip(values, self.low, self.high)
@@ -137,7 +137,7 @@ def _warnings(data: Mapping[str, Any], keys: tuple[str, ...], covariance: Array)
 
 
 def _followers(keys: tuple[str, ...], ties: Mapping[str, tuple[str, float]]) -> Iterator[tuple[str, str, float]]:
-    """Keys that are a multiple of a drawn key, directly or through other keys, each as (key, drawn key, factor)."""
+    """Keys that are a multiple of a drawn key, directly or through other tied keys, each as (key, drawn key, factor)."""
     for key, (to, factor) in ties.items():
         for _ in ties:
             if to in ties:

@@ -1,4 +1,4 @@
-"""Method to apply each varied key: set a number in a prepared scenario, or read the scenario again."""
+"""Plans how each varied key of a study is applied: set a number in a prepared scenario, or read the scenario again."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "max_substeps", "stepping", "engine")
-"""Scenario keys that make every run choose its own substeps."""
+"""Scenario keys: if one of them varies, each run determines its own numbers of substeps."""
 _OF_ACTUATORS = ("references", "reference_ranges", "parameters", "modes", "imperfections")
 """Scenario keys whose entries belong to joints with an actuator."""
 Places = tuple[tuple[str, str], ...]
-"""Pairs of (joint or link, name of its number or reference)."""
+"""Numbers or references, each as (joint or link, name of its number or reference)."""
 
 
 @dataclass(frozen=True)
@@ -28,18 +28,20 @@ class KeyPlan:
     """Varied keys of one variant, grouped by how their values are set."""
 
     numbers: Mapping[str, Places]
-    """Numbers of the robot that each key sets and that `asrsim.Start` accepts as `parameters`."""
+    """By key: numbers of the robot that the key sets. `asrsim.Start` accepts these numbers as `parameters`."""
     references: Mapping[str, Places]
-    """References that each key sets and that are constant during a run."""
+    """By key: references that the key sets. They are constant during a run."""
     signals: frozenset[str]
     """Keys inside the signals of references and external torques."""
     texts: Mapping[str, tuple[str, ...]]
-    """Keys for `--set` that correspond to each varied key. Keys of numbers that only the robot's file can set are missing."""
+    """By varied key: the keys for `--set` that have the same effect. A key is missing if it sets numbers that stand only in the
+    robot's file.
+    """
     own_resolution: bool
-    """Whether every run chooses its own substeps."""
+    """Whether each run determines its own numbers of substeps."""
     still: bool
-    """Whether numbers of a prepared scenario may change: it has no start at equilibrium, no planned references, and no separate
-    substeps for each run.
+    """Whether numbers of a prepared scenario may be changed. They may not if a start at equilibrium, planned references or
+    substeps would have to be computed again.
     """
 
     @property
@@ -49,19 +51,19 @@ class KeyPlan:
 
     @property
     def reads_robot(self) -> bool:
-        """Whether each run reads another robot file."""
+        """Whether a varied key belongs to the scenario's `robot`, so that each run reads a robot file of its own."""
         return any(text.partition(".")[0] == "robot" for texts in self.texts.values() for text in texts)
 
     @property
     def varies_in_place(self) -> bool:
-        """Whether some varied values can be set in a prepared scenario, without reading the scenario again."""
+        """Whether the values of some varied keys can be set in a prepared scenario, without reading the scenario again."""
         return bool(self.in_place) and self.still and not self.reads_robot
 
     def changes(self, values: Mapping[str, Any], *, robot_only: bool = False) -> dict[str, dict[str, float]]:
-        """Values for a run by joint or link, and by the number's name. The entry of a joint replaces the entry for all joints
-        (`*`).
+        """Robot's numbers for a run, by joint or link and by the number's name. A key of one joint takes precedence over a key
+        of all joints (`*`).
 
-        robot_only: omit the numbers that `--set` accepts.
+        values: of a run, by varied key; robot_only: omit the keys that `--set` accepts.
         """
         found: dict[str, dict[str, float]] = {}
         for key in _in_order(self.numbers):
@@ -79,8 +81,8 @@ class KeyPlan:
 
 
 def _in_order(keys: Iterable[str]) -> list[str]:
-    """Keys in the order in which they are applied: keys of all joints, patterns, keys of single joints. A later key replaces
-    an earlier one.
+    """Keys in the order in which they are applied: first keys of all joints (`*`), then keys with patterns, then keys of single
+    joints. A later key replaces the values that an earlier key has set.
     """
 
     def rank(key: str) -> int:
@@ -91,12 +93,12 @@ def _in_order(keys: Iterable[str]) -> list[str]:
 
 
 def _is_pattern(part: str) -> bool:
-    """Whether a part of a key stands for several joints; the key `*` alone is an ordinary key of a scenario."""
+    """Whether a part of a key is a pattern of joint names, such as `arm_*`. A part `*` is none: scenarios have keys with it."""
     return part != "*" and ("*" in part or "?" in part)
 
 
 def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenario, robot: Robot) -> KeyPlan:
-    """Plan of the varied keys. Raises InputError with every unknown key and every key without effect.
+    """Plan of how each varied key is applied. Raises InputError with every unknown key and every key without effect.
 
     numeric: whether all values of a key are numbers; robot: the scenario's robot with its actuators.
     """
@@ -116,7 +118,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         else:
             problems.append(Problem("accepts only numbers", key=key, code="sweep-values"))
     own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for own in texts.values() for text in own)
-    # Equilibrium, planned references and substeps depend on all numbers: prepare such a scenario for each run.
+    # Equilibrium, planned references and substeps depend on all numbers of the robot. Each run prepares such a scenario anew.
     planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
     references: dict[str, Places] = {}
@@ -143,7 +145,7 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
 
 
 def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
-    """Numbers of the robot that a key sets, or the keys for `--set`."""
+    """Numbers of the robot that a key sets, and the keys for `--set` with the same effect."""
     parts = split_path(key)
     blocks = {block.joint: block for block in robot.actuators}
     joints = {joint.name: joint for joint in robot.joints}
@@ -174,7 +176,7 @@ def _robot_key(key: str, robot: Robot) -> tuple[Places, tuple[str, ...]]:
 
 
 def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, ...]:
-    """Keys for `--set` of all joints that the pattern in a key of the scenario matches. Raises InputError if there is none."""
+    """Keys for `--set`, one for each joint whose name matches the pattern in `key`. Raises InputError if no joint matches."""
     place = next(i for i, part in enumerate(parts) if _is_pattern(part))
     blocks, driven = {block.joint: block for block in robot.actuators}, parts[0] in _OF_ACTUATORS
     names = tuple(blocks) if driven else tuple(joint.name for joint in robot.moving_joints)
@@ -198,7 +200,7 @@ def _no_effect(key: str, joint: str) -> Problem:
 
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """Parameters that a key sets; None for an unknown name, which the check of the scenario reports."""
+    """Parameters of actuators that a key sets. Returns None for an unknown name, which the check of the scenario reports."""
     names = {block.joint: block.names.get(key) for block in robot.actuators}
     if not any(names.values()):
         return None
@@ -212,7 +214,7 @@ def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) ->
 
 
 def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -> Places | None:
-    """References that a key sets; None if delays or other imperfections change the references before they reach the joint."""
+    """References that a key sets. Returns None if delays or other imperfections of the commands change the references."""
     places = tuple(
         (block.joint, name)
         for block in robot.actuators

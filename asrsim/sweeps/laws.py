@@ -19,7 +19,7 @@ DISTRIBUTIONS = {
     "normal": ("mean", "deviation"),
     "lognormal": ("median", "sigma"),
 }
-"""Distributions with the names of their arguments. lognormal: sigma is the standard deviation of the logarithm."""
+"""Distributions with the names of their arguments. The sigma of `lognormal` is the standard deviation of the logarithm."""
 FORMS = (
     "[A, B, ...]",
     "LOW:HIGH:COUNT",
@@ -28,12 +28,12 @@ FORMS = (
 )
 _CALL = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
 MOST_VALUES = 10_000_000
-"""Largest number of values in a range."""
+"""Largest number of values that a range may have."""
 
 
 @dataclass(frozen=True)
 class Values:
-    """Values of a key from a list or a range."""
+    """Values of a key, from a list or a range."""
 
     values: tuple[Any, ...]
 

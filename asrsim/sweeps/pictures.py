@@ -15,11 +15,11 @@ from asrsim.sweeps.show import chosen_results, varying
 from asrsim.sweeps.table import Table
 
 MOST = 6
-"""Largest number of results in a picture."""
+"""Largest number of results in a picture, one chart each."""
 LINES = 8
 """Largest number of lines in a chart."""
 POINTS = 5000
-"""Largest number of runs drawn as points."""
+"""Largest number of runs that a chart shows as points."""
 KEYS = 10
 """Largest number of keys in a chart of influences."""
 
@@ -43,7 +43,7 @@ def in_rows(charts: Sequence[Chart]) -> list[Sequence[Chart]]:
 
 
 def study_title(table: Table, results: Sequence[str]) -> str:
-    """Title of the pictures: name of the study, and the number of shown results."""
+    """Title of the pictures: name of the study, and how many of its results the pictures show."""
     every = len(varying(table))
     left = f" · {len(results)} of {every} results (others: --result)" if len(results) == MOST < every else ""
     return f"{table.study.name}{left}"
@@ -60,7 +60,7 @@ def study_charts(table: Table, results: Sequence[str]) -> dict[str, list[Chart]]
 
 
 def unit_of(table: Table, name: str) -> str:
-    """Unit of a key or result, as pictures write it."""
+    """Unit of a key or result, as the pictures show it."""
     return table.unit(name).removeprefix("1")
 
 
@@ -98,7 +98,7 @@ def over_key(table: Table, result: str) -> Chart:
         )
     if len(names) > LINES:
         lines.append(Line(label=f"({LINES} of {len(names)} lines)", x=np.empty(0), y=np.empty(0), colour="none"))
-    # Show all values of the key, including those where the result is undefined.
+    # All charts over this key get the same axis: it also covers values of the key for which no run has the result.
     low, high = float(table[key].min()), float(table[key].max())
     room = 0.03 * (high - low)
     return Chart(

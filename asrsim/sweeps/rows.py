@@ -1,4 +1,6 @@
-"""Runs of a study as rows: runs that differ only in numbers share simulation worlds; other runs are simulated one by one."""
+"""Simulates runs of a study and returns their rows. Runs that differ only in numbers of the robot or in constant references are
+simulated together in shared simulation worlds; other runs are simulated one by one.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +31,15 @@ from asrsim.sweeps.study import Study
 
 StudyRow = tuple[Any, ...]
 KINDS = 8
-"""Number of prepared scenarios that a worker keeps."""
+"""Largest number of prepared scenarios that a worker keeps for its later runs."""
 CACHED = 61_440
-"""Largest number of steps times joints, in all worlds together, whose records fit into the processor's cache."""
+"""Number of steps times joints, summed over all worlds, up to which the recorded series fit into the processor's cache."""
 LONGEST_RUN = 20 * CACHED
 """Number of values in a run's series above which the run is processed in chunks and not stored as a whole."""
 
 
 class _Point(NamedTuple):
-    """Run of a study: index, prepared variant and values of the varied keys."""
+    """Run of a study: its index, its variant as a `Case`, and its values of the varied keys."""
 
     run: int
     case: Case
@@ -45,7 +47,7 @@ class _Point(NamedTuple):
 
 
 class Runner:
-    """Task for `asrsim.workers` that computes the rows of a study's runs. Rows do not depend on their order."""
+    """Task for `asrsim.workers` that computes the rows of a study's runs. A row does not depend on the runs computed before."""
 
     def __init__(self, payload: Payload) -> None:
         self.payload = payload
@@ -59,7 +61,7 @@ class Runner:
         return self.several([run])[0]
 
     def several(self, runs: Sequence[int]) -> list[StudyRow]:
-        """Rows of some runs; short runs of one prepared scenario are simulated together."""
+        """Rows of these runs, in the same order. Short runs with the same prepared scenario are simulated together."""
         groups: dict[tuple[str, str], list[_Point]] = {}
         for run in runs:
             variant, values = self.payload.study.point(run)
@@ -93,14 +95,14 @@ class Runner:
         return self._kinds[key]
 
     def _rows(self, kind: _Kind | None, points: Sequence[_Point]) -> dict[int, StudyRow]:
-        """Rows of runs of one prepared scenario. A run that the shared worlds cannot simulate is simulated alone."""
+        """Rows, by index, of runs with the same prepared scenario. Runs that the worlds cannot simulate are simulated alone."""
         began = clock.perf_counter()
         found: dict[int, dict[str, Any]] = {}
         try:
             if kind is not None:
                 found = kind.run([point.values for point in points])
         except Exception:
-            # User code may raise an error for one run; the worlds are then in an unknown state: discard them.
+            # User code may raise an error for one of the runs. Discard all worlds, because their states are then unknown.
             self.close()
         each = (clock.perf_counter() - began) / len(points)
         rows = {}
@@ -109,7 +111,7 @@ class Runner:
             try:
                 cells = found[place] if place in found else alone(point.case, point.values)
             except Exception as error:
-                # Actuators and measures may be user code, which raises errors of any kind.
+                # Actuators and measures may be user code, whose errors need the name of their type to be understood.
                 name = "" if isinstance(error, AsrsimError) else f"{type(error).__name__}: "
                 cells = {"status": "failed", "reason": name + _one_line(error), "ok": False}
             cells["seconds"] = each + clock.perf_counter() - began
@@ -118,7 +120,7 @@ class Runner:
 
 
 class _Kind:
-    """Simulation worlds for runs of one prepared scenario."""
+    """Simulation worlds for runs with the same prepared scenario."""
 
     def __init__(self, case: Case, prepared: Prepared, size: int, expected_substeps: int) -> None:
         self._case, self.size = case, size
@@ -129,7 +131,7 @@ class _Kind:
         self.worlds = Worlds(prepared, size, names=tuple(recorded), expected_substeps=expected_substeps)
 
     def run(self, points: Sequence[Mapping[str, Any]]) -> dict[int, dict[str, Any]]:
-        """Cells of at most `size` runs, by the index of the run; invalid and diverged runs are missing."""
+        """Results of at most `size` runs as cells by column, by position in `points`. Invalid and diverged runs are missing."""
         worlds, began = self.worlds, clock.perf_counter()
         ready = [world for world, values in enumerate(points) if self._is_set(world, values)]
         if not ready:
@@ -187,23 +189,23 @@ def _make_kind(study: Study, point: _Point) -> _Kind | None:
     case, plan = point.case, point.case.plan
     if not plan.varies_in_place:
         return None
-    # Use the study's first point, so that the worlds do not depend on the order of the runs.
+    # Prepare the worlds with the values of the study's first run, so that they do not depend on the order of the runs.
     first = study.point(0)[1]
     prepared = case.prepared({name: (first if name in plan.in_place else point.values)[name] for name in point.values})
     scenario = prepared.scenario
     numbers = scenario.steps * len(prepared.drives)
-    # Poses and contacts must be read from the engine during a run: not possible in shared worlds.
+    # Tasks, objects and free bases need poses and contacts from the engine during a run, which shared worlds do not give.
     if scenario.task is not None or not (scenario.world.empty and scenario.fixed_base) or numbers > LONGEST_RUN:
         return None
     runs = 1 if plan.read_again(point.values) else math.prod(study.grid) * study.draws
-    # Limit the number of worlds so that their records fit into the processor's cache.
+    # Limit the number of worlds so that their recorded series fit into the processor's cache.
     size = min(runs, max(1, CACHED // numbers))
     substeps = scenario.steps * prepared.resolution.substeps
     return _Kind(case, prepared, size, substeps * runs // size)
 
 
 def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Cells of a run that is prepared and simulated alone. Raises AsrsimError."""
+    """Results, as cells by column, of a run that is prepared and simulated alone. Raises AsrsimError."""
     with blame_plugins():
         prepared = case.prepared(values)
         collector = collector_of(prepared.plan)
@@ -218,7 +220,7 @@ def alone(case: Case, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
-    """Cells with the results of a run. Raises ScenarioError for claims that cannot be evaluated."""
+    """Results of a run as cells by column. Raises ScenarioError for claims that cannot be evaluated."""
     summary = judged(run.scenario, run, collector, samples=0)
     cells: dict[str, Any] = {
         "status": summary.status,
@@ -241,7 +243,7 @@ def result_cells(run: Run, collector: Collector) -> dict[str, Any]:
 
 
 def row_of(payload: Payload, run: int, results: Mapping[str, Any]) -> StudyRow:
-    """Row of a run: its varied values (numbers, words, and other values as JSON), and its results."""
+    """Row of a run: its values of the varied keys, and its results. Values that are neither number nor text become JSON."""
     kinds, (variant, values) = payload.kinds, payload.study.point(run)
     cells: dict[str, Any] = {"run": run, "variant": variant, **results}
     for key, value in values.items():

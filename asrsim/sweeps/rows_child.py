@@ -1,6 +1,6 @@
-"""Script of `asrsim.confined.run`: reads files of rows completely and reports their faults.
+"""Script that `asrsim.confined.run` starts: reads a study's files of rows completely and reports the fault of each file.
 
-Reads a JSON request from stdin and writes pairs (number of the file, fault) to stdout. It imports nothing from asrsim.
+It reads a JSON request from stdin and writes pairs (index of the file, fault) to stdout. It imports nothing from asrsim.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ import pyarrow.parquet as pq
 
 
 def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
-    """Fault of a file, or an empty text; tables: files read before, kept so that the memory limit covers the whole folder."""
+    """Fault of a file; an empty text for a file without a fault.
+
+    tables: receives the rows of the file, which thus stay in memory: the memory limit applies to all files together.
+    """
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         if not file.schema_arrow.equals(schema):

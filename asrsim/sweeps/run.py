@@ -1,4 +1,4 @@
-"""Runs a study: prepares it, distributes it among workers, writes the rows. Repeats a single run with its log."""
+"""Runs a study: prepares it, distributes its runs among workers, and writes their rows. Repeats a single run with a log."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ class StudyProgress(Progress):
     done: int
     total: int
     rate: float
-    """Finished runs per second since the start of this session."""
+    """Runs per second that this session has finished, averaged since its start."""
     statuses: Mapping[str, int]
-    """Number of this session's rows with each status."""
+    """Number of runs of this session by status."""
 
 
 @renamed(design="sampler")
@@ -58,7 +58,7 @@ def sweep(
     stop: Stop | None = None,
     **options: Any,
 ) -> Table:
-    """Run a study and return its table: all of `asrsim sweep` except the pictures.
+    """Run a study and return its table, like `asrsim sweep`, but without pictures.
 
         table = asrsim.sweep("arm.yaml", {"parameters.*.spring_stiffness": "10:200:20"}, workers=2)
         table.to_pandas()
@@ -69,8 +69,10 @@ def sweep(
         workers: Number of processes; None: one per core.
         cluster: Address of a Dask scheduler, used instead of processes on this machine.
         out: Folder for the rows; None: a temporary folder, deleted with the table.
-        resume: Continue with the rows in `out`; overwrite: start again.
-        progress: Called when rows arrive. stop: called often; True ends the study with the rows done so far.
+        resume: Keep the rows in `out` and simulate the missing runs.
+        overwrite: Replace the rows in `out`.
+        progress: Called with the progress of the study when rows arrive.
+        stop: Called often; the study ends with the rows done so far when it returns True.
         options: Options of a study: variants, overrides, sampler, samples, seed, fit, plugins.
 
     Raises:
@@ -93,8 +95,8 @@ def sweep(
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         missing = store.missing
-        # Even a single worker is a separate process, so that a run that crashes its process still becomes a row. A complete
-        # study needs no cluster.
+        # Even a single worker is a process of its own, so that a run that crashes the process still becomes a row. If no run is
+        # missing, the cluster is not contacted.
         executor = Cluster(cluster, plugins) if cluster and missing else Processes(workers or cores(), plugins)
         try:
             with executor:
@@ -114,7 +116,9 @@ def sweep(
 
 
 def study_of(scenario: str | Path | Study, over: Any, options: Mapping[str, Any]) -> Study:
-    """Study from an object, a study file or a scenario. Raises InputError, and SimulationError for options beside a study."""
+    """Study from a `Study`, a study file or a scenario file. Raises InputError, and SimulationError if `over` or options are
+    given with a `Study` or a study file, which contain them already.
+    """
     if isinstance(scenario, Study):
         study = scenario
     elif is_study(Path(scenario)):
@@ -134,7 +138,7 @@ def crashed_row(payload: Payload, run: int, lost: Lost) -> StudyRow:
 
 
 def manifest(payload: Payload) -> dict[str, Any]:
-    """Content of `study.json`: all data that determine the rows, and their columns."""
+    """Content of `study.json`: all data that determine the rows, and the columns of the rows."""
     study = payload.study
     left = ("scenario", "plugins")
     return {
@@ -154,7 +158,7 @@ def manifest(payload: Payload) -> dict[str, Any]:
 
 
 def _input_hashes(payload: Payload) -> dict[str, dict[str, str]]:
-    """Hashes of all inputs, by variant."""
+    """Hashes of all input files of the study, by variant and by input."""
     plugins = payload.study.plugins
     return {name: input_hashes(case.scenario({}), case.robot, plugins=plugins) for name, case in payload.cases.items()}
 

@@ -16,26 +16,26 @@ from asrsim.samples import Array
 
 
 class Sampler(ABC):
-    """One way to place draws. Equal arguments give equal points."""
+    """Method that places the draws of a study in the unit cube. Equal arguments give equal points."""
 
     title: str
     """Description of the sampler, for the documentation."""
     blocks: bool = False
-    """Whether the draws are the blocks A, B, and A with column j of B for every j (Saltelli et al. 2010), which give Sobol
-    indices. The keys must be drawn independently of each other then.
+    """Whether the draws are the blocks A, B, and for every j a copy of A with column j of B (Saltelli et al. 2010). Sobol
+    indices are computed from these blocks. All keys must then be drawn independently of each other.
     """
 
     def samples(self, wanted: int) -> int:
-        """Number of samples for the number that the user wants."""
+        """Number of samples that the sampler draws if the user wants `wanted` samples."""
         return wanted
 
     def draws(self, samples: int, dimensions: int) -> int:
-        """Number of draws for this number of samples."""
+        """Number of draws, each with a run, for this number of samples."""
         return samples * (dimensions + 2) if self.blocks else samples
 
     @abstractmethod
     def points(self, samples: int, dimensions: int, seed: int) -> Array:
-        """Points (draws, dimensions) from 0 to 1; each column is one key."""
+        """Points (draws, dimensions) from 0 to 1; each column belongs to one independent key or group of keys."""
 
 
 class Random(Sampler):
@@ -66,19 +66,19 @@ class Sobol(Sampler):
     def points(self, samples: int, dimensions: int, seed: int) -> Array:
         from scipy.stats import qmc
 
-        # Draw up to the next power of two, for which SciPy gives no warning; the first points are the same.
+        # Draw up to the next power of two, and use the first points: SciPy warns of other numbers of points.
         power = max(0, math.ceil(math.log2(samples)))
         return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]
 
 
 class Saltelli(Sobol):
-    """Blocks of Sobol points, from which Sobol indices follow."""
+    """Blocks of points of a Sobol sequence, from which Sobol indices are computed."""
 
     title = "blocks of Sobol points, samples x (keys + 2) runs, which give Sobol indices"
     blocks = True
 
     def samples(self, wanted: int) -> int:
-        """A power of two, as Sobol's sequence needs it."""
+        """Number of samples: the next power of two, which a Sobol sequence needs."""
         return 1 << max(1, (wanted - 1).bit_length())
 
     def points(self, samples: int, dimensions: int, seed: int) -> Array:

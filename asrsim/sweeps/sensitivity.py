@@ -1,4 +1,6 @@
-"""Influence of keys on a result: changes of its mean for any study, Sobol indices for a Saltelli design."""
+"""Influence of the varied keys on a result: changes of the result's mean for any study, and Sobol indices for a study with the
+sampler `saltelli`.
+"""
 
 from __future__ import annotations
 
@@ -15,20 +17,20 @@ from asrsim.sweeps.samplers import SAMPLERS
 from asrsim.sweeps.table import Table
 
 FEWEST = 5
-"""Smallest number of runs with a result from which influences are computed."""
+"""Smallest number of runs with a result for which the influences on this result are computed."""
 RESAMPLES = 200
-"""Number of bootstrap resamples."""
+"""Number of bootstrap resamples for the errors of Sobol indices."""
 FEWEST_SAMPLES = 16
-"""Smallest number of complete base samples for Sobol indices."""
+"""Smallest number of base samples for which Sobol indices are computed; all runs of these samples have the result."""
 
 
 class Index(NamedTuple):
     """Sobol indices of a key, each with the half-width of its 95 % interval (bootstrap over the base samples)."""
 
     first: float
-    """First-order index: fraction of the variance due to the key alone."""
+    """First-order index: fraction of the result's variance due to the key alone."""
     total: float
-    """Total index: fraction of the variance including all interactions of the key."""
+    """Total index: fraction of the variance due to the key alone and to its interactions with other keys."""
     first_error: float
     total_error: float
 
@@ -49,15 +51,15 @@ class Influence:
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Keys whose numerical values vary; of several tied keys only the first."""
+    """Varied keys with numerical values that differ between runs; of keys that are tied to each other, only the first."""
     study = table.study
     tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
     return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
 
 
 def influences(table: Table, result: str) -> list[Influence]:
-    """Influence of every key on a result, sorted by the change of its mean, the largest first; empty if too few runs have the
-    result.
+    """Influence of every key on a result; the key with the largest change of the result's mean comes first. The list is empty
+    if too few runs have the result, or if the result is the same in all runs.
     """
     there = np.isfinite(table[result])
     values = table[result][there]
@@ -76,16 +78,16 @@ def influences(table: Table, result: str) -> list[Influence]:
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """Sobol indices of all drawn keys on one result."""
+    """Sobol indices of all drawn keys for one result."""
 
     indices: dict[str, Index]
-    """Sobol indices of each key, averaged over the variants."""
+    """Sobol indices by key, averaged over the variants."""
     samples: int
-    """Number of base samples of all variants."""
+    """Number of base samples from which the indices are computed, of all variants together."""
     left_out: int
-    """Number of base samples excluded because one of their runs has no value."""
+    """Number of base samples that are left out because one of their runs has no value of the result."""
     reason: str = ""
-    """Reason for missing indices."""
+    """Reason why there are no indices; empty if there are indices."""
 
     def __str__(self) -> str:
         if self.reason:
@@ -98,10 +100,10 @@ class SobolIndices:
 
 @lru_cache(maxsize=16)
 def sobol(table: Table, result: str) -> SobolIndices | None:
-    """Sobol indices of a result; None for a study with another design.
+    """Sobol indices of the drawn keys for a result; None for a study whose sampler does not draw blocks (`Sampler.blocks`).
 
-    First-order index after Saltelli et al. (2010), total index after Jansen (1999). SciPy's `sobol_indices` gives the same,
-    but only for a power of two of samples: a study in which one run has no value would have no indices.
+    The first-order index follows Saltelli et al. (2010), the total index Jansen (1999). SciPy's `sobol_indices` gives the same
+    indices, but only if the number of samples is a power of two: if one run had no value, there would be no indices.
     """
     study = table.study
     if not study.groups or not table.manifest.get("blocks", True):
@@ -130,7 +132,7 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
         spread = np.std([_estimates(used[:, places]) for places in drawn], axis=0, ddof=1)
         found.append(np.concatenate([_estimates(used), 1.96 * spread]))
     indices = np.mean(found, axis=0)
-    # The errors of several variants are independent.
+    # The errors of the variants are independent of each other, so the error of their mean falls with the root of their number.
     indices[2:] /= np.sqrt(len(found))
     return SobolIndices(
         {group[0]: Index(*column) for group, column in zip(study.groups, indices.T.tolist(), strict=True)}, **counts
@@ -138,7 +140,7 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
 
 
 def _estimates(blocks: Array) -> Array:
-    """First-order and total indices (2, keys) from values (2 + keys, samples)."""
+    """First-order and total indices (2, keys) from a result's values (2 + keys, samples) in the blocks of the draws."""
     both = blocks[:2]
     blocks, variance = blocks - both.mean(), both.var()
     first = np.mean(blocks[1] * (blocks[2:] - blocks[0]), axis=1) / variance
@@ -147,7 +149,7 @@ def _estimates(blocks: Array) -> Array:
 
 
 def notes(table: Table, results: Sequence[str]) -> list[str]:
-    """Notes on results without Sobol indices, and on excluded base samples."""
+    """Notes on results that have no Sobol indices, and on base samples that are left out."""
     grouped: dict[str, list[str]] = {}
     for result in results:
         found = sobol(table, result)

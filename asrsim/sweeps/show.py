@@ -13,20 +13,20 @@ from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
 ROUNDING = 1e-12
-"""Change of a result, relative or in SI units, below which the change counts as rounding error."""
+"""Difference of a result between runs, relative or in SI units, up to which the difference counts as rounding error."""
 SHARE = 0.1
 """Results that exist in fewer than this fraction of the runs are listed last."""
 
 
 def study_headline(table: Table) -> str:
-    """Name of the study and its numbers of runs."""
+    """Name of the study, and its numbers of runs by status."""
     statuses = table.statuses()
     parts = f"{len(table)} of {table.manifest['runs']} runs", f"{statuses.get('complete', 0)} complete", shares(statuses)
     return f"{table.study.name}: {', '.join(filter(None, parts))}"
 
 
 def remarks(table: Table) -> Iterator[str]:
-    """Lines of text on Sobol indices, claims, and runs that did not complete."""
+    """Lines of text about Sobol indices, claims, and runs that did not complete."""
     yield from notes(table, varying(table))
     yield from (f"{100 * share:5.1f} % meet {title}" for title, share in table.claims().items())
     for name in ("crashed", "failed", "diverged"):
@@ -36,7 +36,7 @@ def remarks(table: Table) -> Iterator[str]:
 
 
 def result_rows(table: Table) -> list[tuple[str, ...]]:
-    """Rows of a table with the heads `HEADS`, one for each varying result."""
+    """Rows of the table of results, one for each result that varies; `HEADS` are the heads of its columns."""
     rows = []
     for name in varying(table):
         found = table.quantiles(name)
@@ -49,8 +49,8 @@ def result_rows(table: Table) -> list[tuple[str, ...]]:
 
 
 def varying(table: Table) -> list[str]:
-    """Results that vary between runs by more than rounding errors, sorted: results of varied joints first, then by relative
-    change.
+    """Results that differ between runs by more than rounding errors. Results of joints with a varied key come before other
+    results, and larger relative differences before smaller ones. Results that few runs have come last.
     """
     varied = {part for key in table.keys for part in key.split(".")}
     found = []
@@ -66,8 +66,8 @@ def varying(table: Table) -> list[str]:
 
 
 def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]:
-    """Results with the given names; by default the first results that vary. Raises InputError for unknown results, and for
-    results that no run has.
+    """Results with the given names; without names, the first `most` results that vary. Raises InputError for unknown results,
+    and for results that no run has.
     """
     for name in results:
         if name not in table.results:
@@ -80,7 +80,7 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
 
 
 def study_data(table: Table) -> dict[str, Any]:
-    """Study as data for JSON."""
+    """The study and its results as data for JSON."""
     quantiles = {name: table.quantiles(name) for name in varying(table)}
     return {
         "ok": table.missing == 0,

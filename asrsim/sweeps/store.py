@@ -1,7 +1,9 @@
-"""Folder of a study: its description `study.json`, and its rows: parts during the study, one file at the end. A killed program
-loses only the rows of the last seconds. Files of rows are checked before they are read.
+"""Folder of a study: its description `study.json`, and the rows of its runs. While the study runs, the rows are in several
+files, called parts; at the end they are in one file. A killed program loses only the rows of the last seconds. Files of rows
+are checked before they are read.
 
-A part is written under a temporary name and then renamed, so that it is complete or missing. Runs without a row are repeated.
+A part is written under a temporary name and then renamed, so that it is never incomplete. Runs without a row are simulated when
+the study continues.
 """
 
 from __future__ import annotations
@@ -27,10 +29,10 @@ from asrsim.sweeps.rows import StudyRow
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
 SECONDS, RATIO = 300.0, 16
-"""Time limit of the check of the rows, s, and its memory limit in bytes per byte of the files."""
+"""Limits of the check of the files of rows: time in s, and memory in bytes per byte of the files."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 KINDS = ("int", "float", "bool", "text")
-"""Kinds of columns."""
+"""Kinds of columns, by the type of their cells."""
 MANIFEST_SHAPE: dict[str, Any] = {
     "scenario": str,
     "plugins": [str],
@@ -43,23 +45,23 @@ MANIFEST_SHAPE: dict[str, Any] = {
     "substeps": {"*": {"*": int}},
     "*": object,
 }
-"""Structure of `study.json`."""
+"""Structure of `study.json`, in the form that `asrsim.plain.misfit` checks."""
 GROUP = 20_000
-"""Number of rows in a group of a file. Waiting rows are written when their number reaches this value, and a part with this
-number of rows is complete.
+"""Number of rows in a row group of a file of rows. Rows that wait for being written are written when they are this many. A part
+with this number of rows is full.
 """
 PATIENCE = 3.0
-"""Interval in s at which rows are written: a killed program loses at most the rows of this interval."""
+"""Interval at which waiting rows are written, s. A killed program loses at most the rows of one interval."""
 MOST_PARTS = 32
-"""Number of incomplete parts that are merged to one."""
+"""Number of parts that are not full at which these parts are merged to one part."""
 SAME = {
     "format": "it was written by another version of asrsim",
     "study": "its study has other values of",
     "inputs": "its inputs have changed:",
     "versions": "it was done with other versions of",
 }
-"""Entries of `study.json` that must be unchanged when a study continues, each with the beginning of the message for a changed
-entry; the names of the changed inputs follow.
+"""Entries of `study.json` that must not have changed when a study continues, each with the beginning of the message for a
+changed entry. The names of what has changed follow this beginning.
 """
 
 
@@ -75,15 +77,15 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
         wrong = "each column needs a name, a valid type and a unit"
-    # A checksum can be forged, so the contents are also checked.
+    # Check the structure also where the checksum is right, because a checksum can be forged.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    # Folders written by earlier versions use earlier names of some keys.
+    # Use the present names of the study's keys: earlier versions of asrsim wrote earlier names.
     return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
 def sealed(manifest: Mapping[str, Any]) -> str:
-    """Description as text, with a checksum that reveals later edits."""
+    """Description of a study as the text of `study.json`, with a checksum that reveals later edits."""
     data = json.loads(json.dumps(manifest, default=str))
     return json.dumps({**data, "seal": _seal(data)}, indent=1) + "\n"
 
@@ -100,15 +102,15 @@ def schema_of(columns: Sequence[Sequence[str]]) -> Any:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files of the folder that each contain a part of the rows, sorted. Other files with similar names are left out."""
+    """Parts of the rows: files of the folder with the name of a part, sorted. Files with similar names are left out."""
     return sorted(path for path in folder.glob("part-*.parquet") if re.fullmatch(r"part-[0-9]{6,9}\.parquet", path.name))
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
-    """Files of rows, checked. The files are read once in a separate process, since a foreign file may crash the Parquet library
-    or exhaust the memory. Raises InputError with every file that is broken or has other columns.
+    """Files of rows in a study's folder, after a check: a separate process reads the files once, since a foreign file may crash
+    the Parquet library or exhaust the memory. Raises InputError with every file that is broken or lacks the study's columns.
 
-    checked: this process has checked or written the files already.
+    checked: skip the check, because this process has checked or written the files already.
     """
     files = [path for path in [folder / ROWS, *parts_of(folder)] if path.exists()]
     if checked or not files:
@@ -147,7 +149,7 @@ class Store:
         self._waiting: list[StudyRow] = []
         self._written = clock.monotonic()
         self.done = np.zeros(total, bool)
-        """Whether each run has a row, either written or waiting to be written."""
+        """Whether each run has a row (total,), either in a file or waiting to be written."""
         files = checked_files(folder, self._schema)
         runs = read_rows(files, self._schema, columns=["run"])["run"].to_numpy()
         if len(runs) and not 0 <= runs.min() <= runs.max() < total:
@@ -155,7 +157,7 @@ class Store:
         self.done[runs] = True
         self._part = 1 + max((int(path.stem.rpartition("-")[2]) for path in parts_of(folder)), default=0)
         self._small = parts_of(folder)
-        """Parts that may be incomplete."""
+        """Parts that may contain fewer than `GROUP` rows."""
 
     @property
     def missing(self) -> list[int]:
@@ -163,7 +165,7 @@ class Store:
         return np.flatnonzero(~self.done).tolist()
 
     def add(self, rows: Sequence[StudyRow]) -> list[StudyRow]:
-        """Add rows, and return the rows of runs that had no row yet. Raises OutputError."""
+        """Add rows of runs that have no row yet, and return these rows. Raises OutputError."""
         new = []
         for row in rows:
             if not self.done[row[0]]:
@@ -195,8 +197,9 @@ class Store:
             self._small.append(path)
 
     def _merge(self) -> None:
-        """Write the rows of small parts as one part, so that a study of days has few files. If the program is killed before the
-        small parts are removed, some rows are stored twice, which readers accept. Raises OutputError.
+        """Write the rows of the parts that are not full as one part, and remove these parts, so that a study of days has few
+        files. If the program is killed before the removal, some rows are stored twice, which readers accept. Raises
+        OutputError.
         """
         small, self._small = self._small, []
         rows = read_rows(small, self._schema)
@@ -218,7 +221,7 @@ class Store:
         import pyarrow.parquet as pq
 
         try:
-            # The study's description proves that asrsim wrote the folder.
+            # Replace a file without a check of its origin: the study's description proves that asrsim wrote the folder.
             with written(path, "rows", replace=True) as stream:
                 options = {"compression": "zstd", "write_page_checksum": True, "row_group_size": GROUP}
                 pq.write_table(table, stream, **options)
@@ -230,13 +233,13 @@ class Store:
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Differences between a study and the study of its folder, with the names of the changed inputs."""
+    """Differences between the study in a folder (`before`) and the study to run (`now`), with the names of changed inputs."""
     found: list[str] = []
     for key, message in SAME.items():
         old, new = before.get(key), now[key]
         if old == new:
             continue
-        # Inputs have hashes by variant; their names are enough.
+        # The hashes of inputs are grouped by variant. Compare each variant, and name the inputs whose hashes differ.
         parts = [(before[key].get(one, {}), new[one]) for one in new] if key == "inputs" else [(old, new)]
         pairs = [(a, b) for a, b in parts if isinstance(a, dict) and isinstance(b, dict)]
         names = dict.fromkeys(name for a, b in pairs for name in {**a, **b} if a.get(name) != b.get(name))
@@ -245,12 +248,12 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]
 
 
 def open_store(folder: Path, manifest: Mapping[str, Any], *, resume: bool, overwrite: bool) -> Store:
-    """Store of a study in its folder. Raises InputError if the folder contains rows and neither `resume` nor `overwrite` is
-    given, or rows of another study.
+    """Store for the rows of a study in its folder. Raises InputError if the folder contains rows and neither `resume` nor
+    `overwrite` is given, or if `resume` is given and the rows belong to another study.
     """
     known = folder / MANIFEST
     rows = (folder / ROWS).exists() or bool(parts_of(folder))
-    # A study that ended before its first row, for example without a scheduler, may be replaced.
+    # A study that ended before its first row, for example because no scheduler answered, may be replaced without `overwrite`.
     begun = rows or (resume and known.exists())
     if (rows or known.exists()) and not is_ours(known, "json"):
         message = "contains rows without the description of their study (study.json)"

@@ -1,4 +1,6 @@
-"""A study as plain data: varied keys, design of the draws. The index of a run determines the values of its keys."""
+"""A study as plain data: its scenario, its varied keys and how their values are drawn. The index of a run determines the values
+of the keys in this run.
+"""
 
 from __future__ import annotations
 
@@ -39,28 +41,28 @@ class Axis:
     """Keys that vary together, and their values."""
 
     keys: tuple[str, ...]
-    """Dotted keys. Several keys get the same value; if the value is a list with one entry per key, each key gets its entry."""
+    """Dotted keys. All keys get the same value; if a value is a list with one entry per key, each key gets its own entry."""
     law: Values | Distribution
 
     def assign(self, value: Any) -> dict[str, Any]:
-        """Value of each key of this axis, from an entry of the axis."""
+        """Value by key of this axis, from one value of the axis."""
         if len(self.keys) > 1 and isinstance(value, list | tuple) and len(value) == len(self.keys):
             return dict(zip(self.keys, value, strict=True))
         return dict.fromkeys(self.keys, value)
 
 
 def axis_of(name: str, value: Any) -> Axis:
-    """Axis of `key` or `key & key` (tied), with values as `law_of` reads them. Raises InputError."""
+    """Axis with the name `key`, or `key & key` for tied keys; value: as for `law_of`. Raises InputError."""
     return Axis(tuple(part.strip() for part in name.split("&")), law_of(value, name))
 
 
 def present_name(name: str) -> str:
-    """Name of an axis with the current names of its keys. An old name causes a warning."""
+    """Name of an axis in which earlier names of keys are replaced by their present names, with a warning for each."""
     return " & ".join(new_key(part.strip()) for part in name.split("&"))
 
 
 class _Law(AnyData):
-    """Values of a key; see `asrsim.sweeps.laws`."""
+    """Kind of value of a document: the values of a varied key; see `asrsim.sweeps.laws`."""
 
     text = ", ".join(f"`{form}`" for form in FORMS)
 
@@ -110,37 +112,37 @@ class Study:
 
     @cached_property
     def joint(self) -> JointDistribution | None:
-        """Joint distribution from the fit, None without a fit."""
+        """Joint distribution of the keys in the result of the fit; None for a study without a fit."""
         return None if self.fit is None else joint_of(self.fit)
 
     @cached_property
     def listed(self) -> tuple[tuple[Axis, Values], ...]:
-        """Axes with listed values, which form the grid."""
+        """Axes with listed values; all combinations of these values form the grid."""
         return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Values))
 
     @cached_property
     def drawn(self) -> tuple[tuple[Axis, Distribution], ...]:
-        """Axes with distributions, except those of the fit."""
+        """Axes with distributions in `over`; the keys of the fit are not included."""
         return tuple((axis, axis.law) for axis in self.axes if isinstance(axis.law, Distribution))
 
     @cached_property
     def groups(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of drawn keys; each group is one independent number of a draw."""
+        """Groups of drawn keys. One number of a draw determines the values of all keys of a group."""
         return (*(axis.keys for axis, _ in self.drawn), *(self.joint.groups if self.joint else ()))
 
     @cached_property
     def base_samples(self) -> int:
-        """Number of samples of the sampler."""
+        """Number of samples that the sampler uses for the number `samples` that the user wants."""
         return SAMPLERS.get(self.sampler).samples(self.samples or SAMPLES)
 
     @cached_property
     def draws(self) -> int:
-        """Number of draws at every point of the grid."""
+        """Number of draws, which are the same at every point of the grid."""
         return SAMPLERS.get(self.sampler).draws(self.base_samples, len(self.groups)) if self.groups else 1
 
     @cached_property
     def grid(self) -> tuple[int, ...]:
-        """Number of values of each axis of the grid."""
+        """Number of values on each axis of the grid."""
         return tuple(len(law) for _, law in self.listed)
 
     def __len__(self) -> int:
@@ -153,7 +155,9 @@ class Study:
         return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
-        """Variant and values by key of a run, counted from 0: variants vary slowest, then the grid, then the draws."""
+        """Variant of a run, and its values by varied key. Runs are counted from 0: all draws at one point of the grid follow
+        each other, then those at the next point, and all runs of a variant precede those of the next variant.
+        """
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
         values: dict[str, Any] = {}
@@ -169,7 +173,7 @@ class Study:
 
     @cached_property
     def table(self) -> Array:
-        """Matrix of all draws (draws, groups)."""
+        """Values of all draws (draws, groups), one column for each group of keys."""
         from scipy.special import ndtri
 
         unit = self._unit_points()
@@ -181,7 +185,7 @@ class Study:
         return np.column_stack(columns)
 
     def _unit_points(self) -> Array:
-        """Points (draws, groups) of the sampler. Raises InputError if a user's sampler returns other points."""
+        """Points (draws, groups) of the sampler, from 0 to 1. Raises InputError if a user's sampler returns anything else."""
         shape = (self.draws, len(self.groups))
         function = SAMPLERS.get(self.sampler).points
         needed = f"the sampler '{self.sampler}' must return an array of numbers from 0 to 1 of shape {shape}"
@@ -207,7 +211,7 @@ STUDY = block_of(Study, "study")
 
 
 def is_study(path: Path) -> bool:
-    """Whether a file is a study file and not a scenario."""
+    """Whether a file is a study file, and not a scenario file."""
     return kind_of(path) == "study"
 
 
@@ -236,8 +240,8 @@ def make_study(
 
     Args:
         scenario: Scenario file.
-        over: Dotted key -> list, text as `10:200:20`, or distribution; or a list of texts `key=values`.
-        fit: File or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
+        over: Values by dotted key: a list, a text such as `10:200:20`, or a distribution; or a list of texts `key=values`.
+        fit: Result of a fit, as file or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
         options: variants, overrides, sampler, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")

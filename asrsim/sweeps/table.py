@@ -1,4 +1,4 @@
-"""Rows of a study: columns as arrays, quantiles, fractions of runs that satisfy the claims."""
+"""Table of a study's rows: columns as arrays, quantiles of results, and fractions of runs that satisfy the claims."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BOOKKEEPING = ("run", "substeps", "motor_substeps", "simulated_time", "seconds")
 
 @dataclass(frozen=True)
 class Quantiles:
-    """Distribution of one result over the runs that have it."""
+    """Quantiles of one result over the runs that have this result."""
 
     count: int
     least: float
@@ -39,9 +39,9 @@ class Table:
     """Rows of a study in its folder. A column is read when it is first used."""
 
     def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
-        """keep: object that must live as long as the table (a temporary folder); checked: skip the check of the rows.
+        """keep: object that must live as long as the table, such as a temporary folder; checked: skip the check of the files.
 
-        Raises InputError if there is no study, or one of its files is broken.
+        Raises InputError if the folder contains no study, or if one of the study's files is broken.
         """
         self.folder = Path(folder)
         self._keep = keep
@@ -73,12 +73,12 @@ class Table:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Varied keys."""
+        """Names of the columns with the values of the varied keys."""
         return self.study.keys
 
     @property
     def results(self) -> tuple[str, ...]:
-        """Columns with results: measures, errors of the tip, measured values of claims."""
+        """Names of the columns with results: measures, errors of the tip, and measured values of claims."""
         left = {*BOOKKEEPING, *self.keys}
         return tuple(name for name, kind in self.kinds.items() if name not in left and kind == "float")
 
@@ -96,7 +96,7 @@ class Table:
         return len(self._order)
 
     def __getitem__(self, name: str) -> Array:
-        """Column (n,) in the order of the runs; missing numbers are NaN."""
+        """Column (n,) with this name, in the order of the runs; missing numbers are NaN."""
         if name not in self._columns:
             if name not in self.columns:
                 hint = did_you_mean(name, self.columns)
@@ -134,7 +134,9 @@ class Table:
         return Quantiles(len(values), least, low, median, high, largest, *ends)
 
     def claims(self) -> dict[str, float]:
-        """Fraction of the completed runs that satisfy each claim; separate for each variant if the variants' claims differ."""
+        """Fraction of the completed runs that satisfy each claim, by the claim's title. If the variants have different claims,
+        each variant has fractions of its own.
+        """
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1
         for variant, titles in self.manifest["claims"].items():
@@ -149,5 +151,5 @@ class Table:
 
 
 def shares(statuses: Mapping[str, int]) -> str:
-    """Numbers of runs that did not complete, as text."""
+    """Text with the numbers of runs that did not complete, by status."""
     return ", ".join(f"{statuses[name]} {name}" for name in ("diverged", "failed", "crashed") if statuses.get(name))

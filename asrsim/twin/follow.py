@@ -1,4 +1,4 @@
-"""A twin follows a recording: external torques on the robot during the recording, as table, CSV and picture."""
+"""Lets a twin follow a recording, and writes the external torques that it found on the robot as CSV file and picture."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from asrsim.twin.twin import Twin, TwinStep
 
 MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
-"""Offset between the clocks of positions and commands above which a note is given, s."""
+"""Offset between the clock of the positions and that of the commands above which the user gets a note, s."""
 LONGEST = 60.0
-"""Duration from the start of a recording in which the clocks are compared, s."""
+"""Length of the first part of a recording, in which these two clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
-"""Fields of a `TwinStep` that are stored for the whole recording."""
+"""Fields of `TwinStep` whose values are stored for every step."""
 UNITS = {"external_torque": "N m", "stiffness": "N m/rad", "residual": "rad"}
-"""Units of fields for a revolute joint."""
+"""Units of these fields for a revolute joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class Followed:
     """Name of the scenario."""
     joints: tuple[str, ...]
     units: Mapping[str, tuple[str, ...]]
-    """Units of each joint's values, by field of `UNITS`."""
+    """Units by field of `UNITS`, one unit for each joint."""
     time: Array
     """Times (n,) on the clock of the commands, s."""
     positions: Array
@@ -59,7 +59,7 @@ class Followed:
     threshold: Array
     alarm: NDArray[np.bool_]
     notes: tuple[str, ...]
-    """Messages about faults of the recording and of the steps."""
+    """Messages for the user about faults of the recording, and about faults that the twin noted in its steps."""
     interrupted: bool = False
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
@@ -68,7 +68,7 @@ class Followed:
         return list(zip(self.time[edges[::2]].tolist(), self.time[edges[1::2] - 1].tolist(), strict=True))
 
     def rows(self) -> list[dict[str, Any]]:
-        """Plain values of each joint with recorded positions, for JSON."""
+        """Results for each joint with recorded positions, as data for JSON."""
         found = []
         for j, name in enumerate(self.joints):
             torque, residual, stiffness = self.external_torque[:, j], self.residual[:, j], self.stiffness[:, j]
@@ -106,15 +106,16 @@ def follow_recording(
     """Estimates of a twin that follows a recording of positions and commands.
 
     Args:
-        scenario: Scenario of the robot. The step of the scenario is replaced by the sampling interval of the recording if this
-        is longer. recording: Any file that `asrsim.recordings.read_recording` reads.
-        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, or a twentieth of the rate of steps if that is less.
+        scenario: Scenario of the robot. If the sampling interval of the recording is longer than the scenario's step, it
+            replaces the step.
+        recording: Any file that `asrsim.recordings.read_recording` reads.
+        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, but at most a twentieth of the rate of steps.
         mapping, rate: As for `read_recording`.
         clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s.
         variant, overrides: As for `asrsim.run`.
         progress: Called with the finished fraction of the recording.
         stop: Ends the work early when it returns True.
-        watch: Receives the time in s, the measured positions (n,) and the estimates of each step as soon as they are computed.
+        watch: Called after each step with the time in s, the measured positions (n,) and the twin's estimates.
 
     Raises:
         RecordingError: The recording has no position of any joint of the robot, or wrong units.
@@ -155,7 +156,7 @@ def follow_recording(
         for row, at in zip(measured, time.tolist(), strict=True):
             if len(rows) % 200 == 0:
                 progress(Progress(task="twin", fraction=len(rows) / len(time)))
-                # The files of an interrupted run need at least some steps.
+                # Ignore `stop` before the first step, because files without a step cannot be written.
                 if rows and stop():
                     break
             found = twin.step(row, {})
@@ -178,7 +179,7 @@ def follow_recording(
 
 
 def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str]) -> dict[str, dict[str, Signal]]:
-    """Recorded commands by joint and by name of the reference; time 0 is the first step."""
+    """Recorded commands as signals, by joint and by name of the reference; their time 0 is the time of the first step."""
     played = {(one.joint, one.slot): one for one in plan.played}
     found: dict[str, dict[str, Signal]] = {drive.name: {} for drive in ready.drives}
     for drive in ready.drives:
@@ -193,14 +194,14 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
                 notes.append(f"{drive.name}: its command {reference}, {text}, so this reference follows the scenario")
                 continue
             if one.hold:
-                # Two samples at each time: the values before and after the jump.
+                # A held command jumps at each sample: give each time two values, before and after the jump.
                 stamps, values = np.repeat(stamps, 2)[1:], np.repeat(values, 2)[:-1]
             found[drive.name][reference] = Sampled(times=stamps - time[0], samples=values)
     return found
 
 
 def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
-    """Notes on joints whose positions lag the commands by another time than in the model."""
+    """Notes on joints whose measured positions lag their commands by another time than the positions of the model do."""
     count = min(len(time), round(LONGEST / ready.scenario.step))
     time = time[:count] - time[0]
     with Worlds(ready, 1, watched=False) as worlds:
@@ -227,7 +228,7 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
 
 
 def charts(found: Followed) -> list[list[Chart]]:
-    """Rows of charts, one for each joint: external torque with its threshold and alarms, and stiffness where it is known."""
+    """Charts in rows, one row per joint: external torque with its threshold and alarms, and stiffness where it is known."""
     rows = []
     for j, joint in enumerate(found.joints):
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]

@@ -1,4 +1,6 @@
-"""Twin of a robot in real time: it reads topics of commands and joint states, and publishes torques, stiffness and alarms."""
+"""Twin of a robot in real time. It reads commands and joint states from topics, and publishes external torques, stiffness and
+alarms.
+"""
 
 from __future__ import annotations
 
@@ -22,21 +24,21 @@ from asrsim.simulation.prepare import ScenarioLike, prepare_worlds
 from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
-"""Fields of a `TwinStep` that are published for each joint, as std_msgs/Float64."""
+"""Fields of `TwinStep` that are published for each joint, each as a std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
 """Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
 PAUSE = 5.0
-"""Time between the stamps of two messages above which the robot counts as paused or restarted, s."""
+"""Difference between the stamps of two successive messages above which the robot counts as paused or restarted, s."""
 WAIT = 0.02
-"""Time for which a message waits for delayed messages that were published before it, s."""
+"""Time for which the twin holds a message back, because messages published earlier may arrive later, s."""
 MOST_COMMANDS = 1000
-"""Largest number of commands that wait for the next positions."""
+"""Largest number of commands that are kept until the next positions arrive."""
 QUIET = 0.5
-"""Time without an alarm after which the next alarm of a joint is reported, s."""
+"""Time without an alarm of a joint after which the joint's next alarm is reported, s."""
 
 
 class LiveTwin:
-    """Twin that follows a robot in real time. `tell` receives messages for the user."""
+    """Twin that follows a robot in real time."""
 
     def __init__(
         self,
@@ -49,8 +51,8 @@ class LiveTwin:
         duration: float | None = None,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """transports, access, namespace: as in `asrsim.live.session.Settings`; duration: duration in s; None: until the user
-        stops.
+        """bandwidth: of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`; duration: time
+        in s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
         """
         prepared = prepare_worlds(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
@@ -64,20 +66,20 @@ class LiveTwin:
         self._names, self._access = transports, access or Access()
         self._references = [(joint, name) for joint, own in ranges.items() for name in own if name != EXTERNAL_TORQUE]
         self._applied = np.full(len(self._references), np.nan)
-        """Commands that the robot has applied, for each reference; NaN if the robot does not publish them."""
+        """Last command of each reference that the robot says it has applied; NaN if the robot publishes no applied commands."""
         self._waiting: list[tuple[float, Received]] = []
-        """Time of publication of each waiting message, s, and the message."""
+        """Messages that are held back for `WAIT`, each with the time of its publication, s."""
         self._last: tuple[float, Array] | None = None
-        """Time stamp of the last positions, and the positions followed by the applied commands."""
+        """Time stamp of the last positions, s, and one array with these positions followed by the applied commands."""
         self.prepared = prepared
         self.watch: Callable[[Array, TwinStep], None] = lambda positions, found: None
-        """Called with the measured positions (n,) and the estimates after each step."""
+        """Function that is called after each step with the measured positions (n,) and the estimates."""
         self._alarm_ends = np.full(len(self._twin.joints), -np.inf)
         self.alarms = self.steps = 0
 
     @property
     def time(self) -> float:
-        """Time that the twin has followed the robot, s."""
+        """Time for which the twin has followed the robot, s."""
         return self.steps * self._step
 
     def run(self, *, stop: Stop) -> None:
@@ -102,8 +104,8 @@ class LiveTwin:
     def _in_order(self, transports: Sequence[Transport]) -> Iterator[Received]:
         """Messages in the order of their publication, so that positions are combined with commands that the robot had received.
 
-        On a busy machine, messages of one program may arrive later than messages of another program. A message therefore waits
-        for `WAIT` seconds, unless the robot itself publishes the commands that belong to its positions.
+        On a busy machine, a message may arrive later than a message that another program published after it. Each message is
+        therefore held back for `WAIT` seconds, unless the robot itself publishes the commands that belong to its positions.
         """
         now = clock.time()
         arrived = (message for transport in transports for message in transport.poll())
@@ -115,9 +117,9 @@ class LiveTwin:
             yield self._waiting.pop(0)[1]
 
     def _due(self, message: Received) -> Iterator[Array]:
-        """Positions and applied commands at the twin's steps, interpolated between the time stamps of the messages, so that
-        varying delays have no effect. In a gap the positions are unknown (NaN). A message without a stamp, or after a pause, is
-        a single step.
+        """Positions and applied commands for each step of the twin until this message, in one array per step. They are
+        interpolated between the time stamps of two messages, so that varying delays of the messages have no effect. In a gap
+        between messages the positions are unknown (NaN). A message without a time stamp, or after a pause, gives one step.
         """
         positions = _values(message, self._twin.joints)
         if not np.isfinite(positions).any():
@@ -136,8 +138,8 @@ class LiveTwin:
             yield between
 
     def _follow(self, row: Array, messages: Sequence[Received], transports: Sequence[Transport]) -> None:
-        """Let the twin do a step, and publish its estimates. row: positions and applied commands; messages: commands that are
-        used if the robot does not publish its applied commands.
+        """Let the twin do a step, and publish its estimates. row: positions followed by applied commands; messages: commands
+        that the twin uses if the robot does not publish its applied commands.
         """
         positions, applied = np.split(row, [len(self._twin.joints)])
         values = dict(zip(self._references, applied.tolist(), strict=True))
@@ -152,7 +154,7 @@ class LiveTwin:
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
         for number in np.flatnonzero(found.alarm).tolist():
-            # An alarm is reported only if the joint had no alarm for some time.
+            # Report no alarm that begins shortly after another of the same joint: a torque at the threshold causes many alarms.
             if self.time - self._alarm_ends[number] > QUIET:
                 self.alarms += 1
                 self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[number]}")
@@ -162,7 +164,7 @@ class LiveTwin:
 
 
 def _values(message: Received, names: Iterable[str]) -> Array:
-    """Values of a JointState for the given names; NaN for missing names."""
+    """Values of a JointState message for these names, in the same order; NaN for a name that the message lacks."""
     known = dict(zip(message.names or (), message.values, strict=False))
     return np.array([known.get(name, math.nan) for name in names])
 

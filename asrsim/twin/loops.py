@@ -1,7 +1,8 @@
-"""Loops over the joints of a twin and its copies in a step: observed torques and thresholds. They run as Python or compiled.
+"""Loops over the joints of a twin and of its copies, which compute observed torques and alarm thresholds in each step. They run
+as Python or compiled.
 
-All arrays are those of `TwinTables`, since a step must not create arrays: for few joints, creation takes longer than the
-computation.
+The loops write into the arrays of `TwinTables` and create no arrays of their own: for few joints, it takes longer to create an
+array than to compute its values.
 """
 
 from __future__ import annotations
@@ -18,75 +19,76 @@ from asrsim.twin.observer import Gains, respond
 
 
 class TwinTables(NamedTuple):
-    """Arrays of a twin with n joints, in w simulations: the twin itself, and its copies with other parameters."""
+    """Arrays of a twin with n joints. It consists of w simulations: the twin itself, and its copies with other parameters."""
 
     integral: Any
-    """State of the observer, (w, n) each."""
+    """Integral of the position error (w, n), a state of the observer, rad s."""
     lagged: Any
+    """Lagged position error (w, n), the other state of the observer."""
     torques: Any
-    """Torques that pull the links, (w, n), N m."""
+    """Torques that pull the simulated links towards the measured positions, (w, n), N m."""
     masses: Any
-    """Mass matrix (n, n), kg m^2."""
+    """Mass matrix (n, n) at the twin's positions, kg m^2."""
     stiffness: Any
     """Stiffness (n,) of the twin's joints, N m/rad; NaN: unknown."""
     rows: Any
-    """Regression after both filters, (2, kinds + 3, n); see `asrsim.twin.mismatch`."""
+    """Present row of the regression after each of the two filters, (2, kinds + 3, n); see `asrsim.twin.mismatch`."""
     before: Any
     """Positions (2, n) that were measured in the last two steps."""
     missing: Any
-    """Number of steps (n,) without a measured position."""
+    """Number of successive steps (n,) without a measured position, up to now."""
     variance: Any
     """Variance (n,) of the noise of the measured positions, rad^2."""
     peak: Any
-    """Largest recent torque of the springs of each joint, (n,), N m."""
+    """Largest recent torque (n,) of each joint's springs, which decays with time, N m."""
     carried: Any
-    """Largest torque of the springs of each joint so far, (n,), N m."""
+    """Largest torque (n,) of each joint's springs since the twin began, N m."""
     noise: Any
-    """Standard deviation (n,) of the torque for alarms that noise alone causes, N m."""
+    """Standard deviation (n,) of the torque for alarms that is caused by the noise of the positions alone, N m."""
 
 
 class AlarmLimits(NamedTuple):
-    """Numbers of the thresholds of alarms."""
+    """Numbers from which the alarm thresholds are computed."""
 
     forgotten: float
     """Fraction by which the springs' largest recent torque decays in a step."""
     noise_gain: float
-    """Standard deviation of the torque divided by that of the position, for links of inertia 1, s^-2."""
+    """Standard deviation of the torque for alarms divided by that of the position's noise, for a link of inertia 1, s^-2."""
     sigmas: float
-    """Number of standard deviations of the torque up to which no alarm is raised."""
+    """Threshold for noise, as a multiple of the standard deviation of the torque that noise alone causes."""
     release: float
-    """Fraction of the threshold at which an alarm ends."""
+    """Fraction of the threshold below which the torque must fall to end an alarm."""
     slowest: float
     """Speed above which a link counts as moving, rad/s."""
     tolerance: float
-    """Tolerated error of the model as a fraction of the springs' largest recent torque, after the error was estimated."""
+    """Threshold for errors of the model after they were estimated, as a fraction of the springs' largest recent torque."""
     unlearned: float
-    """Like `tolerance`, before the error was estimated."""
+    """Threshold for errors of the model before they were estimated, as a fraction of the springs' largest recent torque."""
     friction: float
-    """Multiple of the friction that is tolerated while the link moves."""
+    """Threshold for errors of the friction while the link moves, as a multiple of the friction."""
     sticking: float
-    """Multiple of the friction that is tolerated while the link is at rest."""
+    """Threshold for errors of the friction while the link is at rest, as a multiple of the friction."""
 
 
 class JointWatch(NamedTuple):
-    """Numbers for the checks of measured positions."""
+    """Numbers with which measured positions are checked."""
 
     share: float
-    """Weight of a new value in the variance of the noise."""
+    """Weight of a new measurement in the moving average that gives the variance of the noise."""
     step: float
     """Time step, s."""
     gap: float
-    """Time without a measurement after which the twin is set to the next measured position, s."""
+    """Time without a measurement above which the twin is set to the next measured position, s."""
     jump: float
-    """Error of a position above which the twin is set to the measured position, rad (m)."""
+    """Difference between a joint's measured and twin position above which the twin is set to the measured position, rad (m)."""
 
 
 JUMPED, LOST, MISSING = 1, 2, 4
-"""Findings of a step: a joint is far from the twin; a joint is measured again after a gap; a joint is not measured."""
+"""Findings of `compare` in a step: a joint is far from its twin; is measured again after a gap; is not measured."""
 
 
 def tables(simulations: int, joints: int, columns: int) -> TwinTables:
-    """The arrays at the start. columns: number of columns of the regression's rows."""
+    """Arrays of a twin at its start. columns: number of entries of a row of the regression, kinds + 3."""
     shape = simulations, joints
     return TwinTables(
         integral=np.zeros(shape),
@@ -107,9 +109,10 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
 def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:
     """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
 
-    positions: measured positions (n,), which become those that the twin can follow; links: of the simulations (w, n), rad;
-    coupled: whether each joint follows another one (n,); stops: of the joints (2, n), rad. Returns the sum of those of
-    `JUMPED`, `LOST` and `MISSING` that apply.
+    positions: measured positions (n,), which are replaced by positions that the twin can follow, rad; links: link positions in
+    the simulations (w, n), rad; coupled: whether each joint follows another joint (n,); stops: lowest and highest positions of
+    the joints (2, n), rad; error: receives the position errors. Returns the sum of `JUMPED`, `LOST` and `MISSING`, each if it
+    applies to any joint.
     """
     simulations, joints = links.shape
     jumped = lost = missing = 0
@@ -128,9 +131,9 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
         if t.missing[j]:
             missing = MISSING
         if coupled[j]:
-            # A coupled joint follows its master, so that its measured position would count twice.
+            # A coupled joint follows another joint, whose measured position corrects both.
             position = math.nan
-        # A twin cannot follow a position beyond a stop: such a position is an error of the measurement.
+        # Move a position beyond a stop to the stop: the twin cannot go there, and the measurement must be wrong.
         if position < stops[0, j]:
             position = stops[0, j]
         if position > stops[1, j]:
@@ -146,11 +149,12 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
 
 
 def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
-    """Compute the torques that reduce the position errors (w, n), and the external torques (2, n) after both filters, from
-    which the errors of the model are subtracted.
+    """Compute the torques that pull the links, and the external torques after each of the two filters. The torques that the
+    regression ascribes to errors of the model are subtracted from the external torques.
 
-    velocity: velocities (n,) of the twin's links; found: coefficients (kinds, n) of the regression; shares: weights of a new
-    value in the filters, and, as last number, the relative difference of the copies' parameters.
+    error: position errors (w, n); velocity: velocities (n,) of the twin's links; found: coefficients (kinds, n) of the
+    regression; shares: weight of a new value in each filter, and the fraction by which the copies' parameters are larger;
+    external: receives the external torques (2, n), N m.
     """
     simulations, joints = error.shape
     t.torques[:] = 0.0
@@ -169,7 +173,8 @@ def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, sha
             rows[last, j] += share * (own - rows[last, j])
             total = 0.0
             for i in range(1, simulations):
-                # The deflections of the springs in twin and robot differ by the difference of the link positions.
+                # The deflections of the simulated and the robot's springs differ by the position error. Add the torque of this
+                # difference.
                 lacking = t.torques[i, j] + _known(t.stiffness[j] * error[i, j])
                 rows[i, j] += share * ((lacking - own) / shares[2] - rows[i, j])
                 total += rows[i, j] * found[i - 1, j]
@@ -180,14 +185,15 @@ def judge(
     t: TwinTables, limits: AlarmLimits, rows: Any, springs: Any, stiffness: int, learned: Any, friction: Any, external: Any,
     ready: bool, error: Any, alarm: Any, found: Any,
 ) -> bool:  # fmt: skip
-    """Compute the external torques, thresholds and alarms of each joint. Returns whether a joint's threshold, from noise alone,
-    exceeds the largest torque that its springs have carried in motion.
+    """Compute the reported external torque, the alarm threshold and the alarm of each joint. Returns whether, for any joint,
+    the threshold for noise alone exceeds the largest torque that its springs have carried so far.
 
-    rows: recorded values of the simulations (w, n, columns); springs: columns (n, k) with the torques of the springs on each
-    link, N m, -1 without spring; stiffness: column with the joints' stiffness, -1 without springs; learned: whether the model's
-    errors are estimated (n,); friction: of the model (n,), N m; external: torques (2, n) after both filters, N m; ready:
-    whether alarms are raised; error: of the twin's positions (n,); alarm: of the last step on entry; found: receives external
-    torques and thresholds (2, n), N m.
+    rows: recorded values of the simulations (w, n, columns); springs: indices (n, k) of the columns with the torque of each
+    spring on each link, N m, -1: no such spring; stiffness: index of the column with the joints' stiffness, -1: no such column;
+    learned: whether the errors of the model are estimated (n,); friction: friction in the model (n,), N m; external: external
+    torques (2, n) after both filters, N m; ready: whether alarms may be raised; error: position errors (n,) of the twin; alarm:
+    alarms (n,) of the last step, which are replaced by those of this step; found: receives external torques and thresholds
+    (2, n), N m.
     """
     too_noisy = False
     joints = len(alarm)
@@ -202,7 +208,7 @@ def judge(
         for k in range(joints):
             total += t.masses[j, k] * t.masses[j, k] * t.variance[k]
         t.noise[j] = limits.noise_gain * math.sqrt(total)
-        # Noise and errors of the model are independent, so their thresholds are added as root sum of squares.
+        # Noise is independent of the errors of the model, so the squares of both thresholds are added.
         tolerated = (limits.tolerance if learned[j] else limits.unlearned) * t.peak[j]
         tolerated += (limits.friction if abs(t.rows[0, 0, j]) > limits.slowest else limits.sticking) * friction[j]
         threshold = math.hypot(limits.sigmas * t.noise[j], tolerated)
@@ -219,7 +225,7 @@ def _known(value: float) -> float:
 
 
 class TwinLoops(NamedTuple):
-    """The functions that a twin calls in a step."""
+    """Functions that a twin calls in each step."""
 
     compare: Callable[..., int] = compare
     pull: Callable[..., None] = pull
@@ -228,7 +234,7 @@ class TwinLoops(NamedTuple):
 
 
 def compiled_loops(t: TwinTables, mismatch: Mismatch, watch: JointWatch, gains: Gains, limits: AlarmLimits) -> TwinLoops:
-    """The loops, compiled for arrays of any size."""
+    """The functions of `TwinLoops`, compiled for arrays of any size."""
     one, two, flags, columns = np.zeros(1), np.zeros((1, 1)), np.zeros(1, dtype=bool), np.zeros((1, 1), dtype=np.int64)
     examples = (
         (t, watch, one, two, flags, two, two),

@@ -1,10 +1,11 @@
-"""Errors of a twin's model. While nothing touches the robot, they are estimated by a regression of the observed torque that
-forgets old data.
+"""Errors of a twin's model. They are estimated from the torque that the twin observes while nothing touches the robot, by a
+regression that forgets old data.
 
-Copies of the twin run beside the twin. In each copy, one kind of parameter has another value in all joints. The columns of the
-regression are the differences between the observed torques of the copies and of the twin. They contain all effects of the
-parameter: the motion of the motors, the delay of the observer, and the filters. The last column is constant. The contributions
-of all other columns are subtracted from the observed torque.
+Copies of the twin run beside the twin. In each copy, one kind of parameter, such as damping, is larger in all joints. The
+columns of the regression are the differences between the torque that a copy observes and the torque that the twin observes.
+They thus contain all effects of a parameter, also those on the motion of the motors, as seen through the observer and the
+filters. The last column is constant. The contributions of all columns but the last are subtracted from the torque that the twin
+observes.
 """
 
 from __future__ import annotations
@@ -20,29 +21,29 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.statics.sizing import linear_parameters
 
 MEMORY = 5.0
-"""Duration of motion after which a row of the regression has lost 63 % of its weight, s."""
+"""Duration of motion after which a row has lost 63 % of its weight in the regression, s."""
 SLOWEST = 0.05
 """Speed below which a link counts as resting, rad/s (m/s)."""
 RIDGE = 1e-3
-"""Regularisation of nearly collinear columns, as a fraction of each column's power."""
+"""Regularisation for nearly collinear columns: fraction of each column's power that is added to the normal equations."""
 LEAST = 0.03
-"""Smallest residual of the regression, as a fraction of the power of the springs' column."""
+"""Smallest residual that is assumed for the regression, as a fraction of the size of the springs' column."""
 CORRELATED = 6.0
-"""Number of successive rows whose errors are correlated; together they count as one independent row."""
+"""Number of successive rows whose errors are correlated, so that they count as one row in the standard error."""
 SHARE, SUMMAND = 0.2, 1e-3
-"""Fraction by which parameters are larger in the copies; number that is also added to damping (N m s/rad) and friction (N
-m).
+"""Fraction by which a parameter is larger in a copy than in the twin, and number that is also added to damping (N m s/rad) and
+friction (N m), which may be 0 in the twin.
 """
 KNOWN = 0.04
-"""Largest relative standard error at which a stiffness is reported."""
+"""Relative standard error of a joint's stiffness below which the stiffness is reported."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
-"""Kinds of parameters that differ in the copies."""
+"""Kinds of parameters; each kind is larger in one of the copies."""
 COLUMNS = len(KINDS) + 3
-"""Number of columns of a row: velocity, regression, observed torque."""
+"""Number of entries of a row: velocity, a column for each kind of parameter, the constant column, and the observed torque."""
 
 
 def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
-    """Parameters of the copies of a twin, by joint and name: one table for each of `KINDS`."""
+    """Parameters of each copy of a twin that differ from the twin's, by joint and name; one copy for each of `KINDS`."""
     tables: list[dict[str, Mapping[str, float]]] = [{} for _ in KINDS]
     for stepped in prepared.drives:
         joint, drive = stepped.joint, stepped.drive
@@ -59,23 +60,23 @@ class Mismatch(NamedTuple):
     """Regression of the observed torques of n joints; all arrays are updated in place."""
 
     products: Any
-    """Weighted sums (n, kinds + 2, kinds + 2) of the products of columns and torque."""
+    """Weighted sums (n, kinds + 2, kinds + 2) over the rows of the products of two entries, each a column or the torque."""
     found: Any
-    """Errors of the parameters (kinds, n), as fractions."""
+    """Relative errors (kinds, n) of the twin's parameters: the coefficients of the regression."""
     learned: Any
     """Whether the regression contains at least one second of motion, (n,)."""
     stiffening: Any
-    """Ratio of the robot's stiffness to the twin's stiffness (n,); NaN: too uncertain."""
+    """Ratio of the robot's stiffness to the twin's stiffness (n,); NaN where the ratio is too uncertain."""
     normal: Any
-    """Work space (kinds + 1, kinds + 5); see `asrsim.engines.loops.solve_normal`."""
+    """Work array (kinds + 1, kinds + 5) for the normal equations; see `asrsim.engines.loops.solve_normal`."""
     size: Any
-    """Scratch array (kinds + 2,) for the scales of the normal equations."""
+    """Work array (kinds + 2,) for the sizes of the columns and of the torque, by which the normal equations are scaled."""
     interval: float
     """Time between rows of the regression, s."""
 
 
 def mismatch_of(joints: int, interval: float) -> Mismatch:
-    """Regression without rows."""
+    """Regression before its first row."""
     columns = len(KINDS) + 1
     return Mismatch(
         products=np.zeros((joints, columns + 1, columns + 1)),
@@ -89,11 +90,11 @@ def mismatch_of(joints: int, interval: float) -> Mismatch:
 
 
 def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
-    """Add a row to the regression of each joint that moves freely; joints at rest are left out, since friction at rest may have
-    any value.
+    """Add a row to the regression of each joint that moves without an alarm. Joints at rest are left out, since their friction
+    may have any value up to the sliding friction.
 
-    rows: velocity, columns of the regression and observed torque after the slow filter, (kinds + 3, n); error: of the twin's
-    positions (n,), NaN: not measured; alarm: of each joint (n,).
+    rows: velocity, columns of the regression and observed torque, all after the slow filter, (kinds + 3, n); error: position
+    errors (n,) of the twin, NaN where a position is not measured; alarm: whether an alarm is raised for each joint (n,).
     """
     columns, normal = len(m.normal), m.normal
     for j in range(len(alarm)):
@@ -107,20 +108,22 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
         for a in range(columns):
             for b in range(columns):
                 normal[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
-            # Two right-hand sides: the first gives the estimates, the second the first column of the inverse matrix.
+            # Use two right-hand sides. The first gives the coefficients. The second gives the first column of the inverse
+            # matrix, from which the standard error of the stiffness follows.
             normal[a, columns], normal[a, columns + 1] = products[a, columns] / size[a] / size[columns], 1.0 if a == 0 else 0.0
         solve_normal(normal, columns, columns, 2)
         found, inverse = normal[:, columns + 2], normal[:, columns + 3]
         rest = 1.0
         for a in range(columns):
             rest -= found[a] * (products[a, columns] / size[a] / size[columns])
-        # With a perfect twin the residual, and therefore the standard error, would be zero.
+        # Assume at least a small residual: a perfect twin would otherwise have the standard error zero.
         residual = max(rest * (size[columns] * size[columns]), (LEAST * size[0]) * (LEAST * size[0]))
-        # The squares of the constant column add up to the number of rows.
+        # The constant column is 1, so the sum of its squares is the weighted number of rows.
         seen = max(products[columns - 1, columns - 1], 1e-12)
         m.learned[j] = seen > 1.0 / m.interval
         for a in range(columns - 1):
             m.found[a, j] = found[a] * size[columns] / size[a] if m.learned[j] else 0.0
         deviation = math.sqrt(CORRELATED * residual / seen * inverse[0]) / size[0]
-        # A stiffer copy needs less torque to follow the robot.
+        # If the robot is stiffer than the twin by a fraction x, a copy that is stiffer by x observes no torque. The coefficient
+        # of the springs is then -x.
         m.stiffening[j] = 1.0 - m.found[0, j] if m.learned[j] and deviation < KNOWN else math.nan

@@ -1,8 +1,9 @@
-"""Observer of the torque that a model lacks: the torque that pulls simulated links towards their measured positions.
+"""Observer of the torque that acts on the robot and that the model lacks. A controller pulls the simulated links towards the
+measured positions; its torque is the observed torque.
 
-The observer is the controller C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)) on the differences of positions, with the
-mass matrix M and the bandwidth w in rad/s. All poles of free links are then at -w for any coupling of the links, and a torque
-on one joint is observed at this joint alone; springs and damping increase the stability.
+The controller is C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)). It acts on the measured minus the simulated positions; M
+is the mass matrix and w the bandwidth in rad/s. For links without springs and damping, all poles are then at -w, however the
+links are coupled. A torque on one joint is observed at this joint alone. Springs and damping increase the stability.
 """
 
 from __future__ import annotations
@@ -15,37 +16,40 @@ import numpy as np
 from asrsim.samples import Array
 
 SLOW, FAST = 0.7, 4.0
-"""Cutoff frequencies of the filters of the reported torque and of the torque for alarms, as multiples of w."""
+"""Cutoff frequencies of two low-pass filters, as multiples of w: of the reported torque, and of the torque for alarms."""
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
-    """Weights (2,) of a new value in both low-pass filters; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
+    """Weight of a new value in each of the two low-pass filters, (2,); step: time step, s; bandwidth: of the observer, Hz."""
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
 class Gains(NamedTuple):
-    """Numbers of the controller C(s) for a link of inertia 1."""
+    """Gains of the controller C(s) for a link of inertia 1, at a fixed time step."""
 
     proportional: float
     slow: float
     quick: float
     lag: float
-    """Fraction of the lagged error that remains after a step, and weight of a new error in it."""
+    """Fraction of the lagged error that remains after a step."""
     share: float
+    """Weight of a new position error in the lagged error, s."""
     step: float
     """Time step, s."""
 
 
 def gains_of(step: float, bandwidth: float) -> Gains:
-    """Gains of the controller; step: time step, s; bandwidth: bandwidth of the observer, Hz."""
+    """Gains of the controller; step: time step, s; bandwidth: of the observer, Hz."""
     w = 2.0 * math.pi * bandwidth
     lag = math.exp(-4.0 * w * step)
     return Gains(6.0 * w**2, 0.25 * w**3, -20.25 * w**3, lag, (1.0 - lag) / (4.0 * w), step)
 
 
 def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple[float, float, float]:
-    """Acceleration for the next step from a position error in rad (NaN: not measured), and the new integral and lagged error.
-    The controller starts with zeros.
+    """Acceleration of the link for the next step, new integral of the error, and new lagged error.
+
+    error: measured minus simulated position, rad, NaN if the position is not measured; integral, lagged: values that the last
+    step returned, 0 at first.
     """
     known = error == error
     if not known:
@@ -55,7 +59,9 @@ def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple
 
 
 def noise_gain(step: float, bandwidth: float) -> float:
-    """Standard deviation of the fast torque on a free link of inertia 1 per standard deviation of the position noise, s^-2."""
+    """Standard deviation of the torque for alarms, divided by that of the noise of the positions, s^-2, for a link of inertia 1
+    without springs and damping.
+    """
     gains, share = gains_of(step, bandwidth), float(filter_shares(step, bandwidth)[1])
     position = velocity = fast = total = integral = lagged = 0.0
     for k in range(math.ceil(20.0 / (2.0 * math.pi * bandwidth * step))):

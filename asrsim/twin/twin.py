@@ -25,45 +25,45 @@ from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
 SIGMAS = 6.0
-"""Alarm threshold for noise of the torque, in standard deviations."""
+"""Alarm threshold for noise, as a multiple of the standard deviation that noise causes in the observed torque."""
 TOLERANCE, UNLEARNED = 0.08, 0.6
-"""Alarm thresholds for errors of the model, as fractions of the springs' largest recent torque: after and before the
-estimation of these errors.
+"""Alarm thresholds for errors of the model, as fractions of the springs' largest recent torque: `TOLERANCE` after these errors
+were estimated, `UNLEARNED` before.
 """
 FRICTION, STICKING = 0.5, 2.0
-"""Alarm threshold for errors of the friction, as a multiple of the friction: in motion, and at rest, where the frictions of
-robot and twin may have opposite signs.
+"""Alarm thresholds for errors of the friction, as multiples of the friction: `FRICTION` in motion, `STICKING` at rest, where
+the friction of the robot and that of the twin may have opposite signs.
 """
 RELEASE = 0.7
 """An alarm ends when the torque falls below this fraction of the alarm threshold."""
 PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
-"""Time constants of the largest spring torque and of the noise variance, s."""
+"""Time constants with which the springs' largest recent torque decays, and with which the noise variance is averaged, s."""
 SETTLE = 0.5
-"""Duration after a start in which no alarms are raised, s."""
+"""Time in which no alarms are raised after the twin was set to the robot's positions, s."""
 JUMP = 0.25
-"""Difference of a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
+"""Difference between a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
 EVERY = 0.01
-"""Interval between rows of the mismatch regression, and between updates of the mass matrix, s."""
+"""Interval between two rows of the regression (`asrsim.twin.mismatch`), and between two updates of the mass matrix, s."""
 LONGEST_GAP = 0.03
-"""Time without a measurement above which the twin is set to the next measured position, s."""
+"""Time without a measured position of a joint above which the twin is set to the next measured position, s."""
 MISSING_NOTED = 0.1
-"""Time without a measurement after which a note is given, s."""
+"""Time without a measured position of a joint above which the user gets a note, s."""
 EXPECTED = 10**7
-"""Assumed number of substeps of a run: so large that compilation saves time."""
+"""Number of substeps that is assumed for a run of unknown length: so many that compilation saves time."""
 REPEAT = 1.0
-"""Shortest time between two notes with equal text, s."""
+"""Shortest time between two notes whose texts differ only in numbers, s."""
 
 NUMBERS = (int, float, np.number)
-"""Types of the values of commands."""
+"""Types of number that a command may have."""
 
 Commands = Mapping[str, Mapping[str, float]]
-"""Values of references, by joint and by name of the reference."""
+"""Commanded values of references, by joint and by name of the reference."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TwinStep:
-    """Estimates of a twin after a measurement; arrays (n,) have an element for each joint, in the order of the
-    twin's joints. Units in brackets are those of prismatic joints.
+    """Estimates of a twin after a step. Arrays (n,) have an element for each joint, in the order of the twin's joints. Units in
+    brackets are those of prismatic joints.
     """
 
     time: float
@@ -89,9 +89,9 @@ class Twin:
             found = twin.step({"joint_1": position}, {"joint_1": {"equilibrium_position": goal}})
             found.external_torque, found.alarm
 
-    A step lasts as long as the scenario's `step:`, which must be the sampling time of the measurements. References without
-    commands follow the scenario. Raises the errors of `asrsim.prepare`, and InputError for unknown joints; wrong measurements
-    raise no error.
+    A step lasts as long as the scenario's `step:`, which must be the sampling interval of the measurements. References without
+    commands follow the scenario's signals. Raises the errors of `asrsim.prepare`, and InputError for unknown joints. Measured
+    positions that cannot be right cause notes (`TwinStep.notes`) and no errors.
     """
 
     def __init__(
@@ -114,7 +114,7 @@ class Twin:
             raise InputError(message, key="bandwidth", value=bandwidth, code="bandwidth")
         self._starts = [Start(), *(Start(parameters=parameters) for parameters in varied(ready))]
         self.worlds = Worlds(ready, len(self._starts), compiled=compiled, expected_substeps=EXPECTED)
-        """The twin, and its copies with other parameters."""
+        """Simulation worlds: the first is the twin, the others are its copies with other parameters."""
         if (model := self.worlds.model) is None:
             self.close()
             engine = ready.scenario.engine
@@ -158,16 +158,17 @@ class Twin:
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
         self._commands: dict[tuple[str, str], float] = {}
-        """Commands that are in effect, by joint and reference."""
+        """Last finite command for each joint and reference, which stays in effect until the next."""
         self._steps = self._settled = 0
         self._noted: dict[str, int] = {}
-        """Step of the last occurrence of each note, by the note's text without numbers."""
+        """Step in which each note was last given, by the note's text without numbers."""
 
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Commands) -> TwinStep:
         """Simulate one step and return the estimates after the step.
 
-        measured: positions of links in rad (m), by joint or all in order; a joint without a finite position is not corrected.
-        commands: values of references from now on, by joint and by name of the reference.
+        measured: positions of the links in rad (m), by joint, or all in the order of `joints`. The twin of a joint without a
+        finite position is not corrected. commands: values that references have from now on, by joint and by name of the
+        reference.
         """
         notes: list[str] = []
         positions = self._positions(measured)
@@ -251,12 +252,15 @@ class Twin:
         self._settled = self._steps + round(SETTLE / self._step)
 
     def _note_missing(self, notes: list[str]) -> None:
-        """Note joints whose position has not been measured for long."""
+        """Add a note for each joint whose position has not been measured for more than `MISSING_NOTED`."""
         for joint in np.flatnonzero(self._tables.missing * self._step > MISSING_NOTED).tolist():
             self._note(f"{self.joints[joint]}: no position is measured, so the twin of this joint is not corrected", notes)
 
     def _note_jumps(self, distances: list[float], notes: list[str]) -> None:
-        """Note joints that are far from their twin. distances: positions of the robot minus those of the twin, rad (m)."""
+        """Add a note for each joint that is farther than `JUMP` from its twin.
+
+        distances: positions of the robot minus those of the twin, rad (m); empty if the twin has just been set to the robot.
+        """
         for joint, distance in zip(self.joints, distances, strict=False):
             if abs(distance) > JUMP:
                 why = "another robot, a motor that is off, or a wrong command?"
@@ -264,7 +268,7 @@ class Twin:
                 self._note(f"{joint}: {text}", notes)
 
     def _estimate(self, error: Array, notes: list[str]) -> TwinStep:
-        """Estimates from the twin's position error (n,) and the external torques after both filters."""
+        """Estimates after a step, from the position errors (n,) of the twin and the external torques that `pull` computed."""
         own, mismatch, ready = self._tables, self._mismatch, self._steps >= self._settled
         found, alarm = np.empty((2, len(error))), self._alarm.copy()
         rows = self.worlds.latest()
@@ -288,9 +292,7 @@ class Twin:
         )
 
     def _note_noise(self, notes: list[str]) -> None:
-        """Note joints whose threshold, due to noise alone, exceeds the largest torque that their springs have carried in
-        motion.
-        """
+        """Add a note for each joint whose threshold for noise alone exceeds the largest torque of its springs so far."""
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])
@@ -302,14 +304,14 @@ class Twin:
             )
 
     def _note(self, text: str, notes: list[str]) -> None:
-        """Add a note, unless a note with equal text but other numbers was given within the last `REPEAT` seconds."""
+        """Add a note, unless a note whose text differs only in numbers was given within the last `REPEAT` seconds."""
         kind = re.sub(r"[-+]?[0-9][0-9.e+-]*", "", text)
         if self._steps - self._noted.get(kind, -math.inf) >= REPEAT / self._step:
             self._noted[kind] = self._steps
             notes.append(text)
 
     def close(self) -> None:
-        """Release the simulations."""
+        """Close the simulations of the twin and of its copies."""
         self.worlds.close()
 
     def __enter__(self) -> Twin:

@@ -1,4 +1,4 @@
-"""Colours of bodies by a quantity, and the scale that explains them."""
+"""Colours that show a quantity on the bodies, and the colour scale that explains them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,18 @@ from asrsim.samples import Array
 from asrsim.viewer.figure import Rgb
 
 SCALES: dict[str, tuple[tuple[int, int, int], ...]] = {
-    # Diverging, from negative to positive.
+    # Blue for negative deflections, grey for 0, red for positive deflections.
     "deflection": ((33, 102, 172), (146, 197, 222), (240, 240, 240), (244, 165, 130), (178, 24, 43)),
-    # From soft to stiff.
+    # Yellow for soft joints, violet for stiff joints.
     "stiffness": ((253, 231, 37), (94, 201, 98), (33, 145, 140), (59, 82, 139), (68, 1, 84)),
 }
-"""Quantities by which bodies can be coloured, and the colours at even distances along each scale."""
+"""By quantity that can colour the bodies: colours at even distances along the quantity's scale."""
 
 
 class ColourScale:
-    """Colours for the values of a quantity. The ends of the scale are the smallest and largest values so far."""
+    """Colours for the values of a quantity. The ends of the scale are the smallest and the largest value that it has shown so
+    far; a scale of deflections is symmetric about 0.
+    """
 
     def __init__(self, quantity: str) -> None:
         self.quantity = quantity
@@ -49,7 +51,7 @@ class ColourScale:
         return found
 
     def legend(self) -> str:
-        """HTML of the scale with its ends; empty before a value was seen."""
+        """HTML of the scale with the values at its ends; empty before the first value."""
         if not self._low <= self._high:
             return ""
         stops = ", ".join(f"rgb{anchor}" for anchor in SCALES[self.quantity])
@@ -68,6 +70,6 @@ def words_of(quantity: str) -> str:
 
 
 def label_of(quantity: str, units: Sequence[str] = ()) -> str:
-    """Name of a quantity in words with its unit. units: units in place of the quantity's own."""
+    """Name of a quantity in words with its unit. units: units of the shown joints, in place of the quantity's unit."""
     unit = " or ".join(dict.fromkeys(units)) or unit_of(quantity)
     return f"{words_of(quantity)}, {unit}" if unit else words_of(quantity)

@@ -30,16 +30,16 @@ from asrsim.viewer.subject import Companion, Subject
 from asrsim.viewer.tuning import tunable, unit_of_number
 
 LONGEST = 0.05
-"""Longest time between two pictures of a slow run, s."""
+"""Longest wall-clock time for which a slow run may leave the page without new samples, s."""
 SAID = 0.25
-"""Time between two updates of the texts, s."""
+"""Wall-clock time between two updates of the page's texts, s."""
 NOBODY = "no variant"
 WIDE = 10.0
-"""Range of a reference without limits, in its unit."""
+"""Largest magnitude on the slider of a reference without limits, in the reference's unit."""
 
 
 class Desk:
-    """Controls of one live run on a page. It is the operator of `asrsim.live.session.Session`."""
+    """Controls of a live run on a page. The desk is the operator of the run's `asrsim.live.session.Session`."""
 
     def __init__(
         self,
@@ -51,18 +51,18 @@ class Desk:
         companions: Sequence[Companion] = (),
         simulate: Callable[[str], Companion] | None = None,
     ) -> None:
-        """variants: names of the scenario's variants; companions: ghosts; simulate: function that returns the ghost of a
-        variant, which is called in a separate thread.
+        """variants: names of the scenario's variants; companions: ghosts of other runs and recordings; simulate: function that
+        returns the ghost of a variant, called in a separate thread.
         """
         self._simulate = simulate
         self._arrived = SimpleQueue[Companion | str]()
-        """Finished ghosts, or the reason why a ghost could not be computed."""
+        """Ghosts that were computed and are not yet shown, or the reasons why ghosts could not be computed."""
         self._page = page
         self._sliders: dict[Target, Any] = {}
         self._present: dict[str, Any] = {}
-        """Text with the present references of each joint."""
+        """Element of the page, by joint, that shows the present references of the joint."""
         self._show_number: Callable[[], None] = lambda: None
-        """Function that shows the present value of the parameter to tune."""
+        """Function that shows the present value of the parameter that the user has selected for tuning."""
         self._floats = not session.simulation.scenario.fixed_base
         self._begin(session, subject)
         tabs = page.show(subject, companions=companions)
@@ -77,26 +77,24 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """Arguments of the next run (`variant` or `tuned`) after a reset or a change; None while the present run continues."""
+        """Variant and tuned numbers of the next run, once the user wants one; None: the present run continues."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
-        """References that the user has set, and those that follow the scenario's signals again (None)."""
+        """Values of the references that the user has set; None: the reference follows the scenario's signal again."""
         self._pushed: set[str] = set()
-        """Joints whose external torque is not 0 because of a pull."""
+        """Joints on which a pull of the user causes an external torque."""
         self._held: str | None = None
-        """Body on which a wrench is held."""
+        """Body on which a pull of the user causes a wrench; None without such a pull."""
         self._grip: Grip | None = None
         self._pull: Pull | None = None
         self._said = -1.0
         self._end = ""
-        """Reason why the run has ended."""
+        """HTML with the reason why the run has ended; empty while it continues."""
         self._written = clock.perf_counter()
         """Wall-clock time of the last samples, s."""
 
     def begin(self, session: Session, subject: Subject, *, tuned: Numbers, news: str) -> None:
-        """Continue with another run of the same variant. tuned: numbers that the user has changed; news: a text for the
-        user.
-        """
+        """Control another run of the same variant. tuned: numbers that the user has changed; news: message for the user."""
         self._begin(session, subject)
         self.tuned, self._news = tuned, news
         self._page.renew(subject)
@@ -167,7 +165,7 @@ class Desk:
         by_hand(slider, partial(self._set, target))
 
     def _reference(self, target: Target) -> float:
-        """Present value of a reference; 0 for an external torque."""
+        """Present value of a reference; 0 if the target is an external torque."""
         if target[1] == EXTERNAL_TORQUE:
             return 0.0
         joint, slot = self.session.simulation.prepared.slot_of(*target)
@@ -234,7 +232,7 @@ class Desk:
             Thread(target=work, daemon=True).start()
 
     def _welcome(self) -> None:
-        """Show the ghosts that are ready."""
+        """Show the ghosts that were computed since the last call."""
         while not self._arrived.empty():
             found = self._arrived.get()
             if isinstance(found, str):
@@ -262,7 +260,7 @@ class Desk:
         return model is not None and bool(model.jacobian(np.zeros(len(model.joints)), grip.body, grip.point).any())
 
     def _drag(self, body: str, event: Any) -> None:
-        """Pull a point of a body that the user drags."""
+        """Start, move or end a pull on a body that the user drags. event: viser's event of the drag."""
         latest = self.subject.history.latest
         if event.phase == "end" or latest is None:
             self._grip = None
@@ -299,14 +297,16 @@ class Desk:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
         self._pull = pull
-        # A slow run fills its blocks of samples late.
+        # Let a slow run hand over its samples before their block is full, so that the page shows them soon.
         if clock.perf_counter() - self._written > LONGEST:
             session.simulation.flush()
             self._written = clock.perf_counter()
         return values
 
     def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> tuple[Mapping[Target, float], Pull]:
-        """External torques of a pull on a link, and the pull."""
+        """External torques that a pull on a link causes, added to those that the user has set, and the pull. spring: stiffness
+        in N/m and largest force in N.
+        """
         model = session.simulation.model
         assert model is not None
         order = [session.simulation.joints.index(name) for name in model.joints]
@@ -317,7 +317,7 @@ class Desk:
         return {target: torque + (self._by_hand.get(target) or 0.0) for target, torque in targets.items()}, pull
 
     def _frame_now(self, session: Session, body: str) -> Array:
-        """Frame (4, 4) of a body in the world at the present state."""
+        """Present frame (4, 4) of a body in the world."""
         simulation = session.simulation
         bodies = {name: np.array(pose) for name, pose in simulation.look().scene().bodies.items()}
         positions = dict(zip(simulation.joints, simulation.observe().link_position.tolist(), strict=True))
@@ -340,15 +340,15 @@ class Desk:
         if latest is None:
             return
         self._page.draw(latest, pull=self._pull)
-        # The wall clock decides, so that the text of a paused run is also updated.
+        # Update the texts by the wall clock and not by the simulated time, so that those of a paused run also change.
         if (now := clock.perf_counter()) - self._said >= SAID:
             self._said = now
             self._say_references(latest)
             self._page.say(self._end or self._status(float(latest.time[-1])), last=bool(self._end))
 
     def _say_references(self, latest: Samples) -> None:
-        """Show each joint's present references below its sliders. The sliders do not follow: a page that writes into
-        a field would overwrite the number that a user types there.
+        """Show each joint's present references below its sliders. The sliders keep the user's values: a new value would
+        overwrite a number that the user is typing.
         """
         for joint, text in self._present.items():
             parts = []

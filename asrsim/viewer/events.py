@@ -1,4 +1,4 @@
-"""Events of a log to which a page jumps: limits that were reached, stops, claims that failed."""
+"""Events in a log to which the user can jump on a page: limits and stops that a joint reached, and claims that do not hold."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from asrsim.samples import Array, JointInfo, Samples
 from asrsim.viewer.history import values_of
 
 NEAR = 1e-3
-"""Distance from a limit, as a fraction of it, within which the limit counts as reached."""
+"""Distance from a limit, as a fraction of the limit, within which the limit counts as reached."""
 APART = 0.05
-"""Time between two events of a kind and joint, s."""
+"""Time for which a joint must be away from a limit before reaching it again counts as a new event, s."""
 EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs, "overshoot": np.abs}
-"""Measures that belong to an instant: that at which this function of the series is largest."""
+"""Measures that a claim takes at one instant, each with a function: at this instant the function of the series is largest."""
 
 
 @dataclass(frozen=True, order=True)
 class Event:
-    """Something that happened at a time in s."""
+    """Event at a time in s, with its description."""
 
     time: float
     text: str
 
 
 def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: Robot) -> list[Event]:
-    """Events of a log in the order of time: from its samples, and the claims that do not hold."""
+    """Events of a log in the order of time: limits that its samples reach, and claims that do not hold."""
     reader = open_log(path)
     parameters = reader.info.resolved.get("parameters", {})
     found = [*limit_events(samples, joints, robot, parameters if isinstance(parameters, Mapping) else {})]
@@ -53,9 +53,8 @@ def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: 
 
 
 def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]) -> Iterator[Event]:
-    """Times at which a link reached a stop or an effort limit, a motor its largest torque, a spring its largest deflection.
-
-    parameters: values of the actuators by joint.
+    """Events at which a link reaches a stop or its effort limit, a motor its torque limit, or a spring its largest deflection.
+    parameters: parameter values of the actuators, by joint.
     """
     known = {joint.name: joint for joint in robot.joints}
     for column, name in enumerate(samples.joints):
@@ -87,7 +86,10 @@ def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, pa
 
 
 def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Event]:
-    """An event at the beginning of each interval in which a condition holds; short breaks do not count."""
+    """An event at the beginning of each interval in which a condition holds. An interval continues over breaks up to `APART`.
+
+    reached: whether the condition holds at each time (n,); text: description of the event.
+    """
     rows = np.flatnonzero(reached)
     if len(rows):
         fresh = np.diff(time[rows], prepend=-np.inf) > APART
@@ -95,7 +97,7 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 
 def _time_of(claim: Any, samples: Samples) -> float:
-    """Time at which a claim about a quantity is violated most, s: the time of the extreme value, else the end."""
+    """Time of the event for a claim that does not hold, s: the instant that its measure is about, else the end of the run."""
     values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
     if claim.joint in samples.joints and values is not None and size is not None:
         column = size(values[:, samples.joints.index(claim.joint)])

@@ -1,4 +1,4 @@
-"""A robot with its world in the page's 3-D scene; ghosts are translucent figures of one colour."""
+"""A figure: a robot with its world in the page's 3-D scene. Ghosts are translucent figures of one colour."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ if TYPE_CHECKING:
     import viser
 
 Rgb = tuple[int, int, int]
-"""Red, green and blue, 0 to 255."""
+"""Colour as red, green and blue, 0 to 255 each."""
 MOVED = 1e-7
-"""Change of an entry of a frame below which a body counts as still, m or 1."""
+"""Change of a coordinate of a position (m) or of a quaternion up to which a body counts as still."""
 _NAMES = itertools.count()
 
 
 class Figure:
-    """Shapes of a scene on a page, which `place` moves.
+    """Shapes of a scene on a page, which `place` moves. They hang on nodes of the page's scene tree.
 
-    Links that a fixed joint connects share a node. Each node is placed relative to the node of the preceding body. A turning
-    joint thus changes one orientation and no position, so that a picture of a robot needs only a few small messages.
+    Links that fixed joints connect share a node. The node of a link is placed relative to the node of the link before it in the
+    chain. A turning joint thus changes the orientation of one node and no position, so that a new picture of the robot needs
+    only a few small messages to the page.
     """
 
     def __init__(
@@ -45,16 +46,16 @@ class Figure:
         root = f"/figure_{next(_NAMES)}"
         self._root = server.scene.add_frame(root, show_axes=False)
         self.nodes: dict[str, viser.FrameHandle] = {}
-        """Nodes by the name of their body: the root, each link that a joint moves, and each object."""
+        """Nodes by the name of their body: the root link, each link that a joint moves, and each object."""
         self.meshes: dict[str, list[tuple[viser.MeshHandle, Rgb]]] = {}
-        """Meshes of each body, with their original colours."""
+        """Meshes of each body, each with its original colour."""
         self._place_of: dict[str, tuple[Array | None, Array | None]] = {}
-        """Position and orientation of each node relative to its preceding node, as last sent."""
+        """Position and orientation of each node, relative to the node before it, as last sent to the page."""
         self._tints: Mapping[str, Rgb] = {}
         joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
         carrier = {scene.model.robot.root.name: scene.model.robot.root.name}
         self._before: dict[str, str] = {}
-        """Body of the preceding node, for each node that is not the first of its tree."""
+        """By body of a node: body of the node before it. The root link and the objects have no node before them."""
         for link, joint in joints.items():
             carrier[link] = link if joint.moves else carrier[joint.parent]
             if joint.moves:
@@ -62,7 +63,7 @@ class Figure:
         carrier |= {name: name for name in scene.objects if objects}
         for body in dict.fromkeys(carrier.values()):
             above = root if body not in self._before else self.nodes[self._before[body]].name
-            # Names of links may contain characters that separate names of nodes.
+            # Name the nodes by numbers, because names of links may contain the character that separates names of nodes.
             self.nodes[body] = server.scene.add_frame(f"{above}/{len(self.nodes)}", show_axes=False)
         frames = scene.frames({}, {})
         for number, part in enumerate(scene.parts):
@@ -86,15 +87,15 @@ class Figure:
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
     def place(self, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-        """Move the bodies to the last of the samples; returns the frame (4, 4) of each body in the world.
+        """Move the bodies to their poses in the last of the samples; returns the frame (4, 4) of each body in the world.
 
-        positions: positions (joints,) instead of the links' positions, rad (m).
+        positions: positions (joints,) that replace the links' positions in the samples, rad (m).
         """
         frames = frames_of(self.scene, samples, positions)
         world = np.eye(4)
         above = np.array([frames[self._before[name]] if name in self._before else world for name in self.nodes])
         own = np.array([frames[name] for name in self.nodes])
-        # The inverse of a frame is its transposed rotation.
+        # The inverse of a rotation matrix is its transpose.
         back = above[:, :3, :3].transpose(0, 2, 1)
         places = (back @ (own[:, :3, 3] - above[:, :3, 3])[:, :, None])[:, :, 0]
         turns = quaternions(back @ own[:, :3, :3])
@@ -108,7 +109,7 @@ class Figure:
         return frames
 
     def tint(self, colours: Mapping[str, Rgb]) -> None:
-        """Give bodies a colour; all other bodies get their original colours."""
+        """Give each body in `colours` its colour there, and all other bodies their original colours."""
         if colours == self._tints:
             return
         self._tints = dict(colours)
@@ -127,7 +128,8 @@ class Figure:
         """Call `report` with a body and viser's event while a user drags the body."""
 
         def listen(body: str, mesh: Any) -> None:
-            # Coroutines are called in the order of the events; functions may overtake each other.
+            # Use a coroutine: viser calls coroutines in the order of the events, but functions in threads that may overtake
+            # each other.
             async def on_drag(event: Any) -> None:
                 report(body, event)
 
@@ -153,7 +155,9 @@ class Figure:
 
 
 def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-    """Frame (4, 4) of each body in the world at the last of the samples. Joints without a position are at 0."""
+    """Frame (4, 4) of each body in the world at the last of the samples. positions: positions (joints,) that replace those in
+    the samples, rad (m); a joint without a position is placed at 0.
+    """
     values = samples.values["link_position"][-1] if positions is None else positions
     return scene.frames(
         {name: float(value) for name, value in zip(samples.joints, values, strict=True) if math.isfinite(value)},
@@ -162,7 +166,7 @@ def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = No
 
 
 def quaternions(frames: Array) -> Array:
-    """Quaternions (n, 4) w, x, y, z of frames (n, 4, 4) or rotations (n, 3, 3)."""
+    """Quaternions (n, 4) as w, x, y, z for the rotations in frames (n, 4, 4) or in rotation matrices (n, 3, 3)."""
     from scipy.spatial.transform import Rotation
 
     turns: Array = Rotation.from_matrix(frames[:, :3, :3]).as_quat(scalar_first=True)

@@ -12,16 +12,16 @@ from asrsim.quantities import DERIVED
 from asrsim.samples import Array, JointInfo, Samples, concatenate
 
 RATE = 200.0
-"""Largest rate of the samples that are kept of a running simulation, Hz."""
+"""Largest rate at which the samples of a running simulation are kept, Hz."""
 SPAN = 60.0
-"""Length of the latest part of a running simulation that is kept, s."""
+"""Length of the latest part of a running simulation whose samples are kept, s."""
 MERGED = 32
-"""Number of new blocks of samples after which all blocks are joined."""
+"""Number of blocks of samples above which all blocks are joined to one, and old samples are discarded."""
 
 
 class History:
-    """Samples of a run, in the order of time. A running simulation adds samples, and old samples are discarded; other threads
-    may read at any time.
+    """Samples of a run, in the order of time. A running simulation adds samples, and old samples are discarded. Other threads
+    may read the samples at any time.
     """
 
     def __init__(self, joints: Sequence[JointInfo], samples: Samples | None = None) -> None:
@@ -30,13 +30,13 @@ class History:
         self._latest: Samples | None = None if samples is None else _rows(samples, slice(-1, None))
 
     def write(self, samples: Samples) -> None:
-        """Add samples that follow the previous ones."""
+        """Add samples, whose times follow those of all samples that were added before."""
         if not len(samples.time):
             return
         step = float(np.diff(samples.time[-2:])[0]) if len(samples.time) > 1 else np.inf
         every = max(1, round(1.0 / (RATE * step)))
         self._latest = _rows(samples, slice(-1, None))
-        # Counting from the end keeps the newest sample.
+        # Keep every n-th sample, counted from the end, so that the newest sample is kept.
         self._blocks.append(_rows(samples, slice((len(samples.time) - 1) % every, None, every)))
         if len(self._blocks) > MERGED:
             whole = concatenate(self._blocks)
@@ -45,7 +45,7 @@ class History:
 
     @property
     def latest(self) -> Samples | None:
-        """The newest sample; None before the first."""
+        """The newest sample; None before the first sample."""
         return self._latest
 
     @property
@@ -66,7 +66,9 @@ class History:
         return _rows(block, slice(row, row + 1))
 
     def curve(self, joint: str, quantity: str, start: float, end: float) -> tuple[Array, Array]:
-        """Times (n,) in s and values (n,) of a joint's quantity, logged or derived; empty if it is not recorded."""
+        """Times (n,) in s and values (n,) of a joint's logged or derived quantity, from `start` to `end` in s. Both are empty
+        if the quantity is not recorded.
+        """
         times, values = [np.empty(0)], [np.empty(0)]
         for block in tuple(self._blocks):
             inside = slice(*np.searchsorted(block.time, (start, end), side="left").tolist())
@@ -81,19 +83,19 @@ class History:
         return np.concatenate(times), np.concatenate(values)
 
     def path(self, body: str, start: float, end: float) -> Array:
-        """Positions (n, 3) of a body between two times, m; empty if it is not recorded."""
+        """Positions (n, 3) in m of a body from `start` to `end` in s; empty if the body is not recorded."""
         rows = self.rows(start, end)
         return np.empty((0, 3)) if rows is None or body not in rows.bodies else rows.bodies[body][:, :3]
 
     def rows(self, start: float, end: float) -> Samples | None:
-        """Samples between two times in s; None without samples."""
+        """Samples from `start` to `end` in s; None if there are none."""
         parts = [_rows(block, slice(*np.searchsorted(block.time, (start, end)).tolist())) for block in tuple(self._blocks)]
         parts = [part for part in parts if len(part.time)]
         return concatenate(parts) if parts else None
 
 
 def values_of(samples: Samples, quantity: str, joints: Sequence[JointInfo]) -> Array | None:
-    """Values (n, joints) of a quantity, logged or derived; None if the samples lack it."""
+    """Values (n, joints) of a logged or derived quantity; None if the samples do not contain it and it cannot be computed."""
     if quantity in samples.values:
         return samples.values[quantity]
     if quantity in DERIVED and "link_position" in samples.values:

@@ -1,4 +1,4 @@
-"""Live runs on a page: one run after the other, until the user ends them. Each run writes a log that `rerun` repeats."""
+"""Live runs on a page, one run after the other until the user ends the program. Each run writes a log that `rerun` repeats."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ from asrsim.viewer.subject import Companion, Subject, as_companion
 from asrsim.viewer.tuning import differences, tunable, tuned
 
 BEFORE = "the run before"
-"""Label of the ghost of the run that preceded a reset."""
+"""Label of the ghost that shows the run before the last reset."""
 TICK = 4e-3
-"""Wall-clock time between ticks of a run without topics, s. Movements of a hand are slower. Each tick needs Python's lock, and
-may have to wait until a thread that draws or sends a message releases this lock.
+"""Wall-clock time between two ticks of a run without topics, s. Shorter ticks would not help a user, whose hand moves more
+slowly, and would delay the run: each tick may have to wait until a thread that draws or sends releases Python's lock.
 """
 WAIT = 0.05
-"""Time between two checks of the page after a run has ended, s."""
+"""Time between two checks of whether the user wants another run, after a run has ended, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WantedRun:
-    """The run that the user wants."""
+    """Run that the user wants next: its variant, tuned numbers and speed, whether it starts paused, and a message to show."""
 
     variant: str
     tuned: Numbers
@@ -67,8 +67,8 @@ class LiveView:
         companions: Sequence[Companion] = (),
         tell: TellUser = lambda text: None,
     ) -> None:
-        """variant: variant of the first run; out: folder of the log, with a subfolder for each of several variants; settings:
-        settings of the live runs; companions: ghosts.
+        """plans: one for each variant; variant: of the first run; out: folder of the log, with a subfolder for each variant if
+        there are several; settings: of the live runs; companions: ghosts; tell: receives messages for the user.
         """
         self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
@@ -84,11 +84,11 @@ class LiveView:
         self._episodes = 0
         """Number of runs so far."""
         self._numbers: Numbers = {}
-        """Numbers that could be tuned in the previous run."""
+        """Values of the numbers that can be tuned, in the latest run."""
 
     def run(self, stop: Stop) -> RunSummary | None:
-        """Run until `stop` returns True; returns the summary of the last run. Raises the errors of the first run; errors of
-        later runs are shown on the page, and the previous run starts again.
+        """Do runs until `stop` returns True; returns the summary of the last run. Raises an error that prevents the first run.
+        An error that prevents a later run is shown on the page, and the previous run starts again.
         """
         with Painter(self._draw, self._page.lock) as painter:
             summary = self._runs(lambda: stop() or painter.error is not None)
@@ -105,8 +105,7 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # Ctrl-C can end a compilation only before the first call of `stop`; therefore `stop` is first called after the first
-        # run is built.
+        # Do not call `stop` before the first run is built: until the first call, Ctrl-C ends even a compilation at once.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)
@@ -134,8 +133,8 @@ class LiveView:
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
             folder = self._out / scenario.variant if len(self._plans) > 1 else self._out
-        # The first run replaces the results of earlier runs of the scenario in the folder that the user names. Nothing else is
-        # lost.
+        # The first run may replace results in a folder that the user names. All other runs write into new folders, so that no
+        # results are lost.
         if self._out is None or self._episodes:
             folder = next(path for path in _numbered(folder) if not path.exists())
         self._episodes += 1
@@ -145,7 +144,9 @@ class LiveView:
         return Session(plan, folder, settings, overwrite=self._overwrite, tell=self._tell)
 
     def _desk(self, session: Session, desk: Desk | None, *, same: bool) -> Desk:
-        """The desk for a run: the desk of the previous run, or a new desk for another variant."""
+        """Desk for a run. The desk of the previous run is kept, except for a run of another variant. same: whether the previous
+        run had the same variant.
+        """
         prepared, before = session.simulation.prepared, desk.subject if desk is not None else None
         changes = differences(self._numbers, tunable(prepared)) if same else []
         self._numbers = tunable(prepared)
@@ -167,7 +168,7 @@ class LiveView:
         return desk
 
     def _ghost_of(self, variant: str) -> Companion:
-        """Motion of a variant as its scenario states it, without changes by hand."""
+        """Ghost with the motion of a variant as its scenario states it, without what the user changes on the page."""
         run = simulate(self._plans[variant])
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
@@ -180,7 +181,7 @@ class LiveView:
         return as_companion(subject, variant)
 
     def _wait(self, desk: Desk, summary: RunSummary, stop: Stop) -> None:
-        """After a divergence, wait for a reset."""
+        """Show why the run has ended, and wait until the user wants another run or `stop` returns True."""
         desk.ended(summary)
         while desk.wish is None and not stop():
             clock.sleep(WAIT)
@@ -188,13 +189,13 @@ class LiveView:
     def _next(self, session: Session, desk: Desk) -> WantedRun:
         wish: Mapping[str, Any] = desk.wish or {}
         variant = str(wish.get("variant", self._wish.variant))
-        # Another variant has different parameters.
+        # Drop the tuned numbers if the variant changes, because another variant may have other parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
         return WantedRun(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
 
 
 def _numbered(folder: Path) -> Iterator[Path]:
-    """The folder, and folders beside it with the numbers 2, 3, ..."""
+    """Path of the folder, followed by paths beside it whose names end with 2, 3, ..."""
     yield folder
     yield from (folder.with_name(f"{folder.name}_{number}") for number in itertools.count(2))
 
@@ -204,7 +205,7 @@ def _ends(desk: Desk, stop: Stop) -> bool:
 
 
 def live_subject(prepared: Prepared) -> Subject:
-    """Robot and world of a scenario, without samples yet."""
+    """Subject with the robot and world of a scenario, still without samples."""
     scenario, info = prepared.scenario, prepared.info
     robot, notes = drawable(prepared.robot, scenario.package_paths)
     scene = RenderScene(robot, scenario)

@@ -1,4 +1,4 @@
-"""Opens a page for a scenario, a log or a robot file."""
+"""Opens a page that shows a scenario, a log or a robot file."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ if TYPE_CHECKING:
     from asrsim.viewer.events import Event
 
 ROBOTS = (".urdf", ".xacro", ".xml")
-"""Suffixes of robot files."""
+"""Suffixes of robot files, by which a target is recognised as a robot."""
 SCENARIOS = (".yaml", ".yml")
 SLOWEST, FASTEST = 0.01, 100.0
-"""Range of the simulated seconds per second."""
+"""Range of the speed, in simulated seconds per wall-clock second."""
 HEIGHT = 640
-"""Height of the page in a notebook, pixels."""
+"""Height of a page that a notebook displays, pixels."""
 
 
 class Show(Protocol):
-    """Content of a page; shown until `stop` returns True."""
+    """Content of a page, such as a live run or a playback."""
 
     def run(self, stop: Stop) -> Any:
         """Show the content until `stop` returns True."""
 
 
 class View:
-    """A page that is open; a context manager that closes it. Notebooks display the page."""
+    """Open page; a context manager that closes the page. Notebooks display it."""
 
     def __init__(self, server: PageServer, make: Callable[[Page], Show]) -> None:
-        """make: function that returns the content of the page."""
+        """make: function that puts content on a page, and returns this content."""
         self.server, self._page = server, Page(server)
         self._stopped, self._thread = threading.Event(), threading.Thread(target=self._work, daemon=True)
         self.error: BaseException | None = None
-        """Error that ended the page's thread."""
+        """Error that ended the thread in which the page works; None without an error."""
         try:
             self.show = make(self._page)
         except BaseException:
@@ -69,12 +69,12 @@ class View:
         return self.server.address
 
     def run(self, stop: Stop) -> Any:
-        """Work in the caller's thread until `stop` returns True, and close the page."""
+        """Show the content in the caller's thread until `stop` returns True, and close the page."""
         with self.server:
             return self.show.run(stop)
 
     def start(self) -> View:
-        """Work in a separate thread until `close`."""
+        """Show the content in a separate thread until `close` is called."""
         self._thread.start()
         return self
 
@@ -85,7 +85,7 @@ class View:
             self.error = error
 
     def close(self) -> None:
-        """Close the page. Raises the error that ended its thread, if there was one."""
+        """Close the page. Raises the error that ended the page's thread, if there was one."""
         self._stopped.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -119,21 +119,21 @@ def view(
     out: str | Path | None = None,
     overwrite: bool = False,
 ) -> View:
-    """Open a page of a scenario, which runs live, of a log, which is played back, or of a robot file.
+    """Open a page. It shows a scenario, which runs live, or a log, which is played back, or the robot in a robot file.
 
     Args:
         target: Scenario file or scenario, log or folder of logs, or robot file (URDF, xacro).
         beside: Logs of other runs, shown as ghosts.
         variant, overrides, plugins: As for `asrsim.run`. All variants can be chosen on the page.
         experiments: Recordings, shown as ghosts and as dashed curves.
-        lag: Alignment of the recordings' clock, as for `asrsim plot`.
-        speed: Simulated seconds per second.
+        lag: Alignment of the recordings' clock with that of the run, as for `asrsim plot --align`.
+        speed: Simulated seconds per wall-clock second.
         port: Port of the page; 0: any free port.
         out: Folder for the log of a live run, with a subfolder for each of several variants; None:
             `out/<scenario>/<variant>_view`.
-        overwrite: Replace the results of another run there.
+        overwrite: Replace the results of another scenario or variant in this folder.
 
-    Returns: The page, which works in a separate thread until `close`.
+    Returns: The page, whose content is shown by a separate thread until `close` is called.
 
     Raises:
         InputError: viser is missing, the port is taken, or a file cannot be read.
@@ -161,8 +161,8 @@ def maker(
     arguments: dict[str, str] | None = None, packages: dict[str, Path] | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Callable[[Page], Show]:  # fmt: skip
-    """Function that returns the content of a page; arguments and errors as for `view`. All files are read before the page
-    opens.
+    """Function that puts the content on a page, and returns this content. All files are read here, before the page opens.
+    Arguments and errors as for `view`.
     """
     if not SLOWEST <= speed <= FASTEST:
         message = f"must be from {SLOWEST:g} to {FASTEST:g}"
@@ -196,7 +196,7 @@ def maker(
 def _playback(
     path: Path, others: list[Companion], experiments: Sequence[str | Path], speed: float, recordings: dict[str, Any]
 ) -> Callable[[Page], Show]:
-    """Playback of a log, or of the first log in a folder, with the other logs as ghosts."""
+    """Function that makes the playback of a log, or of the first log in a folder. The folder's other logs become ghosts."""
     logs = find_logs(path)[0]
     subject = logged(logs[0])
     others = [*(as_companion(logged(log), _name_of(log)) for log in logs[1:]), *others]
@@ -213,7 +213,7 @@ def _playback(
 
 
 def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: dict[str, Any]) -> list[Companion]:
-    """Recordings beside a live run, aligned with a simulated run of the unchanged scenario."""
+    """Recordings beside a live run. Their clocks are aligned with a run of the scenario that is simulated without a user."""
     if not experiments:
         return []
     from asrsim.recordings.align import SampleReader
@@ -234,10 +234,10 @@ def _recorded_beside(plan: Plan, experiments: Sequence[str | Path], recordings: 
 
 
 def _name_of(log: Path) -> str:
-    """Label of a run: the last folders of its log, which are the scenario and the variant."""
+    """Label of a run: the names of the last two folders of its log, which are usually the scenario and the variant."""
     return "/".join(log.absolute().parts[-3:-1])
 
 
 def _open(span: tuple[float, float]) -> tuple[float, float]:
-    """Interval that is 1 s longer than a span on both sides, so that samples at its ends are inside."""
+    """Interval that begins 1 s before and ends 1 s after a span, so that samples at the ends of the span are inside."""
     return span[0] - 1.0, span[1] + 1.0

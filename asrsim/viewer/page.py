@@ -1,4 +1,4 @@
-"""The page: 3-D scene, moving plots, and choices of what is shown. It receives samples, whatever their source."""
+"""The page: 3-D scene, moving plots, and controls that choose what is shown. It shows samples from any source."""
 
 from __future__ import annotations
 
@@ -25,28 +25,28 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Number of ghosts from which on they are hidden at first, and plots begin with one joint."""
+"""Number of ghosts from which on all ghosts are hidden at first, and the first plots show one joint."""
 PREPARING = (
     "The simulation is being prepared. After an installation, the first simulation is compiled, which may take half a minute."
 )
 NARROW = 700
-"""Width of a window whose controls stand below the robot, pixels."""
+"""Width of a window below which viser puts the controls below the robot, pixels."""
 LIFT = 0.2
-"""Distance by which the robot stands above the middle of a narrow window, as a fraction of the window's height."""
+"""Distance by which the robot is moved above the middle of a narrow window, as a fraction of the window's height."""
 LINE = 21
-"""Height of a line in the text that is updated during a run, pixels."""
+"""Height of a line of a text that is updated during a run, pixels."""
 SAID = 3
-"""Number of lines of the text above the tabs."""
+"""Number of lines in the text field above the tabs."""
 UP = (0.0, 0.0, 1.0)
 """Direction that is up on the page."""
 OWN = "their own"
-"""Name of the choice with which links have their original colours."""
+"""Name of the choice of colours with which links have their original colours."""
 BRAND = (0, 90, 140)
 """Colour of the page's controls."""
 
 
 class Page:
-    """Page that shows one subject, a run or a recording. `show` begins with a new subject, `draw` shows a sample of it."""
+    """Page that shows one subject, such as a run. `show` begins with a new subject; `draw` shows a sample of the subject."""
 
     def __init__(self, server: PageServer) -> None:
         self.server = server.viser
@@ -55,7 +55,7 @@ class Page:
         self.stage: ViewerStage
         self.plots: Plots
         self._drawn = self._plotted = -1.0
-        """Wall-clock times of the last pictures, s."""
+        """Wall-clock times of the last picture of the scene and of the last picture of the plots, s."""
         self.server.on_client_connect(self._make_room)
         self.server.gui.add_html(lines(0, PREPARING))
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
@@ -72,7 +72,7 @@ class Page:
             camera.position, camera.look_at = start.position - above, start.look_at - above
 
     def show(self, subject: Subject, *, companions: Sequence[Companion] = ()) -> Any:
-        """Begin with a new subject; returns the group of tabs, to which the caller adds further tabs."""
+        """Clear the page and begin with a new subject. Returns the page's group of tabs, to which the caller may add tabs."""
         gui = self.server.gui
         with self.server.atomic():
             gui.reset()
@@ -92,28 +92,28 @@ class Page:
         return tabs
 
     def finish(self) -> None:
-        """Add the tab that selects what is shown, after the tabs of the caller."""
+        """Add the tab in which the user chooses what is shown. It follows the tabs that the caller has added."""
         with self.server.atomic():
             self._add_look(self._tabs)
 
     def renew(self, subject: Subject) -> None:
-        """Continue with another stream of samples of the same robot."""
+        """Show another subject with the same robot, without building the page anew."""
         self.stage.subject = self.plots.subject = subject
         self._drawn = self._plotted = -1.0
 
     def add(self, companion: Companion) -> None:
-        """Show a second motion beside the motion of the subject."""
+        """Show a companion, a second motion, beside the subject."""
         self.stage.add(companion)
         self.plots.companions[companion.label] = companion
 
     def drop(self, label: str) -> None:
-        """Remove a second motion."""
+        """Remove the companion with this label."""
         self.stage.drop(label)
         self.plots.companions.pop(label, None)
 
     def say(self, text: str, *, last: bool = False) -> None:
-        """Show HTML above the tabs, in a field of a few lines; an empty text removes the field. last: whether the text is the
-        last text of a run, whose field is as high as needed.
+        """Show a text, given as HTML, in the field above the tabs; an empty text hides the field. last: whether the text is the
+        last one of a run: the field then becomes as high as the text.
         """
         shown = lines(0 if last else SAID, text)
         if shown != self._status.content:
@@ -121,11 +121,11 @@ class Page:
             self._status.visible = bool(text)
 
     def due(self) -> bool:
-        """Whether it is time for the next picture."""
+        """Whether it is time for the next picture of the scene."""
         return clock.perf_counter() - self._drawn >= FRAME
 
     def draw(self, samples: Samples, *, pull: Pull | None = None, time: float | None = None) -> None:
-        """Show the last of the samples, and the plots up to its time, or up to `time` in s."""
+        """Show the last of the samples in the scene, and plots that end at `time` in s; None: at the time of this sample."""
         now = clock.perf_counter()
         self._drawn = now
         at = float(samples.time[-1]) if time is None else time
@@ -168,7 +168,7 @@ class Page:
                 gui.add_markdown("**Notes**\n" + "\n".join(f"- {plain(note)}" for note in self._notes))
 
     def list_ghosts(self) -> None:
-        """List the ghosts with a box for each."""
+        """List the ghosts, each with a box that shows or hides the ghost."""
         known = self.stage.ghosts
         for label in [label for label in self._companions if label not in known]:
             self._companions.pop(label).remove()
@@ -189,7 +189,7 @@ class Page:
 
 
 def by_hand(control: Any, act: Callable[[Any], object]) -> None:
-    """Call `act` with the value of a control when a user changes it, in the order of the changes."""
+    """Let `act` be called with the control's value each time that a user changes the control, in the order of the changes."""
 
     async def changed(event: Any) -> None:
         if event.client_id is not None:
@@ -199,7 +199,7 @@ def by_hand(control: Any, act: Callable[[Any], object]) -> None:
 
 
 def on_click(button: Any, act: Callable[[], object]) -> None:
-    """Call `act` when a user presses a button."""
+    """Let `act` be called each time that a user presses the button."""
 
     async def clicked(event: Any) -> None:
         act()
@@ -208,8 +208,8 @@ def on_click(button: Any, act: Callable[[], object]) -> None:
 
 
 def lines(number: int, content: str) -> str:
-    """HTML of a text that changes while a person uses the page: always as high as this number of lines, so that the controls
-    below it do not move. 0: as high as the text.
+    """HTML of a text that changes while a user works with the page. It is always as high as `number` lines, so that the
+    controls below it do not move; 0: it is as high as the text.
     """
     room = f"height: {number * LINE}px; overflow-y: auto; " if number else ""
     style = f"{room}padding: 0 12px; margin-bottom: 8px; font-size: 14px; line-height: {LINE}px; overflow-wrap: anywhere"

@@ -1,4 +1,4 @@
-"""Draws pictures in a separate thread, so that no picture delays the simulation."""
+"""Draws the pictures of a page in a separate thread, so that no picture delays the simulation."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import Any
 from asrsim.viewer.page import FRAME
 
 SWITCH = 5e-4
-"""Longest time for which one thread keeps Python's lock while another thread waits, s. With Python's default of 5 ms, each tick
-of the simulation could wait 5 ms for a picture or a message.
+"""Longest time for which a thread keeps Python's lock while another thread waits for the lock, s. With Python's default of 5
+ms, each tick of the simulation could wait 5 ms until a thread that draws or sends releases the lock.
 """
 SHARE = 0.5
-"""Largest fraction of a core's time that is spent on pictures."""
+"""Largest fraction of a core's time that the thread spends on pictures."""
 
 
 class Painter:
-    """Calls a function at the page's rate; a context manager that ends the thread."""
+    """Calls a function at the page's rate of pictures, in a separate thread; a context manager that ends this thread."""
 
     def __init__(self, draw: Callable[[], None], lock: AbstractContextManager[Any]) -> None:
-        """lock: held while a picture is drawn."""
+        """draw: draws a picture; lock: held while a picture is drawn."""
         self._draw, self._lock, self._stopped = draw, lock, Event()
         self._thread = Thread(target=self._work, daemon=True)
         self.error: BaseException | None = None
-        """Error that ended the thread."""
+        """Error that ended the thread; None without an error."""
 
     def __enter__(self) -> Painter:
         self._interval = sys.getswitchinterval()
@@ -49,8 +49,8 @@ class Painter:
                     self._draw()
                     spent = clock.thread_time() - began
                 now = clock.perf_counter()
-                # A late picture does not delay the next one; overdue pictures are skipped. Only the working time of this thread
-                # counts, not the time in which it waits for a page or for a core.
+                # A late picture does not delay the next one, and pictures that are overdue are skipped. For `SHARE`, count only
+                # the time in which this thread works, and not the time in which it waits for a page or for a core.
                 due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * spent)
                 pause = due - now
         except BaseException as error:

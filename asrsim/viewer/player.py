@@ -1,4 +1,4 @@
-"""Playback of a log: a time line, speed, and jumps to events."""
+"""Playback of a log on a page, with a time line, a choice of speed, and jumps to events."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.viewer.subject import Companion, Subject
 STEP = 0.01
 """Resolution of the time line, s."""
 LISTED = 40
-"""Largest number of events on the page."""
+"""Largest number of events that the page lists."""
 
 
 class Player:
@@ -81,7 +81,7 @@ class Player:
             clock.sleep(max(0.0, FRAME - (clock.perf_counter() - now)))
 
     def draw(self) -> None:
-        """Show the present time."""
+        """Show the robot, plots and time line at the present time of the playback."""
         label = "Pause" if self.playing else "Play"
         if self._button.label != label:
             self._button.label = label

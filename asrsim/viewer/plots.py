@@ -1,5 +1,5 @@
-"""Moving plots: chosen quantities of chosen joints over the last seconds, beside the same quantities of other runs and
-recordings.
+"""Moving plots. They show quantities of joints, which the user chooses, over the last seconds, beside the same quantities of
+other runs and recordings.
 """
 
 from __future__ import annotations
@@ -19,32 +19,34 @@ if TYPE_CHECKING:
     import viser
 
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#b3599a", "#56b4e9", "#a39700", "#1a1a1a")
-"""Colours of the joints' curves."""
+"""Colours of the curves, one for each joint; further joints repeat them."""
 POINTS = 600
-"""Largest number of points of a curve. With more than four points per pixel, uPlot draws stairs of whole pixels; a plot is 180
-pixels wide.
+"""Largest number of points of a curve. A plot is 180 pixels wide; with more than four points per pixel, uPlot would draw stairs
+of whole pixels.
 """
 WINDOW = 10.0
-"""Time shown at first, s."""
+"""Length of the time axis at first, s."""
 ALL = "all joints"
 ZERO = 1e-12
-"""A curve whose largest value is below this number is drawn as zero."""
+"""Magnitude up to which all values of a curve count as zero, in the quantity's unit."""
 MOST = 8
 """Number of joints above which the first plots show one joint."""
 LOOK: dict[str, Any] = {"width": 1.5, "pxAlign": 0}
-"""Width of a curve in pixels; its points are not rounded to whole pixels, since a slope would then look like stairs."""
+"""Style of a curve for uPlot: its width in pixels, and no rounding of its points to whole pixels, which would turn slopes into
+stairs.
+"""
 DASHES = [6, 4]
-"""Dashes of the curves of other runs and recordings, pixels."""
+"""Lengths of the dashes, and of the gaps between them, in the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
-"""Position of the controls of a plot: below the plot, which is created later."""
+"""Rank of a plot's controls in their folder: so high that they stand below the plot, which is created after them."""
 HEIGHT = 190
 """Height of a plot, pixels."""
 FIRST = ("link_position", "elastic_torque_1", "external_torque", "link_torque")
-"""Quantities of the first two plots; those that are not recorded are left out."""
+"""Quantities for the first two plots: the first two of these quantities that the subject has."""
 
 
 class Plots:
-    """Plots of a page, in a separate panel."""
+    """All plots of a page, in a panel of their own."""
 
     def __init__(self, gui: viser.GuiApi, subject: Subject, container: Any, *, together: bool) -> None:
         """together: whether the first plots show all joints."""
@@ -61,24 +63,24 @@ class Plots:
             self.add(name)
 
     def add(self, quantity: str | None = None) -> None:
-        """Add a plot of a quantity of all joints."""
+        """Add a plot of a quantity; None: of the subject's first quantity."""
         with self._container:
             folder = self._gui.add_folder(f"Plot {len(self.plots) + 1}")
         self.plots.append(Plot(self._gui, folder, self, quantity or self.subject.quantities()[0], self._first))
 
     def draw(self, now: float) -> None:
-        """Show the last seconds before a time in s."""
+        """Show in all plots the last seconds before the time `now` in s."""
         for plot in self.plots:
             plot.draw(now - float(self._window.value), now)
 
     def joints_of(self, quantity: str) -> tuple[JointInfo, ...]:
-        """Joints that record a quantity, or from whose quantities it is computed."""
+        """Joints for which a quantity is recorded; if there are none, joints for which the quantity is computed from others."""
         logged = [joint for joint in self.subject.joints if quantity in joint.quantities]
         return tuple(logged) or tuple(joint for joint in self.subject.joints if joint.motors)
 
 
 class Plot:
-    """A plot with the choices of quantity and joint."""
+    """One plot, with controls that choose its quantity and its joint."""
 
     def __init__(self, gui: viser.GuiApi, folder: Any, plots: Plots, quantity: str, joint: str) -> None:
         self._gui, self._folder, self._plots = gui, folder, plots
@@ -88,17 +90,17 @@ class Plot:
             gone = gui.add_button("Remove")
         gone.on_click(lambda _: self.remove())
         self._shown: tuple[Any, ...] = ()
-        """Quantity and labels of the curves that the present plot has."""
+        """Quantity, and labels of the curves, for which the plot on the page was created."""
         self._plot: viser.GuiUplotHandle | None = None
 
     def remove(self) -> None:
-        """Remove the plot."""
+        """Remove this plot from the page."""
         if self in self._plots.plots:
             self._plots.plots.remove(self)
             self._folder.remove()
 
     def draw(self, start: float, end: float) -> None:
-        """Show the curves between two times in s."""
+        """Show the curves from `start` to `end` in s."""
         quantity, chosen, subject = str(self.quantity.value), str(self.joint.value), self._plots.subject
         joints = [joint for joint in self._plots.joints_of(quantity) if chosen in (ALL, joint.name)]
         time = np.empty(0)
@@ -107,7 +109,7 @@ class Plot:
         for number, joint in enumerate(joints):
             own, values = subject.history.curve(joint.name, quantity, start, end + 1e-9)
             every = max(1, -(-len(own) // POINTS))
-            # Counting from the end keeps the newest sample.
+            # Keep every n-th sample, counted from the end, so that the newest sample is kept.
             rows = slice((len(own) - 1) % every, None, every)
             if not len(time):
                 time = own[rows]
@@ -123,12 +125,12 @@ class Plot:
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
                     series.append({"label": name, "stroke": stroke, "dash": DASHES, **LOOK})
-        # A single sample spans no time, so the page could not scale the time axis.
+        # Draw nothing for a single sample: it spans no time, so that the page could not scale the time axis.
         if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
-        # uPlot would give curves of zeros an axis from 0 to 100.
+        # Give curves that are zero an axis from -1 to 1: uPlot would give them an axis from 0 to 100.
         zero = not any(np.any(np.abs(curve[np.isfinite(curve)]) > ZERO) for curve in data[1:])
         shown = (quantity, zero, *(one["label"] for one in series))
         if shown == self._shown and self._plot is not None:
@@ -141,8 +143,8 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        # A plot whose curves are replaced would show a wrong range of time: viser keeps the shown fraction of the time, and
-        # assumes that the time of a new plot ends at 1 s.
+        # Create the plot anew. If only its curves were replaced, it would show a wrong range of time: viser keeps the fraction
+        # of the time axis that is shown, and assumes that the time of new curves ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:

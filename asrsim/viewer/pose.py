@@ -1,4 +1,4 @@
-"""A robot file without a scenario: sliders move its joints, without physics."""
+"""Page of a robot file without a scenario: sliders move the robot's joints, without physics."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class PoseView:
             clock.sleep(FRAME)
 
     def draw(self) -> None:
-        """Show the present pose."""
+        """Show the robot in the pose that the sliders give."""
         time = np.array([clock.perf_counter() - self._began])
         samples = Samples(time=time, joints=tuple(self._values), values={"link_position": np.array([[*self._values.values()]])})
         self.subject.history.write(samples)

@@ -1,4 +1,6 @@
-"""A recording beside the subject: the recorded robot as a ghost, its curves in the plots, on the clock that `plot` finds."""
+"""Shows a recording beside the subject of a page: the recorded robot as a ghost, and its curves in the plots. The recording's
+clock is aligned with the run's clock as by `asrsim plot`.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +33,10 @@ def recorded(
         info: Description of the run.
         read: Function (quantities, joints) that returns samples of the run.
         lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if there is such a claim.
-        mapping, rate: As for `asrsim.recordings.read_recording`; without both, the mapping and rate that a claim of the run
-        states.
+        mapping, rate: As for `asrsim.recordings.read_recording`; without both, those that a claim of the run states.
 
     Raises:
-        RecordingError: No common joint or quantity, no overlap in time.
+        RecordingError: The recording and the run have no common joint or quantity, or do not overlap in time.
     """
     names = [joint.name for joint in info.joints]
     recording = claimed_recording(path, [info], mapping=mapping, rate=rate)

@@ -1,4 +1,4 @@
-"""Server of the page: viser behind a proxy that refuses web pages of other origins."""
+"""Server of the page: viser's server behind a proxy that refuses requests of web pages from other origins."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ if TYPE_CHECKING:
 
 
 class PageServer:
-    """Page at an address of this machine; a context manager that always ends it, even if clients are still connected."""
+    """Server of a page at an address of this machine; a context manager that ends it even if browsers are still connected."""
 
     def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
-        """port: port of the page; 0: any free port. tell: receives one sentence for each refused origin. Raises InputError if
-        viser is missing or the port is taken.
+        """port: port of the page; 0: any free port. tell: receives a message for each origin that was refused. Raises
+        InputError if viser is missing or the port is taken.
         """
         server: Any = library("viser", "view").ViserServer
         if not 0 <= port <= 65535:
             raise InputError("must be from 0 to 65535", key="port", value=port, code="port")
 
         class Local(server):  # type: ignore[misc]
-            """Server that stays on this machine: viser's public address for sharing a page is refused."""
+            """viser's server, which does not share its page at a public address, so that the page stays on this machine."""
 
             def request_share_url(self, verbose: bool = True) -> None:
                 return None
@@ -42,11 +42,11 @@ class PageServer:
         except OSError as error:
             message = f"a page at 127.0.0.1:{port} cannot be opened: {error.strerror or error}"
             raise InputError(message, hint="Choose another --port, or 0 for any", code="port") from error
-        # The server listens at a random local address, so that web pages cannot find it directly.
+        # viser's server listens at a random local address, so that foreign web pages cannot find it and evade the proxy.
         behind = "127.0.0.1"
         if sys.platform == "linux":
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        # viser would print the address of its server, which is not the address of the page.
+        # Hide the address that viser prints: it is that of viser's server, and the page has the address of the proxy.
         with redirect_stdout(io.StringIO()):
             self.viser: viser.ViserServer = Local(host=behind, port=0, label="asrsim", verbose=False)
         self._proxy.start(behind, self.viser.get_port())
@@ -64,12 +64,12 @@ class PageServer:
         self.close()
 
     def close(self) -> None:
-        """End the page; further calls do nothing."""
+        """End the server of the page; further calls do nothing."""
         if self._closed:
             return
         self._closed = True
         self._proxy.close()
-        # viser prints a line when it ends.
+        # Hide the line that viser prints when it ends.
         with redirect_stdout(io.StringIO()):
             self.viser.stop()
 

@@ -1,4 +1,4 @@
-"""The 3-D scene of a page: the robot in its world, ghosts, forces as arrows, the trace of the tip."""
+"""The 3-D scene of a page: the robot in its world, ghosts, arrows for forces and torques, and the trace of the tip."""
 
 from __future__ import annotations
 
@@ -21,55 +21,55 @@ if TYPE_CHECKING:
     import viser
 
 EQUILIBRIUM: Rgb = (0, 114, 178)
-"""Colour of the ghost at the equilibrium, as in the plots."""
+"""Colour of the ghost at the equilibrium, which has the same colour in the plots."""
 GHOSTS: tuple[Rgb, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
-"""Colours of the other ghosts and their curves."""
+"""Colours of the ghosts of companions, and of their curves."""
 ROOM = 1.9
-"""Size of the camera's first view, as a multiple of the robot's size: the robot moves, and panels cover the edges."""
+"""Size of the camera's first view, as a multiple of the size of the robot's motion: panels cover the edges of the view."""
 POSES = 12
-"""Number of poses of a known motion that fit into the camera's first view."""
+"""Number of poses, evenly spread over a known motion, that the camera's first view contains."""
 FAINT = 0.25
 """Opacity of a ghost."""
 SEEN = 0.45
 """Opacity of the robot while its collision shapes are shown."""
 APART = 0.02
-"""Distance of a joint from its reference, rad (m), below which the ghost at the references is not shown, since the robot would
-cover it.
+"""Distance of all joints from their references, rad (m), up to which the ghost at the references is hidden, since the robot
+would cover it.
 """
 FORCE, TORQUE, PULL = (194, 24, 91), (86, 180, 233), (213, 94, 0)
-"""Colours of contact forces, external torques and the pull."""
+"""Colours of contact forces, external torques and pulls."""
 LONGEST = 0.5
 """Length of the longest arrow, as a fraction of the robot's size."""
 TRACE = 5.0
-"""Time of the trace of the tip, s."""
+"""Time for which the trace shows the path of the tip, s."""
 TRACED = 300
-"""Number of points of a trace."""
+"""Approximate largest number of points of a trace."""
 LEAST = 1e-6
 """Smallest force (N) or torque (N m) that is drawn."""
 
 
 @dataclass
 class Look:
-    """Choice of the parts that the scene shows."""
+    """Which parts of the scene the user has chosen to see."""
 
     equilibrium: bool = True
     forces: bool = True
     trace: bool = False
     collisions: bool = False
     colour: str = ""
-    """Quantity that colours the links; empty: the links have their original colours."""
+    """Quantity that the colours of the links show; empty: the links have their original colours."""
 
 
 @dataclass(frozen=True)
 class Pull:
-    """A spring that pulls a point of a link."""
+    """Spring with which the user pulls a point of a body."""
 
     point: Array
-    """Point of the link in the world (3,), m."""
+    """Pulled point of the body in the world (3,), m."""
     target: Array
-    """Other end of the spring (3,), m."""
+    """Other end of the spring, at the user's hand in the world (3,), m."""
     force: Array
-    """Force on the link (3,), N, world frame."""
+    """Force on the body (3,), N, in the world frame."""
 
 
 class ViewerStage:
@@ -87,7 +87,7 @@ class ViewerStage:
         self._label: Any = None
         self._lines: dict[str, Any] = {}
         self._largest: dict[str, float] = {}
-        """Largest force or torque of each kind that was drawn so far; it has the longest arrow."""
+        """Largest contact force and largest external torque drawn so far; an arrow of this size has the length `LONGEST`."""
         self.tip = subject.scene.tip()
         self.size = self._fit()
         if subject.path is not None:
@@ -97,7 +97,7 @@ class ViewerStage:
         """Place the camera and the ground; returns the size of the robot, m."""
         scene, server = self.subject.scene, self._server
         history = self.subject.history
-        # If the motion is known, the camera view covers the whole motion.
+        # Let the camera's view contain the whole motion, if the motion is known.
         poses = [one for time in np.linspace(*history.span, POSES) if (one := history.at(float(time))) is not None]
         placed = [frames_of(scene, pose) for pose in poses] or [scene.frames({}, {})]
         frames = placed[-1]
@@ -110,7 +110,7 @@ class ViewerStage:
         start.fov = math.radians(1.3 * camera.field)
         server.scene.set_up_direction("+z")
         cell = 10.0 ** math.floor(math.log10(max(size, 1e-6)) - 0.3)
-        # Without a ground, a fainter grid without shadows shows scale and direction.
+        # Draw a grid also without a ground, to show scale and direction; it is then fainter and has no shadows.
         level, shadow, fine, coarse = scene.ground, 0.2, 200, 140
         if level is None:
             level, shadow, fine, coarse = float(cloud[:, 2].min()), 0.0, 232, 210
@@ -131,7 +131,7 @@ class ViewerStage:
     # -- ghosts -----------------------------------------------------------------------------------------------------
 
     def add(self, companion: Companion) -> None:
-        """Add a ghost; a ghost with the same label is replaced."""
+        """Add the ghost of a companion; it replaces a ghost with the same label."""
         self.drop(companion.label)
         if companion.history is not None:
             colour = GHOSTS[len(self.ghosts) % len(GHOSTS)]
@@ -147,7 +147,7 @@ class ViewerStage:
     # -- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self, samples: Samples, *, pull: Pull | None = None) -> None:
-        """Show the last of the samples."""
+        """Show robot, ghosts, forces and the pull at the time of the last of the samples."""
         time, look = float(samples.time[-1]), self.look
         frames = self.figure.place(samples)
         error = values_of(samples, "position_error", self.subject.joints)
@@ -171,12 +171,12 @@ class ViewerStage:
         self._draw_pull(pull)
 
     def draw_trace(self, time: float) -> None:
-        """Show the path of the tip in the last seconds before a time in s."""
+        """Show the path of the tip in the `TRACE` seconds before a time in s."""
         points = self._trace(time) if self.look.trace else np.empty((0, 3))
         self._line("trace", points, PULL)
 
     def legend(self) -> str:
-        """HTML of the scale of the colours."""
+        """HTML of the colour scale; empty if the links have their original colours."""
         return self._scale.legend() if self._scale is not None else ""
 
     def _tint(self, samples: Samples) -> None:
@@ -193,7 +193,7 @@ class ViewerStage:
         self.figure.tint(colours)
 
     def _contacts(self, samples: Samples, frames: Mapping[str, Array]) -> list[tuple[Array, Array]]:
-        """Point and force of each contact."""
+        """Point (3,) in m at which the force of each contact is drawn, and the force (3,) in N, both in the world."""
         root, found = self.subject.scene.model.robot.root.name, []
         for pair, force in samples.contacts.items():
             body = pair.partition("/")[0]
@@ -203,7 +203,7 @@ class ViewerStage:
         return found
 
     def _torques(self, samples: Samples, frames: Mapping[str, Array]) -> list[tuple[Array, Array]]:
-        """Place and axis of each external torque."""
+        """Point (3,) in m at which each external torque is drawn, and the torque as a vector (3,) along the joint's axis."""
         torques = samples.values.get("external_torque")
         joints = {joint.name: joint for joint in self.subject.scene.model.robot.joints}
         if torques is None:
@@ -215,8 +215,8 @@ class ViewerStage:
         ]
 
     def _draw_forces(self, name: str, forces: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
-        """Draw forces or torques at their points; the largest force or torque so far has the longest arrow, since forces have
-        no common unit with the size of the robot.
+        """Draw forces or torques at their points. Their lengths are relative to the largest one so far, since a force has no
+        natural length in the scene. forces: point and vector of each, (3,).
         """
         shown = [(point, vector) for point, vector in forces if np.linalg.norm(vector) > LEAST]
         sizes = [float(np.linalg.norm(vector)) for _, vector in shown]
@@ -225,7 +225,7 @@ class ViewerStage:
         self._draw_arrows(name, [(point, point + scale * vector) for point, vector in shown], colour)
 
     def _draw_arrows(self, name: str, ends: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
-        """Draw arrows between points (3,), m."""
+        """Draw arrows, each from its first to its second point (3,), m."""
         points = np.array(ends, dtype=np.float32).reshape(-1, 2, 3)
         if name not in self._arrows:
             if not len(points):
@@ -243,7 +243,7 @@ class ViewerStage:
         self._arrows[name].visible = bool(len(points))
 
     def _draw_pull(self, pull: Pull | None) -> None:
-        """Draw the spring of a pull and its force."""
+        """Draw the spring of a pull as an arrow, and write its force beside it; None: hide both."""
         self._draw_arrows("pull", [] if pull is None else [(pull.point, pull.target)], PULL)
         if pull is None:
             if self._label is not None:
@@ -255,7 +255,7 @@ class ViewerStage:
         self._label.position, self._label.visible = pull.target, True
 
     def _trace(self, time: float) -> Array:
-        """Positions (n, 3) of the tip in the last seconds, m."""
+        """Positions (n, 3) of the tip in the `TRACE` seconds before a time in s, m."""
         history, (link, point) = self.subject.history, self.tip
         way = history.path(TIP, time - TRACE, time)
         if not len(way):
@@ -283,6 +283,6 @@ class ViewerStage:
 
 
 def _cloud(scene: RenderScene, frames: Mapping[str, Array]) -> Array:
-    """Corners (n, 3) of the boxes around the parts in a pose, m; the corners of a box of 1 m if there are no parts."""
+    """Corners (n, 3) in the world of the boxes around all parts of the scene, m; two corners of a cube of 1 m without parts."""
     boxes = [part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] for part in scene.parts]
     return np.concatenate(boxes) if boxes else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])

@@ -1,4 +1,4 @@
-"""The subject of a page: a robot in its world, and a stream of samples from any source."""
+"""The subject of a page: a robot in its world, and samples of its motion from any source."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from asrsim.samples import Array, JointInfo
 from asrsim.viewer.history import History
 
 ROWS = 20_000
-"""Number of samples that are read from a long log."""
+"""Approximate largest number of samples that are read from a log; a longer log is thinned."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subject:
-    """Robot, world and samples. The page treats samples of logs, simulations and live runs alike."""
+    """Robot, world and samples that a page shows. The page treats samples of logs, recordings and live runs alike."""
 
     title: str
     joints: tuple[JointInfo, ...]
@@ -39,15 +39,17 @@ class Subject:
 
 @dataclass(frozen=True, kw_only=True)
 class Companion:
-    """A second motion beside the motion of the subject: another run or variant, or a recording. Its robot is shown as a ghost,
-    and its curves are dashed.
+    """A second motion, shown beside the motion of the subject: that of another run or variant, or of a recording. Its robot is
+    a ghost, and its curves are dashed.
     """
 
     label: str
     curve: Callable[[str, str, float, float], tuple[Array, Array]]
-    """Function that returns times and values of a joint's quantity between two times, on the subject's clock."""
+    """Function (joint, quantity, start, end) that returns times and values of this quantity between two times in s. All times
+    are on the subject's clock.
+    """
     history: History | None = None
-    """Motion of the ghost; None without positions."""
+    """Motion of the ghost; None if the companion has no positions, and thus no ghost."""
     scene: RenderScene | None = None
     """Robot of the ghost; None: the robot of the subject."""
     shown: bool = True
@@ -80,6 +82,6 @@ def logged(path: Path) -> Subject:
 
 
 def as_companion(subject: Subject, label: str, *, shown: bool = True) -> Companion:
-    """Another subject as a ghost."""
+    """Another subject as a companion with this label."""
     history = subject.history
     return Companion(label=label, history=history, scene=subject.scene, curve=history.curve, shown=shown)

@@ -19,7 +19,7 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.start import Numbers
 
 OF_JOINTS = {"damping": "N m s/rad", "friction": "N m"}
-"""Numbers of every joint, which are in the robot's file, with their units."""
+"""Tunable numbers that every joint has in the robot's file, with their units."""
 
 
 def tunable(prepared: Prepared) -> dict[str, dict[str, float]]:
@@ -40,7 +40,7 @@ def _own(drive: SteppedJoint) -> dict[str, float]:
 
 
 def unit_of_number(prepared: Prepared, joint: Any, name: Any) -> str:
-    """SI unit of a number of a joint."""
+    """SI unit of the tunable number `name` of a joint."""
     drive = next(drive for drive in prepared.drives if drive.name == joint)
     if name in OF_JOINTS:
         unit = OF_JOINTS[name]
@@ -50,9 +50,9 @@ def unit_of_number(prepared: Prepared, joint: Any, name: Any) -> str:
 
 
 def tuned(plan: Plan, numbers: Numbers) -> Plan:
-    """Plan with other numbers, by joint and name, which the run's log describes completely.
+    """Plan in which these numbers, given by joint and name, have new values. The log of its run contains the new values.
 
-    Parameters of actuators become parameters of the scenario, numbers of joints are edited in the robot's text. Raises
+    Parameters of actuators are set in the scenario; numbers of joints are changed in the text of the robot's file. Raises
     RobotError and ScenarioError.
     """
     if not numbers:
@@ -69,7 +69,7 @@ def tuned(plan: Plan, numbers: Numbers) -> Plan:
 
 
 def _edited(robot: Robot, changes: Numbers) -> Robot:
-    """Robot whose text has other numbers."""
+    """Robot in whose text these numbers of joints have new values."""
     with TemporaryDirectory(prefix="asrsim-view-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_bytes(edited_urdf(robot.text.encode(), robot, changes))
@@ -77,7 +77,7 @@ def _edited(robot: Robot, changes: Numbers) -> Robot:
 
 
 def differences(before: Mapping[str, Mapping[str, float]], after: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """A line for each number that differs: `joint_1.spring_k_1: 0.02 -> 0.05`."""
+    """A line for each number that differs between `before` and `after`, such as `joint_1.spring_k_1: 0.02 -> 0.05`."""
     return [
         f"{joint}.{name}: {before[joint][name]:.6g} -> {value:.6g}"
         for joint, own in after.items()

@@ -22,17 +22,17 @@ from asrsim.viewer.player import Player
 from asrsim.viewer.subject import Subject
 
 QUANTITIES = ("link_position", "external_torque", "stiffness")
-"""Quantities of a twin that the page shows."""
+"""Quantities that the page shows: the measured positions, and estimates of the twin."""
 
 
 def twin_subject(prepared: Prepared, samples: Samples | None = None) -> Subject:
-    """The measured robot and its estimates."""
+    """Subject of a page about a twin: the measured robot, with the twin's estimates as quantities of its joints."""
     joints = tuple(replace(joint, quantities=QUANTITIES, motors=0) for joint in prepared.info.joints)
     return replace(live_subject(prepared), joints=joints, history=History(joints, samples), path=None)
 
 
 def followed_player(page: Page, prepared: Prepared, found: Followed) -> Player:
-    """Playback of a recording with the torques that a twin found, and jumps to the alarms."""
+    """Playback of a recording with the external torques that a twin found in it, and with jumps to the twin's alarms."""
     values = dict(zip(QUANTITIES, (found.positions, found.external_torque, found.stiffness), strict=True))
     samples = Samples(time=found.time, joints=found.joints, values=values)
     events = [Event(start, f"alarm at {joint}") for j, joint in enumerate(found.joints) for start, _ in found.alarms(j)]
@@ -40,7 +40,7 @@ def followed_player(page: Page, prepared: Prepared, found: Followed) -> Player:
 
 
 class TwinPage:
-    """Measured robot and external torques on a page, as a twin finds them."""
+    """Page with the measured robot and the external torques, which is updated while a twin estimates the torques."""
 
     def __init__(self, page: Page, prepared: Prepared) -> None:
         self._page, self._prepared, self._subject = page, prepared, twin_subject(prepared)
@@ -50,7 +50,7 @@ class TwinPage:
         page.say("Waiting for positions.")
 
     def note(self, time: float, positions: Array, found: TwinStep) -> None:
-        """Show a step at a time in s; pictures are drawn at the page's rate."""
+        """Add a step of the twin at a time in s, with measured positions (n,). Draws a picture if it is time for one."""
         self._rows.append((time, positions.copy(), found.external_torque, found.stiffness))
         if not self._page.due():
             return
@@ -68,7 +68,7 @@ class TwinPage:
 
 
 class TwinView(TwinPage):
-    """A twin of a robot in real time."""
+    """Page with a twin that follows a robot in real time."""
 
     def __init__(self, page: Page, twin: LiveTwin) -> None:
         super().__init__(page, twin.prepared)
@@ -81,11 +81,11 @@ class TwinView(TwinPage):
 
 
 class FollowView(TwinPage):
-    """A twin that follows a recording: the torques are shown while they are computed, and then played back."""
+    """Page with a twin that follows a recording. Torques are shown while they are computed, and are then played back."""
 
     def __init__(self, page: Page, prepared: Prepared, work: Callable[..., Followed], done: Callable[[Followed], None]) -> None:
-        """work: function that follows the recording, with the arguments `watch` and `stop` of `asrsim.twin.follow.follow`;
-        done: called with the result before it is played back.
+        """work: function that follows the recording; it gets the arguments `watch` and `stop` of
+        `asrsim.twin.follow.follow_recording`. done: called with the result before the result is played back.
         """
         super().__init__(page, prepared)
         self._work, self._done = work, done

@@ -1,4 +1,4 @@
-"""Scalar Python functions as functions of NVIDIA Warp, from their source: laws and kernel run unchanged on CPU and GPU."""
+"""Translates scalar Python functions to functions of NVIDIA Warp, so that laws and kernel run unchanged on CPU and GPU."""
 
 from __future__ import annotations
 

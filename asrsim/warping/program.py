@@ -1,4 +1,4 @@
-"""A module of Warp that is made of translated functions."""
+"""A Warp module that consists of functions translated from Python."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def warp_available() -> bool:
 
 
 def loaded_warp() -> Any:
-    """The module `warp`, without its messages. Raises InputError where Warp is not installed."""
+    """The module `warp`, set up so that it prints no messages of its own. Raises InputError where Warp is not installed."""
     wp: Any = library("warp", "warp")
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
@@ -30,18 +30,20 @@ def loaded_warp() -> Any:
 
 
 class WarpProgram:
-    """Translated functions, each once for each combination of argument types, and the kernels that call them."""
+    """Source of a Warp module: translated functions, each once for every combination of argument types with which it is called,
+    and the kernels that call these functions.
+    """
 
     def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
-        """calls: translations of the calls of certain functions, in place of the translation of their source."""
+        """calls: by function, how its calls are translated; the source of these functions is not translated."""
         self._calls = dict(calls or {})
         self._done: dict[Any, tuple[str, Any]] = {}
-        """Name of each translated function and type of its result, by function and types of the arguments."""
+        """Name in Warp and type of the result of each translated function, by Python function and types of its arguments."""
         self._texts: list[str] = []
         self._running: list[Any] = []
 
     def special(self, call: Call) -> Any:
-        """A function whose calls are translated by `call`."""
+        """New Python function that stands for a call: wherever translated code calls this function, `call` gives the text."""
 
         def function(*arguments: Any) -> Any:
             raise NotImplementedError("calls of this function are translated")
@@ -50,7 +52,9 @@ class WarpProgram:
         return function
 
     def call(self, function: Any, caller: Translation | None, given: list[Value]) -> Value:
-        """Translation of the call of a function. Raises TranslationError."""
+        """Translation of the call of a function. caller: translation of the calling function, None without one; given:
+        translated arguments. Raises TranslationError.
+        """
         own = self._calls.get(function) if function.__hash__ else None
         if own is not None:
             if caller is None:
@@ -59,12 +63,15 @@ class WarpProgram:
             return found
         if not isinstance(function, types.FunctionType):
             raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
-        # The type of a row contains the number of its values, which the callee may need.
+        # Each type of the arguments needs its own translation: the type of a row contains the number of its values, which the
+        # called function may use.
         name, returned = self.function(function, [one.kind for one in given])
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
     def function(self, function: Any, kinds: Sequence[Any]) -> tuple[str, Any]:
-        """Name in Warp, and type of the result, of a function for arguments of these types. Raises TranslationError."""
+        """Name in Warp, and type of the result, of a function for arguments of these types. The first request for these types
+        translates the function. Raises TranslationError.
+        """
         key = function, tuple(kinds)
         if key not in self._done:
             if key in self._running:
@@ -78,36 +85,39 @@ class WarpProgram:
         return self._done[key]
 
     def add(self, text: str) -> None:
-        """Add a function or kernel that is written in Warp."""
+        """Add the source of a function or kernel that is already written in Warp."""
         self._texts.append(text)
 
     @property
     def text(self) -> str:
-        """Source of the module."""
+        """Source of the Warp module."""
         return "\n\n".join(["import warp as wp", *self._texts]) + "\n"
 
     def load(self) -> types.ModuleType:
-        """The module, with its functions and kernels. Raises InputError where Warp is not installed."""
+        """The loaded Warp module, with its functions and kernels. Raises InputError where Warp is not installed."""
         return module_of(self.text)
 
 
 @cache
 def module_of(text: str) -> types.ModuleType:
-    """The module with this source. Raises InputError where Warp is not installed."""
+    """Loaded Warp module with this source. Raises InputError where Warp is not installed."""
     wp = loaded_warp()
     name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     module, file = types.ModuleType(name), f"<{name}>"
-    # Warp reads the source of its functions again.
+    # Warp reads the source of its functions by the name of their file, so give it the text under this name.
     linecache.cache[file] = len(text), None, text.splitlines(keepends=True), file
     module.__file__ = file
-    # Derivatives of kernels would double the time of their compilation.
+    # Warp need not generate derivatives of the kernels, which would double the time of their compilation.
     wp.get_module(name).options["enable_backward"] = False
     exec(compile(text, file, "exec"), module.__dict__)
     return module
 
 
 def law_kernel(law: Any, positions: int, parameters: int, results: int) -> str:
-    """Source of a module with the kernel `evaluate(positions, parameters, results)` of a law, for arrays (n, ...)."""
+    """Source of a Warp module with the kernel `evaluate(positions, parameters, results)`, which evaluates a law n times.
+
+    positions, parameters, results: number of numbers that each evaluation takes from, or writes to, the kernel's arrays.
+    """
     program = WarpProgram()
     name, returned = program.function(law, [*[FLOAT] * positions, Row(FLOAT, parameters)])
     values = [f"x[i, {k}]" for k in range(positions)]

@@ -1,8 +1,8 @@
-"""Translation of one Python function of numbers and rows to the source of a Warp function.
+"""Translates one Python function of numbers and rows to the source of a Warp function.
 
-Warp is stricter than Python: an expression cannot mix numbers of different types, a variable keeps its type, and
-constants that change in loops are declared. Types are therefore inferred from the arguments of the call, as in any compiler.
-The translation is repeated until the types of all variables no longer change.
+Warp is stricter than Python: an expression cannot mix numbers of different types, a variable keeps its type, and a variable
+that changes in a loop must be declared before as `int(...)` or `float(...)`. The types of all variables are therefore inferred
+from the types of the arguments. The translation is repeated until these types no longer change.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from asrsim.warping.values import (
 )
 
 UNARY = ("exp", "log", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "log2", "log10", "cbrt")
-"""Functions of `math` of one number that Warp has under the same name."""
+"""Functions of one number in `math` that have the same name in Warp."""
 OPERATORS: dict[type, str] = {
     ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.FloorDiv: "//", ast.Mod: "%", ast.Lt: "<", ast.LtE: "<=",
     ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!=", ast.And: "and", ast.Or: "or",
 }  # fmt: skip
 MOST_PASSES = 8
-"""Largest number of passes over a function until the types of its variables no longer change."""
+"""Number of translations of a function after which the types of its variables must no longer change."""
 Call = Callable[["Translation", list[Value]], Value]
-"""Translation of the call of a function: a function of the translation of the caller and of the arguments."""
+"""Function that translates a call. Its arguments are the translation of the calling function and the translated arguments."""
 
 
 def source_of(function: Any) -> ast.FunctionDef:
-    """Syntax tree of a function. Raises TranslationError."""
+    """Syntax tree of a function. Raises TranslationError if the source of the function cannot be read."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError) as error:
@@ -55,18 +55,18 @@ def source_of(function: Any) -> ast.FunctionDef:
 
 
 class Translation:
-    """The translation of a function for arguments of certain types."""
+    """Translation of one function for arguments of certain types."""
 
     def __init__(
         self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]
     ) -> None:
-        """name: name in Warp; kinds: types of the arguments; call: translates the call of another function."""
+        """name: name of the function in Warp; kinds: types of its arguments; call: translates its calls of other functions."""
         self._function, self._call = function, call
         self._tree = source_of(function)
         self._names: dict[str, Any] = {}
-        """Types of the local names."""
+        """Type of each local variable."""
         self.returned: Any = None
-        """Type of the result; None without a result."""
+        """Type of the function's result; None if the function returns nothing."""
         arguments = self._tree.args
         given = [*arguments.posonlyargs, *arguments.args]
         if arguments.vararg or arguments.kwarg or arguments.kwonlyargs or len(given) != len(kinds):
@@ -89,7 +89,7 @@ class Translation:
         self._lines: list[str] = []
         self._depth, self._count = 0, 0
         self._bound: dict[str, Value] = {}
-        """Values of the local names."""
+        """Translation of each local variable."""
         self._signature: list[str] = []
         for name, kind in self._arguments.items():
             self._bound[name] = self._argument(name, kind)
@@ -109,11 +109,11 @@ class Translation:
     # -- statements -------------------------------------------------------------------------------------------------
 
     def line(self, text: str) -> None:
-        """Add a line of code."""
+        """Add a line to the source of the Warp function, indented as deep as the present block."""
         self._lines.append("    " * self._depth + text)
 
     def fresh(self) -> str:
-        """A new name."""
+        """Name for a new variable of the Warp function."""
         self._count += 1
         return f"t{self._count}_"
 
@@ -131,7 +131,7 @@ class Translation:
                 raise self.refused(statement, str(error)) from error
 
     def refused(self, node: ast.AST, why: str) -> TranslationError:
-        """Error that names the line of the source."""
+        """Error with the reason `why`, which names the line of a syntax node in the Python source."""
         try:
             first = inspect.getsourcelines(self._function)[1]
         except OSError:
@@ -152,7 +152,7 @@ class Translation:
             return
         found = self.value(node.value)
         if found.text and isinstance(node.value, ast.Call):
-            # Warp has no call of a function whose result is dropped.
+            # Assign the result to a new name, because Warp does not accept a call whose result is dropped.
             self.line(found.text if found.kind is None else f"{self.fresh()} = {found.text}")
 
     def _do_pass(self, node: ast.Pass) -> None:
@@ -177,7 +177,7 @@ class Translation:
     def _do_assign(self, node: ast.Assign) -> None:
         found = self.value(node.value)
         if len(node.targets) > 1 or isinstance(node.targets[0], ast.Tuple):
-            # The whole right side is computed before anything is stored.
+            # Compute all values before the first is stored, as Python does: a value may contain a variable that is assigned.
             found = self._stored(found, fresh=True)
         for target in node.targets:
             self._store(target, found)
@@ -209,7 +209,7 @@ class Translation:
             raise TranslationError("this target has no translation")
 
     def _items(self, found: Value, count: int) -> list[Value]:
-        """Values of a tuple or row that is unpacked."""
+        """The `count` values of a tuple or row that is unpacked to as many names."""
         if isinstance(found.kind, Row):
             if found.kind.size not in (None, count):
                 raise TranslationError(f"{found.kind.size} numbers cannot be unpacked to {count} names")
@@ -219,7 +219,7 @@ class Translation:
         return list(found.items)
 
     def _stored(self, found: Value, name: str = "", *, fresh: bool = False) -> Value:
-        """The value under a name. fresh: under new names."""
+        """Store a value in the variable `name`, and return this variable's translation. fresh: store it in a new variable."""
         if found.kind is None:
             raise TranslationError("a function without a result has no value")
         if isinstance(found.kind, Group):
@@ -239,7 +239,8 @@ class Translation:
         else:
             kind = self._names[name] = joined(self._names.get(name), found.kind)
         text = number_as(found, kind).text
-        # Warp takes plain constants and other names for values that never change.
+        # Convert the value to its type: Warp treats a variable that is assigned a plain constant or another variable as a value
+        # that never changes.
         self.line(f"{name} = {text if kind == BOOL else f'{kind.name}({text})'}")
         return Value(kind, name)
 
@@ -276,7 +277,7 @@ class Translation:
         found = self.value(steps)
         if not isinstance(found.kind, Group):
             raise TranslationError("loops run over `range` or over a tuple")
-        # A loop over a tuple is written out.
+        # Repeat the body of the loop for each item of the tuple, because Warp has no loop over a tuple.
         for item in found.items:
             self._store(node.target, item)
             self._block(node.body)
@@ -287,7 +288,7 @@ class Translation:
         return number_as(self.value(node), BOOL).text
 
     def value(self, node: ast.expr) -> Value:
-        """Translation of an expression. Calls of functions with several results are moved to lines before it."""
+        """Translation of an expression. Calls of functions with several results become lines of their own before it."""
         method = getattr(self, f"_of_{type(node).__name__.lower()}", None)
         if method is None:
             raise TranslationError(f"an expression of the type {type(node).__name__} has no translation")
@@ -318,7 +319,7 @@ class Translation:
 
     @staticmethod
     def _known(found: Any) -> Value:
-        # The numbers of a named tuple are taken by their names.
+        # Keep a named tuple as it is, because its numbers are taken by their names.
         if callable(found) or isinstance(found, types.ModuleType) or hasattr(found, "_fields"):
             return Value(None, known=found)
         return constant(found)
@@ -337,7 +338,7 @@ class Translation:
     _of_list = _of_tuple
 
     def _values(self, nodes: Sequence[ast.expr]) -> list[Value]:
-        """Values of expressions; starred ones are unpacked."""
+        """Translations of expressions; an expression with a star gives one value for each item of its tuple."""
         found = []
         for node in nodes:
             if not isinstance(node, ast.Starred):
@@ -450,7 +451,9 @@ class Translation:
 
 
 def _real(text: str, count: int, kind: Any = FLOAT) -> Call:
-    """Function of `count` real numbers; {0}, {1} in the text stand for its arguments."""
+    """Translates calls of a function of `count` real numbers to this text, in which {0} and {1} stand for the arguments. kind:
+    type of the result.
+    """
 
     def call(caller: Translation, given: list[Value]) -> Value:
         if len(given) != count:
@@ -499,4 +502,4 @@ BUILT_IN: dict[Any, Call] = {
     math.isfinite: _real("wp.isfinite({0})", 1, BOOL), math.isnan: _real("wp.isnan({0})", 1, BOOL),
     min: _extreme("min"), max: _extreme("max"), float: _as(FLOAT), int: _as(INT), bool: _as(BOOL), range: _range,
 }  # fmt: skip
-"""Translations of the functions of Python and of `math`."""
+"""Translation of the calls of each function of Python and of `math` that translated code may call."""

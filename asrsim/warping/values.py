@@ -1,4 +1,4 @@
-"""Values in translated code: their types, and the text of their expressions."""
+"""Values in code that is translated to Warp: their types, and the text of their expressions in Warp."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asrsim.records import columns, own_fields
 
 
 class TranslationError(SimulationError):
-    """Code that has no translation to Warp."""
+    """Raised for Python code that cannot be translated to Warp."""
 
 
 @dataclass(frozen=True)
@@ -23,19 +23,20 @@ class NumberType:
 
     @property
     def annotation(self) -> str:
-        """Annotation of an argument of this type."""
+        """Annotation in Warp of an argument of this type."""
         return self.name
 
 
 FLOAT, INT, BOOL = NumberType("float"), NumberType("int"), NumberType("bool")
 ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
-"""Types in order: a name that is assigned values of several types has the last of these types."""
+"""Rank of each type: a variable that is assigned numbers of several types has the type with the highest rank."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """Type of a row of numbers in a table: an array, and the index in it at which the row begins. size: number of the row's
-    numbers, if it is known; record: class of the record whose numbers the row has (`asrsim.records`)."""
+    """Type of a row of numbers in a table. In Warp, a row is an array and the index at which the row begins in this array.
+    size: how many numbers the row has, if that is known; record: class of the record whose numbers the row contains
+    (`asrsim.records`)."""
 
     number: NumberType
     size: int | None = None
@@ -43,7 +44,7 @@ class Row:
 
     @property
     def annotation(self) -> str:
-        """Annotation of the array."""
+        """Annotation in Warp of an argument for the array in which the row lies."""
         return f"wp.array(dtype={self.number.name})"
 
 
@@ -56,8 +57,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Value:
-    """A value in translated code. text: its expression; for a row, the name of its array; `at`: expression of the index at
-    which the row begins; items: members of a tuple; known: a constant or function that is known without running the code."""
+    """A value in translated code. kind: its type; text: its expression in Warp, or for a row the name of its array; at:
+    expression of the index at which a row begins; items: values in a tuple; known: a constant or function whose value is known
+    without running the code."""
 
     kind: Any
     text: str = ""
@@ -66,15 +68,15 @@ class Value:
     known: Any = None
 
     def part(self, index: str) -> Value:
-        """Number of the row at an index."""
+        """The number at an index of this row."""
         return Value(self.kind.number, f"{self.text}[{summed(self.at, index)}]")
 
     def from_place(self, index: str, record: Any = None) -> Value:
-        """The row that begins within this row, or the record there."""
+        """The row that begins at an index of this row; record: class of the record that begins there, if it is one."""
         return Value(Row(self.kind.number, record=record), self.text, summed(self.at, index))
 
     def field(self, name: str) -> Value:
-        """Number, or record, of this name in a record. Raises TranslationError."""
+        """The number or inner record with this name in this record. Raises TranslationError for an unknown name."""
         for one in own_fields(self.kind.record):
             if one.name == name:
                 inner = one.metadata.get("record")
@@ -86,7 +88,7 @@ class Value:
 
     @property
     def arguments(self) -> list[str]:
-        """Expressions by which the value is passed to a function."""
+        """Expressions with which this value is passed to a function: two for a row, one for each number of a tuple."""
         if isinstance(self.kind, Row):
             return [self.text, self.at]
         if isinstance(self.kind, Group):
@@ -95,12 +97,12 @@ class Value:
 
 
 def summed(first: str, second: str) -> str:
-    """Sum of two expressions of indices in an array."""
+    """Expression for the sum of two indices, which are given as expressions."""
     return second if first == "0" else first if second == "0" else f"{first} + {second}"
 
 
 def constant(value: Any) -> Value:
-    """A constant: number or tuple of constants."""
+    """Value of a constant, which is a number or a tuple of constants. Raises TranslationError for other constants."""
     if isinstance(value, tuple):
         return group([constant(one) for one in value])
     if isinstance(value, bool):
@@ -113,7 +115,7 @@ def constant(value: Any) -> Value:
 
 
 LARGEST = 3.4e38
-"""Largest number of single precision."""
+"""Number above which a constant counts as infinite, since it exceeds the range of single precision."""
 
 
 def _float(value: float) -> str:
@@ -125,7 +127,7 @@ def _float(value: float) -> str:
 
 
 def group(items: Sequence[Value]) -> Value:
-    """A tuple of values."""
+    """Value of a tuple with these values."""
     return Value(Group(tuple(item.kind for item in items)), items=tuple(items))
 
 
@@ -143,7 +145,7 @@ def joined(first: Any, second: Any) -> Any:
 
 
 def number_as(value: Value, kind: Any) -> Value:
-    """The value converted to a number, or to a tuple of numbers, of this type. Raises TranslationError."""
+    """Value converted to this type, which is the type of a number or of a tuple of numbers. Raises TranslationError."""
     if isinstance(kind, Group) and isinstance(value.kind, Group) and len(kind.kinds) == len(value.items):
         return group([number_as(item, own) for item, own in zip(value.items, kind.kinds, strict=True)])
     if value.kind == kind:

@@ -20,39 +20,40 @@ from asrsim.errors import SimulationError
 from asrsim.progress import Stop
 
 DEATHS = 3
-"""Number of worker crashes caused by a single item after which the item is counted as lost."""
+"""Number of worker crashes while a single item was computed after which this item is given up as lost."""
 MOST = 500
 """Largest number of items in a piece of work."""
 GRACE = 10.0
-"""Time after `stop` in which pieces in progress may end, s."""
+"""Time in which pieces in progress may end after `stop` has returned True, s."""
 GROWTH = 4
-"""Largest ratio of the numbers of items in successive pieces."""
+"""Largest factor by which the number of items grows from one piece to the next."""
 
 Work = Callable[[Any], Any]
-"""Function of an item that can be pickled. The task may keep prepared data in a worker. Results depend neither on the worker
-nor on the order. Two methods are optional: `close` is called at the end; `several` returns the results of a list of items."""
+"""Task: a function that returns the result of one item, and that can be pickled. It may keep prepared data in a worker. A
+result must depend neither on the worker nor on the order of the items. The task may have two methods: `close`, which is called
+before a worker drops the task, and `several`, which returns the results of a list of items."""
 Numbered = list[tuple[int, Any]]
 """Pairs of the index of an item and the result for this item."""
 
 
 class Lost:
-    """Result of an item that crashed its worker repeatedly."""
+    """Stands for the result of an item that crashed its worker repeatedly."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
 
 class Pool(ABC):
-    """Workers managed by a library; a context manager that ends all workers on exit. A worker receives a piece with several
-    items and returns its results together.
+    """Workers that a library manages; a context manager that ends all workers on exit. A worker receives a piece of work, which
+    contains several items, and returns the results of all items together.
     """
 
     died: tuple[type[Exception], ...] = ()
-    """Exceptions that are raised if the worker of a piece crashed."""
+    """Exceptions that the library raises if the worker of a piece has crashed."""
     again: tuple[type[Exception], ...] = ()
-    """Exceptions after which the piece must be submitted again."""
+    """Exceptions that the library raises if a piece is lost without a fault of its items and must be submitted again."""
     piece = 0.5
-    """Duration of a piece of work, s: longer pieces save messages, shorter pieces keep all workers busy at the end."""
+    """Intended duration of a piece of work, s: longer pieces need fewer messages, shorter ones keep workers busy at the end."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -67,25 +68,26 @@ class Pool(ABC):
 
     @abstractmethod
     def slots(self, sent: bytes) -> int:
-        """Number of pieces of this task that may be in progress; 0: there is no worker at the moment."""
+        """Number of pieces that may be in progress at once; 0: there is no worker at the moment. sent: the pickled task."""
 
     @abstractmethod
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """Submit a piece of work to a worker, and return the future of `do_items`."""
+        """Let a worker call `do_items` with a piece of work, and return the future of this call. sent: the pickled task."""
 
     @abstractmethod
     def abandon(self, futures: Sequence[Any]) -> None:
         """Cancel the pieces of work that these futures stand for."""
 
     def renew(self) -> None:  # noqa: B027 - not all workers lose tasks
-        """Send the task again, because workers may have lost it."""
+        """Send the task again before the next piece, because workers may have lost the task."""
 
     def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Results in order of arrival, each item once; ends early if `stop` returns True, when the pieces in progress have
-        `GRACE` seconds to end. The task can be pickled. Raises its errors, and SimulationError if there are no workers.
+        """Results in the order in which they arrive, each item once. If `stop` returns True, the pieces in progress have
+        `GRACE` seconds to end. Raises the task's errors, and SimulationError if there are no workers or the task cannot be
+        pickled.
 
-        The size of a piece follows from the duration of the previous piece. To find the item that crashes its worker, a piece
-        whose worker crashed is repeated, and halved after a further crash.
+        The number of items in a piece follows from the computing time of an earlier piece. To find the item that crashes its
+        worker, a piece whose worker has crashed is computed alone; after each further crash it is halved.
         """
         try:
             sent = pickle.dumps((self._plugins, pickle.dumps(task)))
@@ -135,16 +137,16 @@ class Pool(ABC):
 
 
 def use_one_thread(environment: MutableMapping[str, str]) -> None:
-    """Limit NumPy to one thread; call before NumPy is imported. More threads slow down operations on small matrices (80 joints:
-    2.4 times) and compete with other processes for the cores.
+    """Set environment variables that limit NumPy to one thread; call it before NumPy is imported. More threads slow down
+    operations on small matrices (2.4 times for 80 joints), and compete with other processes for the cores.
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         environment.setdefault(name, "1")
 
 
 def one_thread() -> AbstractContextManager[object]:
-    """Context manager that limits a loaded NumPy to one thread, for example in a script: a fit then takes a third of the
-    processor time.
+    """Context manager that limits NumPy to one thread after NumPy was imported, for example in a script. A fit then takes a
+    third of the processor time that it takes with a thread on every core.
     """
     from threadpoolctl import threadpool_limits
 
@@ -160,8 +162,8 @@ def cores() -> int:
 
 
 def do_items(sent: bytes, items: Sequence[Any]) -> tuple[list[Any], float]:
-    """Compute the results of items in a worker; returns the results and the computing time, s. The worker keeps the task for
-    its next piece.
+    """Compute the results of a piece of work in this worker; returns the results and the computing time, s. The worker keeps
+    the task for its next piece. sent: the pickled task.
     """
     if getattr(_OWN, "sent", b"") != sent:
         _close(getattr(_OWN, "task", None))

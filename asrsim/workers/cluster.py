@@ -1,4 +1,4 @@
-"""Workers of a Dask scheduler; results arrive in the order in which they are finished."""
+"""Workers of a Dask scheduler."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from asrsim.workers import Numbered, Pool, Work, do_items
 PATIENCE = 10.0
 """Time in which a scheduler and its first worker must answer, s."""
 PIECE, SHARE = 2.0, 0.01
-"""Smallest duration of a Dask task, s, and additional duration per worker thread, s: scheduler and client need about 4 ms per
-task, also with a thousand threads.
+"""Smallest intended duration of a piece of work, s, and intended duration per worker thread, s; the longer of both applies.
+Scheduler and client need about 4 ms for each piece, also with a thousand threads: with short pieces, threads would wait.
 """
 AHEAD = 3
-"""Number of tasks per worker thread, done or waiting: limits the memory of scheduler and client."""
+"""Largest number of pieces in progress per worker thread. The limit bounds the memory of scheduler and client."""
 COMPARED = ("python", "asrsim", "numpy", "mujoco", "pybullet")
-"""Packages whose versions must agree on all machines, so that results agree."""
+"""Packages whose versions must be the same on all machines, so that all machines compute the same results."""
 
 
 class Cluster(Pool):
@@ -59,7 +59,7 @@ class Cluster(Pool):
             self._client.close()
 
     def _compare(self) -> None:
-        """Raise SimulationError if there are no workers, or workers with other versions."""
+        """Raise SimulationError if the scheduler has no workers, or if a worker has another version of a compared package."""
         try:
             self._client.wait_for_workers(1, timeout=PATIENCE)
         except Exception as error:
@@ -99,7 +99,7 @@ class Cluster(Pool):
             self._client.cancel(list(futures))
 
     def renew(self) -> None:
-        """Implements `Pool.renew`. If all workers of a piece are lost, the scheduler cancels the piece and the task."""
+        """Implements `Pool.renew`. If all workers that hold a piece or the task are lost, the scheduler cancels the piece."""
         self._data = None
 
     def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:

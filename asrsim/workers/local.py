@@ -47,7 +47,8 @@ class Processes(Pool):
         environment: dict[str, str] = {}
         use_one_thread(environment)
         environment = {name: os.environ.get(name, value) for name, value in environment.items()}
-        # loky replaces a process that grows by 300 MB, and calls that a leak. Ours grow on purpose: they keep prepared worlds.
+        # loky replaces a process that grows by 300 MB, and warns of a leak. Hide this warning: our processes grow because they
+        # keep prepared simulation worlds.
         warnings.filterwarnings("ignore", "A worker was restarted", UserWarning, r"loky\.")
         self._pool = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),), env=environment)
         with _ignoring_interrupts():
@@ -61,8 +62,8 @@ class Processes(Pool):
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """Context manager for the start of processes, which ignore Ctrl-C from their first moment. A Ctrl-C during this time takes
-    effect in this process at the end.
+    """Context manager in which new processes start so that they ignore Ctrl-C from their first moment. If the user presses
+    Ctrl-C during the block, this process is interrupted at the end of the block.
     """
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
@@ -77,7 +78,7 @@ def _ignoring_interrupts() -> Iterator[None]:
 
 
 def _begin(parent: int) -> None:
-    """Set up a worker process: ignore Ctrl-C, print to stderr, end when the parent ends."""
+    """Set up this worker process: it ignores Ctrl-C, prints to stderr, and ends when the process `parent` ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.dup2(2, 1)
 
