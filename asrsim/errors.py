@@ -56,7 +56,8 @@ class Problem:
             place = f"{self.file}:{self.line}: " if self.line is not None else f"{self.file}: "
         text = place + (f"{self.key}: " if self.key else "") + self.message
         if self.value is not None:
-            text += f" (got {shortened(repr(self.value))})"
+            value = str(self.value) if isinstance(self.value, Path) else self.value
+            text += f" (got {shortened(repr(value))})"
         if self.choices:
             text += f"; choose from {', '.join(folded(self.choices))}"
         if self.hint:

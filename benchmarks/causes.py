@@ -28,6 +28,7 @@ WORDS = {
     "speed limit": ("max_velocity",),
     "load": ("mass", "load"),
     "late sensor": ("delay of joint_1.link_position",),
+    "spring damper": ("damper parallel",),
 }
 """Words of a cause, by effect."""
 

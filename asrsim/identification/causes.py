@@ -1,7 +1,7 @@
 """Possible causes of a misfit: extensions of the model that are tried together, and reported with the error that would remain.
 
-`CAUSES` is the registry. Users add further causes: `CAUSES.add("damper", Cause(title="a damper", extensions=dampers))` in a
-plugin file, or an entry point in the group "asrsim.causes".
+`CAUSES` is the registry. Users add further causes: `CAUSES.add("integral", Cause(title="an integral", extensions=wider))` in
+a plugin file, or an entry point in the group "asrsim.causes".
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from asrsim.samples import Array
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise: the rest of
 the error is then a third. With this and the further thresholds without another source, `benchmarks/causes.py` names each of
-nine effects first, and nothing in right models.
+ten effects first, and nothing in right models.
 """
 NOISE = 2.0
 """Mean square residual, relative to the recorded noise, below which the suspected causes explain everything: the rest is then
@@ -61,9 +61,13 @@ LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Limits that are tried, as fractions of the largest simulated torque or speed of the motor, or deflection of the spring. The
 first is not reached; each is a quarter or a fifth of the one before, so that the nearest start is wrong by a factor below 2.3.
 """
-LAWS = (("spring_cubic", "a cubic term in the spring", (1.0, -1.0)), ("backlash", "backlash", (1.0, 5.0)))
+LAWS = (
+    ("spring_cubic", "a cubic term in the spring", (1.0, -1.0)),
+    ("backlash", "backlash", (1.0, 5.0)),
+    ("spring_damping", "a damper parallel to the springs", (1.0,)),
+)
 """Parameters of spring laws that are tried, words for them, and their start values, in typical sizes: 10 N m/rad^3 to both
-sides, and 0.01 and 0.05 rad, since a large backlash is not found from a small one.
+sides; 0.01 and 0.05 rad, since a large backlash is not found from a small one; and 0.1 N m s/rad.
 """
 MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the band of the motion. The lowest is so near the band that the
@@ -512,8 +516,8 @@ for name, cause in {
     "sensors": Cause(title="zeros and scales of sensors, such as a gear ratio", extensions=_sensors),
     "commands": Cause(title="zeros of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
-        title="passive springs, friction, damping, static friction, hysteresis, backlash and cubic terms of springs, limits of "
-        "motors and of deflections, derivative gains of controllers, masses of links",
+        title="passive springs, friction, damping, static friction, hysteresis, backlash, cubic terms and dampers of springs, "
+        "limits of motors and of deflections, derivative gains of controllers, masses of links",
         extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),

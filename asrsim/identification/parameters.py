@@ -349,7 +349,9 @@ def _tie_faults(ties: Sequence[Tie], free: Mapping[str, FitParameter]) -> Iterat
 def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     owner = pattern.partition(".")[0]
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
-    hint = did_you_mean(pattern, tuple(known))
+    hint = did_you_mean(pattern, tuple(known)) or ""
+    if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
+        hint = f"{hint} Your own stages and actuators need --plugin FILE".strip()
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 

@@ -99,7 +99,7 @@ class Task:
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin", attach=False)),
         default=(),
-        doc="files with your own actuators; a file runs only if --plugin also names it",
+        doc="files with your own actuators, readers and causes that the fit needs; a file runs only if --plugin also names it",
     )
     name: str = ""
     file: Path | None = None

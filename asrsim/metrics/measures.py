@@ -208,7 +208,8 @@ def _chosen(
     found = MEASURES.get(name)
     problems = option_problems(found, options)
     if found.needs == "pair" and reference is None:
-        problems.append(Problem("needs a second series to compare with (`against`)", key=name, code="no-reference"))
+        message = "needs a second series to compare with (`against`, or `reference: QUANTITY`)"
+        problems.append(Problem(message, key=name, code="no-reference"))
     if (found.needs == "poses") != (np.ndim(series) == 2):
         what = "the poses of a body" if found.needs == "poses" else "a scalar series"
         problems.append(Problem(f"is a measure of {what}", key=name, code="wrong-series"))

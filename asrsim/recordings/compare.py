@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -49,9 +49,9 @@ class Series:
     """Description of how the column was read."""
     metrics: Mapping[str, float]
     """Measures of the difference of simulation and recording, by name; NaN where undefined."""
-    each: Mapping[str, tuple[float, float]]
+    each: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Measures of single series, such as measures of a step response, by name; each has a pair of values (simulation,
-    recording).
+    recording), from the samples of its own record within the overlap.
     """
     findings: tuple[Problem, ...] = ()
 
@@ -145,11 +145,9 @@ def compare(
             _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, prismatic=joint in prismatic)
             for (joint, name), own in found.items()
         )
-    if further:
-        references = [_references(one, samples, recording, pairing, infos, alignment.lag) for one in series]
-        series = tuple(
-            replace(one, each={**one.each, **_further(one, further, *own)}) for one, own in zip(series, references, strict=True)
-        )
+    every, _ = matched_columns(recording, pairing, infos)
+    records = [_records(one, found[one.joint, one.quantity], samples, every, infos, alignment.lag) for one in series]
+    series = tuple(replace(one, each=_each(further, *own)) for one, own in zip(series, records, strict=True))
     findings += alignment.findings
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
@@ -177,8 +175,7 @@ def _series(
     # Keep the samples of the coarser record, and interpolate the finer record: this adds the smallest error.
     coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
     base = shifted if coarse else time
-    # Rounding in the last digit of a time stamp must not remove the last sample.
-    slack = 1e-6 * max(1.0, abs(end))
+    slack = _slack(end)
     part = (base >= start - slack) & (base <= end + slack)
     grid = base[part]
     if len(grid) < 2:
@@ -191,7 +188,6 @@ def _series(
     if both.sum() < 2:
         findings.append(Problem("has fewer than two samples with numbers in both records", code="no-overlap"))
     metrics = {name: measure(name, grid, a, b) if both.sum() > 1 else math.nan for name in PAIR_MEASURES}
-    each = {name: (measure(name, grid, a), measure(name, grid, b)) for name in STEP_MEASURES}
     return Series(
         joint=joint,
         quantity=quantity,
@@ -201,44 +197,75 @@ def _series(
         recording=b,
         reading=column.reading,
         metrics=metrics,
-        each=each,
         findings=tuple(findings),
     )
 
 
-def _further(
-    series: Series, asked: Sequence[AskedMeasure], ours: Array | None, theirs: Array | None
-) -> dict[str, tuple[float, float]]:
-    """Further measures of run and recording, each with its own reference (m,). ours, theirs: references of the run and of the
-    recording; if both are None, measures that need a reference are left out.
+def _slack(end: float) -> float:
+    """Time, s, by which an overlap is widened: rounding in the last digit of a time stamp must not remove the last sample."""
+    return 1e-6 * max(1.0, abs(end))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Record:
+    """Series of one record at the record's own samples."""
+
+    time: Array
+    """Times (n,) on the simulation's clock, s."""
+    values: Array
+    """Values (n,); NaN in gaps."""
+    reference: Array | None
+    """Its own reference (n,); None if unknown."""
+
+    def within(self, start: float, end: float) -> _Record:
+        """Part between two times, s."""
+        part = (self.time >= start) & (self.time <= end)
+        reference = None if self.reference is None else self.reference[part]
+        return _Record(time=self.time[part], values=self.values[part], reference=reference)
+
+
+def _each(asked: Sequence[AskedMeasure], *records: _Record) -> dict[str, tuple[float, float]]:
+    """Measures of run and recording, each with its own samples and reference; without any reference, measures of two series
+    are left out.
     """
-    known = [one for one in asked if one.measure.needs != "pair" or ours is not None or theirs is not None]
-    return {
-        one.text: (one.of(series.time, series.simulation, ours), one.of(series.time, series.recording, theirs)) for one in known
+    ours, theirs = records
+    steps = {name: (measure(name, ours.time, ours.values), measure(name, theirs.time, theirs.values)) for name in STEP_MEASURES}
+    referred = any(one.reference is not None for one in records)
+    return steps | {
+        one.text: (one.of(ours.time, ours.values, ours.reference), one.of(theirs.time, theirs.values, theirs.reference))
+        for one in asked
+        if one.measure.needs != "pair" or referred
     }
 
 
-def _references(
+def _records(
     series: Series,
+    simulation: Array,
     samples: Samples,
-    recording: Recording,
-    pairing: Mapping[str, str],
+    columns: Mapping[tuple[str, str], Column],
     infos: Sequence[JointInfo],
     lag: float,
-) -> tuple[Array | None, Array | None]:
-    """References (m,) of a link position in the run and in the recording, at the times of the series; None if unknown."""
+) -> tuple[_Record, _Record]:
+    """Run and recording of a series within their overlap. simulation: values (n,) at the times of the samples; columns: of all
+    quantities of the recording, since a link position needs its references.
+    """
+    column = columns[series.joint, series.quantity]
+    shifted = column.time - lag
     info = next((info for info in infos if info.name == series.joint), None)
-    if info is None or series.quantity != "link_position":
-        return None, None
-    ours = own_reference(samples, info)
-    columns, _ = matched_columns(recording, pairing, infos)
-    values = {
-        quantity: resample(column.time - lag, column.values, series.time)[:, None]
-        for (joint, quantity), column in columns.items()
-        if joint == info.name and quantity.startswith("reference")
-    }
-    theirs = own_reference(Samples(time=series.time, joints=(info.name,), values=values), info)
-    return None if ours is None else resample(samples.time, ours, series.time), theirs
+    ours, theirs = None, None
+    if info is not None and series.quantity == "link_position":
+        values = {
+            quantity: resample(other.time - lag, other.values, shifted)[:, None]
+            for (joint, quantity), other in columns.items()
+            if joint == info.name and quantity.startswith("reference")
+        }
+        ours = own_reference(samples, info)
+        theirs = own_reference(Samples(time=shifted, joints=(info.name,), values=values), info)
+    start, end = require_overlap(samples.time, column.time, lag)
+    slack = _slack(end)
+    runs = _Record(time=samples.time, values=simulation, reference=ours)
+    recorded = _Record(time=shifted, values=column.values, reference=theirs)
+    return runs.within(start - slack, end + slack), recorded.within(start - slack, end + slack)
 
 
 @dataclass(frozen=True, kw_only=True)

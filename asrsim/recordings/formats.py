@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.confined.run import ConfinedError, run_confined
-from asrsim.document.file import lfs_pointer
+from asrsim.document.file import DOCUMENTS, lfs_pointer
 from asrsim.errors import InputError, Problem, RecordingError, similar_file
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.recordings.arrays import read_arrow, read_matlab, read_numpy
@@ -119,6 +119,15 @@ def format_of(path: Path) -> str:
     # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start
     return "text" if text else by_suffix
+
+
+def with_reader_hint(problem: Problem, path: Path) -> Problem:
+    """The problem of a file, with the hint on readers of users if no reader is known for the file's ending."""
+    known = {suffix for name in READERS for suffix in READERS.get(name).suffixes}
+    if path.suffix.lower() in ("", *known, *DOCUMENTS) or not path.is_file():
+        return problem
+    before = f"{problem.hint}{'' if problem.hint.endswith('?') else '.'} " if problem.hint else ""
+    return replace(problem, hint=f"{before}A reader of your own needs --plugin FILE")
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:

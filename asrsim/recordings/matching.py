@@ -9,6 +9,7 @@ from asrsim.actuators import MODES
 from asrsim.errors import Problem, RecordingError
 from asrsim.quantities import PRISMATIC_UNITS
 from asrsim.recordings.data import Column, Recording
+from asrsim.recordings.formats import with_reader_hint
 from asrsim.recordings.words import TAKEN, UNIT_KINDS, one_of
 
 
@@ -20,7 +21,7 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
         return pairing
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
     doubt = next((f"; {one.source}: {one.question}" for one in recording.asked), "")
-    raise RecordingError(
+    problem = Problem(
         f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}",
         file=recording.path,
@@ -28,6 +29,7 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
         hint=f"Columns: {', '.join(list(recording.channels)[:30])}. Map them, in the document beside the file or with "
         f"--map '{column.source}={joint}.{column.quantity or 'link_position'} [{column.unit or 'unit'}]'",
     )
+    raise RecordingError([with_reader_hint(problem, recording.path)])
 
 
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:

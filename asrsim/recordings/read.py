@@ -22,7 +22,7 @@ from asrsim.quantities import each_motor, unit_of
 from asrsim.recordings.commands import command_unit
 from asrsim.recordings.data import LARGEST, Column, Content, RawColumn, Recording
 from asrsim.recordings.folders import require_one_recording
-from asrsim.recordings.formats import READERS, content_of
+from asrsim.recordings.formats import READERS, content_of, with_reader_hint
 from asrsim.recordings.matching import matching_name
 from asrsim.recordings.names import check_path, find_raw, meaning_of, stated_unit, within_joint
 from asrsim.recordings.owners import find_joint, joint_of
@@ -104,6 +104,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
             raise RecordingError(other) from None
         # If no time is found, it may be in a column of text that is not a date.
         said = [*error.problems, *(one for one in findings if one.code == "text-column")]
+        said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))

@@ -18,7 +18,7 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.modes import Mode
 from asrsim.outfile import check_output, csv_text
-from asrsim.plugins import command_line
+from asrsim.plugins import command_line, plugin_options
 from asrsim.quantities import is_comparable
 from asrsim.recordings import Recording, read_recording
 from asrsim.recordings.data import Column
@@ -285,6 +285,7 @@ def recording_heading(plan: RecordingPlan, files: Files) -> Iterator[str]:
     """Comment lines above the scenario."""
     log = shlex.quote(f"out/{files.scenario.rpartition('.')[0]}/default/log.mcap")
     options = [f"--map {shlex.quote(text)}" for text in files.mapping] + ([f"--rate {files.rate:g}"] if files.rate else [])
+    options += [shlex.join(plugin_options(files.plugins))] if files.plugins else []
     yield f"yaml-language-server: $schema={SCHEMA_FILE}"
     yield f"Scenario from the recording {files.recording}, written by `asrsim init --experiment`. Units are SI."
     yield f"It plays the recorded commands ({files.commands}) and compares the simulated with the recorded motion."

@@ -405,3 +405,12 @@ def test_motors_before_their_gear_start_with_their_links(tmp_path):
     made, scenario = make(tmp_path, tmp_path / "lab.csv", mapping=mapping, mode=6)
     assert not scenario.initial_motor_positions
     assert any("moves 100 times as far as its link" in text for text in made.remarks), made.remarks
+
+
+def test_each_command_of_the_heading_names_the_plugins(tmp_path):
+    """Not only the run: `asrsim plot` needs the reader of the recording, too."""
+    make(tmp_path, lab(tmp_path), plugins=[tmp_path / "my_reader.py"])
+    heading = (tmp_path / "s.yaml").read_text().partition("robot:")[0]
+    commands = [line for line in heading.splitlines() if line.startswith("#   asrsim ")]
+    assert [line.split()[2] for line in commands] == ["run", "plot"]
+    assert all(line.endswith(" --plugin my_reader.py") for line in commands), commands

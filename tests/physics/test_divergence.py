@@ -97,7 +97,7 @@ def test_a_link_that_damping_does_not_slow_is_stopped(monkeypatch):
     robot = chain(Body(mass=1e-9, reach=0.0, inertia=0.01, damping=0.1))
     options = {"gravity": 0.0, "duration": 1.0, "engine": "mujoco", "initial_velocities": {"joint_1": 5.0}}
     assert run(robot, **options).status == "complete"
-    entry = EngineEntry(make=lambda *given: (Undamped(*given), ()), doc="wrong", module="mujoco")
+    entry = EngineEntry(make=lambda *given: (Undamped(*given), ()), doc="wrong", module="mujoco", masses_of_file=True)
     monkeypatch.setitem(ENGINES._entries, "mujoco", entry)
     with pytest.raises(DivergenceError, match="J without a source"):
         run(robot, **options)

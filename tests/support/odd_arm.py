@@ -15,6 +15,7 @@ from support.soft_arm import SEA, command
 
 EFFECTS = (
     "backlash", "cubic spring", "second mode", "hysteresis", "stribeck", "torque limit", "speed limit", "load", "late sensor",
+    "spring damper",
 )  # fmt: skip
 GRAVITY = 9.81
 STEP = 2.5e-5
@@ -23,7 +24,7 @@ STUCK = 8000.0
 """Frequency of the link on the bristles of its joint, rad/s: so high that the arm reverses as with dry friction."""
 _OFF = {
     "backlash": 0.0, "cubic": 0.0, "soft": 0.0, "split": 0.5, "hysteresis": 0.0, "yield": 0.03, "static": 0.0, "slow": 0.1,
-    "torque": 1e3, "speed": 1e3, "load": 0.0, "late": 0.0,
+    "torque": 1e3, "speed": 1e3, "load": 0.0, "damper": 0.0, "late": 0.0,
 }  # fmt: skip
 """Sizes of the effects in a right model."""
 KEYS = {
@@ -34,6 +35,7 @@ KEYS = {
     "torque": "joint_1.motor_1_max_torque",
     "speed": "joint_1.motor_1_max_velocity",
     "load": "link_1.mass",
+    "damper": "joint_1.spring_damping",
     "late": "joint_1.link_position.delay",
 }
 """Parameters that state the sizes of effects. The law of hysteresis here is another one than that of asrsim."""
@@ -45,12 +47,12 @@ def _rate(out, y, goal, p, e):  # type: ignore[no-untyped-def]
     spring.
     """
     k, rotor, drag, motor_rub, damping, rub, inertia, mass, reach, gain, brake = p
-    width, cubic, soft, split, level, bend, static, slow, most, fastest, load, _ = e
+    width, cubic, soft, split, level, bend, static, slow, most, fastest, load, damper, _ = e
     out[8] = 0.0
     q, v, theta, omega, tip, tip_v = y[0], y[1], y[2], y[3], y[4], y[5]
     deflection = theta - q
     free = math.copysign(max(abs(deflection) - 0.5 * width, 0.0), deflection)
-    spring = k * free + cubic * free**3
+    spring = k * free + cubic * free**3 + damper * (omega - v)
     if level > 0.0:
         out[8] = (omega - v - abs(omega - v) * y[8]) / bend
         spring += level * y[8]
@@ -115,6 +117,8 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
     if effect == "late sensor":
         # Drawn apart, so that the noise of the other robots stays as it was.
         return {"late": u(0.02, 0.06)}
+    if effect == "spring damper":
+        return {"damper": u(0.03, 0.1)}
     return {
         "": {},
         "backlash": {"backlash": u(0.02, 0.06)},

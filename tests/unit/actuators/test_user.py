@@ -246,6 +246,7 @@ def test_no_file_runs_code_by_itself(tmp_path, asrsim_command, command, file):
     outcome = asrsim_command(command, "file.yaml")
     assert outcome.code == 1
     assert "file.yaml: plugins: is Python code, which runs only if you name it" in outcome.err
+    assert "PosixPath" not in outcome.err
     assert "--plugin code.py" in outcome.err.replace(f"{tmp_path}/", "")
     assert not (tmp_path / "ran").exists()
     asrsim_command(command, "file.yaml", "--plugin", "code.py")

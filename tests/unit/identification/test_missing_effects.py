@@ -30,6 +30,7 @@ NAMED = {
     "speed limit": "a limit motor_1_max_velocity of joint_1",
     "load": "a different mass of link_1",
     "late sensor": "a delay of joint_1.link_position",
+    "spring damper": "a damper parallel to the springs of joint_1",
 }
 
 

@@ -35,16 +35,40 @@ def recorded(folder):
     return write(folder, "lab", SEA, duration=float(TIME[-1])), save(folder / "a.csv", heading, TIME, goal(TIME), link)
 
 
+def integrating(folder, integral=12.0, *, proportional=8.0, derivative=0.3, inertia=0.02, damping=0.1):
+    """A motor with a PID controller that drives a link by a spring, solved without asrsim: its recording, and the scenario with
+    a PD controller.
+    """
+
+    def rate(time, state):
+        link, speed, motor, motor_speed, sum_ = state
+        pull, error = SPRING * (motor - link), goal(time) - motor
+        drive = proportional * error - derivative * motor_speed + integral * sum_
+        return speed, (pull - DAMPING * speed) / INERTIA, motor_speed, (drive - damping * motor_speed - pull) / inertia, error
+
+    time = np.arange(0.0, 1.2, 0.005)
+    found = solve_ivp(rate, (0.0, time[-1]), np.zeros(5), t_eval=time, rtol=1e-9, atol=1e-11, max_step=1e-3).y
+    noisy = found[[0, 2]] + 2e-4 * np.random.default_rng(3).normal(size=(2, len(time)))
+    heading = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad],joint_1.motor_1_position [rad]"
+    scenario = write(folder, "lab", {**SEA, "mode": 6}, duration=float(time[-1]))
+    numbers = f"motor_1_inertia: {inertia}, motor_1_damping: {damping}, motor_1_friction_torque: 0"
+    gains = f"controller_1_proportional: {proportional}, controller_1_integral: 0, controller_1_derivative: {derivative}"
+    limits = "motor_1_max_torque: 100, motor_1_max_velocity: 100, max_deflection: 10"
+    scenario.write_text(f"{scenario.read_text()}parameters: {{joint_1: {{{numbers}, {gains}, {limits}}}}}\n")
+    return scenario, save(folder / "a.csv", heading, time, goal(time), *noisy)
+
+
 def test_the_cause_of_the_page_is_named_with_its_size(tmp_path):
     page = (ROOT / "docs" / "identify.md").read_text(encoding="utf-8")
     code = page.partition("## A cause of your own")[2].partition("```python\n")[2].partition("```")[0]
     (tmp_path / "my_cause.py").write_text(code)
     load_plugin_files(tmp_path / "my_cause.py")
-    scenario, recording = recorded(tmp_path)
+    scenario, recording = integrating(tmp_path)
     found = identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
     assert not found.fits
-    assert found.causes[0].startswith("a damper of joint_1 (0.03"), found.causes
-    assert "--free joint_1.spring_damping=0.03" in found.causes[0]
+    assert found.causes[0].startswith("integral action in joint_1 (1"), found.causes
+    size = re.search(r"--free joint_1\.controller_1_integral=([\d.]+)", found.causes[0])
+    assert float(size[1]) == pytest.approx(12.0, rel=0.05)
 
 
 def cogging(folder, sine=0.25, cosine=0.15, *, periods=75.0, inertia=0.02, damping=0.3):
@@ -122,3 +146,11 @@ def test_an_extension_that_cannot_be_tried_is_refused_with_the_line_of_the_cause
     scenario, recording = recorded(tmp_path)
     with pytest.raises(InputError, match=rf"{said}.*test_own_causes.py:\d+\)"):
         identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+
+
+@pytest.mark.parametrize(("key", "said"), [("joint_1.rest_shift", True), ("joint_1.link_position.ofset", False)])
+def test_an_unknown_parameter_of_a_joint_may_belong_to_a_stage_of_a_plugin(key, said, tmp_path):
+    scenario, recording = recorded(tmp_path)
+    with pytest.raises(InputError, match="no parameter has this key") as caught:
+        identify(scenario, [recording], free=[key])
+    assert ("Your own stages and actuators need --plugin FILE" in str(caught.value)) is said

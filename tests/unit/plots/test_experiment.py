@@ -72,6 +72,20 @@ def test_a_further_measure_is_shown_of_run_and_recording(tmp_path, asrsim_comman
     assert "choices" in asrsim_command("plot", log, "-e", recording, "--measure", "rmss", "--json").out
 
 
+def test_a_coarse_recording_leaves_the_measures_of_the_run_as_they_are(tmp_path, asrsim_command):
+    """Samples each 0.11 s miss the peak of the sinusoid; the recording lasts longer than the run."""
+    log, recording = made_up_log(tmp_path / "log.mcap", count=801), lab(tmp_path / "lab.csv", rate=0.11)
+    words = ("plot", log, "--measure", "peak", "--measure", "rms", "--quantity", "link_position", "--json")
+
+    def values(*more):
+        rows = json.loads(asrsim_command(*words, *more).out)["metrics"]
+        return {row["measure"]: row["value"] for row in rows if row["source"] == "soft"}
+
+    alone, beside = values(), values("-e", recording, "--align", "off")
+    assert alone["peak"] == pytest.approx(0.4, rel=1e-6)
+    assert [beside[name] for name in ("peak", "rms")] == pytest.approx([alone[name] for name in ("peak", "rms")], rel=1e-9)
+
+
 def lead(time, values, reference, *, beyond):
     """Largest amount by which the values exceed the reference, less `beyond`."""
     return np.nan if reference is None else float(np.max(values - reference)) - beyond

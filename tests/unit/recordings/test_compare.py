@@ -192,6 +192,21 @@ def test_joints_are_paired_by_name(tmp_path):
         compare(simulation("forearm"), recording)
 
 
+def test_a_recording_with_an_unknown_ending_may_need_a_reader_of_the_user(tmp_path):
+    """Without the reader, it is read as text, so its faults are those of the text."""
+    hint, known, unknown = (
+        "A reader of your own needs --plugin FILE",
+        laboratory(tmp_path),
+        laboratory(tmp_path, name="lab.own"),
+    )
+    for path, expected in ((known, False), (unknown, True)):
+        with pytest.raises(RecordingError, match="no common joint") as mismatch:
+            compare(simulation("forearm"), read(path))
+        with pytest.raises(RecordingError, match="no such time column") as timeless:
+            read_recording(path, mapping=["absent=time"])
+        assert [hint in str(one.value) for one in (mismatch, timeless)] == [expected, expected]
+
+
 def test_derived_quantities_are_compared(tmp_path):
     t = np.arange(0, 5, 0.005)
     path = write(tmp_path, "time,elbow_position_error", t, reference(t) - motion(t))
