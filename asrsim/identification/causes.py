@@ -16,6 +16,7 @@ import numpy as np
 from asrsim.errors import InputError
 from asrsim.identification.combinations import percent
 from asrsim.identification.data import RecordedSignal
+from asrsim.identification.door import SteppedJoint
 from asrsim.identification.extensions import (
     FURTHER,
     MUCH,
@@ -422,7 +423,7 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
         gain, damping = known.get(f"{joint}.controller_1_derivative"), f"{joint}.motor_1_damping"
         if gain is not None and gain.key not in free and damping in free and values[damping] < VANISHED * gain.start:
             # Damping of the motor acts like the derivative gain. The estimated damping is nearly 0, so the gain is too large.
-            ties = tied_to(gain.key, [gain.key.replace("_1_", "_2_")] * (drive.dynamic_motors > 1))
+            ties = tied_to(gain.key, _of_other_motors(drive, "controller_1_derivative"))
             text = f"a smaller derivative gain of the controller of {joint}"
             starts = gain.place(0.0), gain.place(0.5 * gain.start)
             yield Extension(text=text, parameters=(gain,), ties=ties, begins=starts)
@@ -430,11 +431,19 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
         for quantity, name in (*limited, *([("deflection", "max_deflection")] if spring else [])):
             key, reached = f"{joint}.{name}", _largest(problem, x, (j, quantity))
             if key in known and key not in free and reached > 0.0:
-                # Both motors of a joint share the limit.
-                ties = tied_to(key, [key.replace("motor_1", "motor_2")] * (drive.dynamic_motors > 1 and "motor_1" in key))
+                # All motors of a joint share the limit.
+                ties = tied_to(key, _of_other_motors(drive, name))
                 limit = replace(known[key], start=reached, low=1e-3 * reached, high=4.0 * reached, logarithmic=True)
                 text, factors = f"a limit {name} of {joint}", tuple(np.log(LIMIT_FACTORS))
                 yield Extension(text=text, parameters=(limit,), ties=ties, begins=factors)
+
+
+def _of_other_motors(drive: SteppedJoint, name: str) -> Iterator[str]:
+    """Keys of a parameter of motor 1, such as `motor_1_max_torque`, at the other motors of the joint; none for a parameter that
+    belongs to no motor.
+    """
+    for i in range(2, drive.dynamic_motors + 1) if "_1_" in name else ():
+        yield f"{drive.name}.{name.replace('_1_', f'_{i}_')}"
 
 
 def _largest(problem: FitProblem, x: Array, quantity: tuple[int, str]) -> float:

@@ -15,6 +15,8 @@ from asrsim.samples import Array
 
 SPAN = 0.02
 """Time over which speeds are computed from positions, s: noise of 1 mrad then changes a speed by about 0.1 rad/s."""
+ROOM = 2.0
+"""Proposed limit, as a multiple of the largest recorded value."""
 MARGIN = 1.02
 """Smallest ratio of the largest recorded value to the limit at which the limit counts as exceeded, as a margin for noise."""
 
@@ -32,11 +34,16 @@ class Exceeded:
     default: bool
     """Whether the limit is the default, which the robot's file does not state."""
 
+    @property
+    def proposal(self) -> float:
+        """Limit that the recorded motion does not reach, in the parameter's unit."""
+        return float(f"{ROOM * self.reached:.2g}")
+
     def __str__(self) -> str:
         of = "the default, " if self.default else ""
         return (
             f"{self.joint}: the recording reaches {self.reached:.3g} {self.unit}, but {self.parameter} is {of}{self.limit:g} "
-            f"{self.unit}: raise it, as in parameters: {{{self.joint}: {{{self.parameter}: {2.0 * self.reached:.2g}}}}}"
+            f"{self.unit}: raise it, as in parameters: {{{self.joint}: {{{self.parameter}: {self.proposal:g}}}}}"
         )
 
 

@@ -43,8 +43,6 @@ from asrsim.starter.robot import (
 
 WIDE = 1e4
 """Limits of motors whose real limits are unknown, N m and rad/s; a thousand times the limits of robots."""
-ROOM = 2.0
-"""Largest deflection of the springs, as a multiple of the largest recorded one."""
 FIT = ".fit.yaml"
 """Ending of the file for `asrsim identify`, beside the scenario."""
 
@@ -186,7 +184,7 @@ def open_parameters(plan: RecordingPlan, joints: Sequence[str]) -> dict[str, dic
             gains = [f"controller_{i}_derivative" for i in motors if mode.controller and (mode.motor or i == 1)]
             found[block.joint] = {**dict.fromkeys(limits, WIDE), **dict.fromkeys(constants, 1.0), **dict.fromkeys(gains, 0.0)}
             found[block.joint] |= {
-                one.parameter: float(f"{ROOM * one.reached:.2g}")
+                one.parameter: one.proposal
                 for one in plan.exceeded
                 if one.joint == block.joint and one.parameter == "max_deflection"
             }

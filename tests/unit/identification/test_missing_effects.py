@@ -15,6 +15,7 @@ from support.identify_files import CHIRP, prepared, save, write
 from support.identify_files import SEA as LAB
 from support.identify_files import record as log_of
 from support.odd_arm import drawn, record, true_effect
+from support.paths import EXAMPLES
 from support.soft_arm import SEA
 from support.sticky_drive import LINK
 from support.sticky_drive import drawn as sticky
@@ -276,3 +277,23 @@ def test_a_drive_that_does_not_explain_its_motor_is_left_out_on_advice(tmp_path)
         )
         (text,) = unexplained_drives(linked, np.zeros(len(linked.layout)))
     assert text.endswith("(--map 'joint_1.reference_1 [N m]=ignore')")
+
+
+def test_a_limit_is_that_of_every_motor_of_its_joint_whatever_the_joint_is_called(tmp_path):
+    """The number of the motor may also stand in the name of the joint."""
+    robot = (EXAMPLES / "urdf" / "dof1_qbmove.urdf").read_text().replace("joint_1", "motor_1_joint")
+    (tmp_path / "arm.urdf").write_text(robot)
+    (tmp_path / "s.yaml").write_text("robot: arm.urdf\nduration: 1\nmodes: 5\n")
+    time = np.arange(0.0, 1.0, 0.01)
+    names = ("link_position", "reference_1", "reference_2")
+    header = ",".join(["time", *(f"motor_1_joint.{name} [rad]" for name in names)])
+    np.savetxt(
+        tmp_path / "a.csv", np.column_stack([time, *[0.3 * np.sin(6.0 * time)] * 3]), delimiter=",", header=header, comments=""
+    )
+    with ExitStack() as stack:
+        problem = set_up(task_of(tmp_path / "s.yaml", [tmp_path / "a.csv"], free=["motor_1_joint.damping"]), stack).problem
+        found = [*CAUSES.get("robot").extensions(problem, np.zeros(len(problem.layout)))]
+    (limit,) = [one for one in found if one.text.startswith("a limit motor_1_max_torque")]
+    assert [(tie.key, tie.to) for tie in limit.ties] == [
+        ("motor_1_joint.motor_2_max_torque", "motor_1_joint.motor_1_max_torque")
+    ]
