@@ -532,7 +532,7 @@ from asrsim.exports import PROGRAMS, Program
 class Mine(Program):
     name, title = "mine", "Mine"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         return WRITTEN
 
     def positions(self, path, model, start, controls, torques):
@@ -561,7 +561,7 @@ from asrsim.exports import PROGRAMS, Program
 class Table(Program):
     name, title = "table", "a table of joints"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         lines = [f"{prepared.scenario.duration} {timestep} {ranges}"]
         for drive in prepared.drives:
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
@@ -591,7 +591,9 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
-    code = EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges", "path")
+    code = (
+        EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges, remarks", "path")
+    )
     (tiny.folder / "mine.py").write_text(code)
     done = asrsim_command(
         "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
