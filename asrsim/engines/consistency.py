@@ -1,7 +1,7 @@
 """Test of a user's equations of motion M(q) dv/dt + b(q, v) = torques: the bias b must belong to the mass matrix M.
 
-The derivative of the kinetic energy 1/2 v' M v is the power of the torques, minus v' b(q, v), plus 1/2 v' (dM/dt) v. Gravity and
-springs, which are b(q, 0), must be the gradient of an energy. The rest of the bias must not create energy:
+The derivative of the kinetic energy 1/2 v' M v is the power of the torques, minus v' b(q, v), plus 1/2 v' (dM/dt) v. Gravity
+and springs, which are b(q, 0), must be the gradient of an energy. The rest of the bias must not create energy:
 
     v' (b(q, v) - b(q, 0)) >= 1/2 v' (dM/dt) v        for every q and v
 
