@@ -295,7 +295,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
                          " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
         **_DRIVE,
         "actuator": replace(
-            special(_rotor_inertia, "the rotor inertia is read for one joint, and left out for several joints"), inside="actuator"
+            special(_rotor_inertia, "the rotor inertia is read for one joint; left out for several joints"), inside="actuator"
         ),
     },
     "transmission joint": {
