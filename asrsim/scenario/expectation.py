@@ -29,7 +29,7 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
-    joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
+    joint: str | None = declare(JOINT, default=None, doc="the joint, unless the claim is about a `body`")
     body: str | None = declare(Text(text="name of an object"), default=None, doc="an object of the world")
     quantity: str = declare(Text(text="name of a quantity"), doc="the quantity, such as link_position")
     measure: str = declare(Text(text="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
@@ -40,7 +40,7 @@ class Expectation:
     engine: str | None = declare(
         Entry(ENGINES),
         default=None,
-        doc="the engine of the claim, as engines differ in accuracy",
+        doc="the engine of the claim, since engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(
