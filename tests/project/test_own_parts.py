@@ -14,6 +14,7 @@ from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
+from asrsim.metrics.asked import asked_measures
 from asrsim.metrics.expect import check_expectation
 from asrsim.plots.curves import read_curves
 from asrsim.plots.figures import run_pages
@@ -788,3 +789,14 @@ def test_a_signal_refuses_a_combination_of_options_at_its_line(own, tiny, asrsim
     )
     said = asrsim_command("check", tiny.scenario, "--plugin", plugin).out
     assert "step.yaml:4: references.elbow.equilibrium_position.sawtooth: is too slow" in said
+
+
+def test_an_option_of_a_measure_may_be_a_list():
+    def band(time, values, *, weights=(1.0,), level=0.0):
+        """Weighted mean."""
+        return float(sum(weights) * np.mean(values) + level)
+
+    MEASURES.add("banded", Measure(name="banded", function=band, unit="series", needs="series"))
+    (asked,) = asked_measures(["banded:weights=[1, 2.5],level=4"])
+    assert asked.options == {"weights": [1, 2.5], "level": 4}
+    assert asked.of(np.arange(3.0), np.ones(3), None) == 7.5

@@ -107,7 +107,7 @@ def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
     assert registry.get("weightless") is not own
     with pytest.raises(InputError, match=r"'nothing' of an installed package cannot be used: .* is not an instance of "):
         registry.get("nothing")
-    assert [one.code for one in fresh().broken()] == ["broken-engine"]
+    assert [one.code for one in fresh().broken()] == ["broken-entry"]
     with pytest.raises(InputError, match=r"is called 'mising'.*Did you mean 'missing'\? Your own engines need --plugin"):
         registry.get("mising")
     with pytest.raises(InputError, match=r"Your own engines need --plugin FILE"):
