@@ -800,3 +800,42 @@ def test_an_option_of_a_measure_may_be_a_list():
     (asked,) = asked_measures(["banded:weights=[1, 2.5],level=4"])
     assert asked.options == {"weights": [1, 2.5], "level": 4}
     assert asked.of(np.arange(3.0), np.ones(3), None) == 7.5
+
+
+TWO_CLOCKS = """
+import numpy as np
+from asrsim.recordings import READERS, Reader
+from asrsim.recordings.data import Content, RawColumn, RawTable
+
+def read(path, reading):
+    ticks = (np.arange(50) * 1000 + 2**32 - 9500) % 2**32
+    names = "elbow.link_position [rad]", "hip.reference_1 [rad]"
+    columns = [[("tick [us]", ticks), (name, np.arange(50) / 50)] for name in names]
+    tables = [RawTable(columns=tuple(RawColumn(name=n, values=v) for n, v in one)) for one in columns]
+    return Content(format="ticks", tables=tuple(tables))
+
+READERS.add("ticks", Reader(suffixes=(".ticks",), read=read))
+"""
+
+
+def test_a_counter_that_restarts_in_two_tables_gives_one_note(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS)
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    (note,) = [one for one in read_recording(tmp_path / "a.ticks").findings if one.code == "restarted-clock"]
+    assert "restarts 1 time after 4.29497e+09 us" in note.message
+
+
+def test_a_reader_that_takes_other_arguments_is_named_with_its_line(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS.replace("def read(path, reading)", "def read(path)"))
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    with pytest.raises(RecordingError, match=r"takes 1 positional argument.*mine\.py:6\)"):
+        read_recording(tmp_path / "a.ticks")
+
+
+def test_the_hint_on_readers_of_users_is_given_once(tmp_path):
+    (tmp_path / "a.slg").write_bytes(b"SLG2\0\0\1")
+    with pytest.raises(RecordingError) as caught:
+        read_recording(tmp_path / "a.slg")
+    assert str(caught.value).count("A reader of your own needs --plugin FILE") == 1
