@@ -574,6 +574,7 @@ class Table(Program):
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
             lines.append(f"{drive.name} {drive.joint.kind} {drive.joint.child} {drive.actuator.name} {drive.mode.number}")
             lines += [f"{name} {value} {units[name]}" for name, value in drive.values.items()]
+            lines.append(str(drive.actuator.elastic_torques(0.0, 0.1, 0.0, drive.elastic)[0]))
         remarks.append("the table has no gravity")
         (beside := path.with_suffix(".txt")).write_text("\\n".join(lines))
         return [beside]
@@ -596,7 +597,8 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
     assert joint == "elbow revolute arm sea 6"
     values = prepare(tiny.scenario).drives[0].values
     assert f"motor_1_inertia {values['motor_1_inertia']} kg m^2" in lines
-    assert len(lines) == len(values)
+    assert len(lines) == len(values) + 1
+    assert abs(float(lines[-1])) == pytest.approx(0.1 * values["spring_stiffness"])
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
