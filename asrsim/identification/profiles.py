@@ -20,6 +20,11 @@ interval, 1.96.
 """
 FARTHEST = 1.0
 """Largest change of a parameter along a profile, in the vector's units: for logarithms a factor e, up to which slopes hold."""
+STRAIGHT = 0.1
+"""Largest error with which the derivatives may predict a move along all directions together, relative to the change along one
+direction, so that profiles count as parabolas. An interval is then wrong by a tenth at most, if the whole error belongs to one
+direction.
+"""
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,8 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
 
     Along a profile the other parameters follow the valley of least misfit, to first order: column i of the inverse of J'J over
     its diagonal element. Along the valley, a parabola approximates the residuals: it has the slope of the derivatives, and
-    passes through one simulation. The misfit has its minimum at the estimate.
+    passes through one simulation. The misfit has its minimum at the estimate. If the derivatives predict moves along all
+    directions together, all profiles are parabolas, and no parameter is simulated alone.
     """
     low, high = problem.layout.bounds
     known, points, squares = [], [], []
@@ -60,7 +66,8 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     base = residuals(problem, x)
     moves = np.array(points) - x
     slopes = moves @ found.jacobian.T
-    bends = residuals_at(problem, points) - base - slopes
+    straight = len(known) > 2 and _are_straight(problem, x, found, base)
+    bends = np.zeros_like(slopes) if straight else residuals_at(problem, points) - base - slopes
     result = []
     for i, move, slope, bend, square in zip(known, moves, slopes, bends, squares, strict=True):
         entry = problem.layout.entries[i]
@@ -71,3 +78,17 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
         values = np.array([entry.value(float(x[i] + step)) for step in steps])
         result.append(Profile(names[i], values, rise / square))
     return tuple(result)
+
+
+def _are_straight(problem: FitProblem, x: Array, found: Uncertainty, base: Array) -> bool:
+    """Whether the derivatives predict the residuals as far from the estimate as a profile is simulated, along the principal
+    directions of the covariance together, once with equal and once with alternating signs. base: residuals (m,) at x.
+    """
+    squares, directions = np.linalg.eigh(found.inverse)
+    widths = SIMULATED * np.sqrt(np.maximum(squares, 0.0))
+    moves = np.array([directions @ (sign * widths) for sign in (1.0, (-1.0) ** np.arange(len(x)))])
+    low, high = problem.layout.bounds
+    if np.abs(moves).max() > FARTHEST or not ((x + moves >= low) & (x + moves <= high)).all():
+        return False
+    bends = residuals_at(problem, [*(x + moves)]) - base - moves @ found.jacobian.T
+    return bool(np.linalg.norm(bends, axis=1).max() < STRAIGHT * SIMULATED)

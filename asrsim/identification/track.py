@@ -102,7 +102,7 @@ LONGEST = 4.0
 whole period.
 """
 KEPT = 6
-"""Number of predictions, and of played commands, that a track caches."""
+"""Number of predictions, of played commands, and of sampling times of each channel that a track caches."""
 
 
 TrackSettings = tuple[tuple[str, float], ...]
@@ -139,6 +139,7 @@ class Track:
         """Frequency up to which positions move, rad/s; see `motion_band`. 0: no position is recorded."""
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
+        self._places = lru_cache(KEPT * len(self.channels))(self._places_of)
         self.initial: dict[str, float] = {}
         """Positions and velocities of links at time 0, and of motors that do not start as the scenario states, by key."""
         self.uncertain: list[str] = []
@@ -296,11 +297,18 @@ class Track:
             return [np.full(channel.until(until), np.nan) for channel in self.channels]
         clock, predicted = values.get(CLOCK, 0.0), []
         for channel, exact in zip(self.channels, series, strict=True):
-            count, key = channel.until(until), channel.key
-            shift = clock + values.get(f"{key}.delay", 0.0)
-            sensed = interpolate(exact, (channel.time[:count] - shift) / self.scenario.step)
+            key = channel.key
+            sensed = interpolate(exact, self._places(channel, until, clock + values.get(f"{key}.delay", 0.0), len(exact)))
             predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
         return predicted
+
+    def _places_of(self, channel: Channel, until: float, shift: float, rows: int) -> Array:
+        """Positions of a channel's samples up to `until` s in a series of `rows` whole steps, in steps; whole numbers if all
+        samples lie at whole steps. shift: delay of the channel, s.
+        """
+        place = np.clip((channel.time[: channel.until(until)] - shift) / self.scenario.step, 0.0, rows - 1)
+        nearest = np.round(place)
+        return nearest.astype(np.intp) if np.abs(place - nearest).max(initial=0.0) < 1e-6 else place
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
         starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
@@ -376,14 +384,10 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
 
 
 def interpolate(series: Array, place: Array) -> Array:
-    """Series (n,) interpolated at positions (m,) in samples, by a cubic spline; constant beyond the ends."""
+    """Series (n,) at positions (m,) in samples, interpolated by a cubic spline unless the positions are whole numbers."""
     from scipy.interpolate import CubicSpline
 
-    place = np.clip(place, 0.0, len(series) - 1)
-    nearest = np.round(place)
-    if np.abs(place - nearest).max(initial=0.0) < 1e-6:
-        return np.asarray(series[nearest.astype(np.intp)])
-    return np.asarray(CubicSpline(np.arange(len(series)), series)(place))
+    return np.asarray(series[place] if place.dtype == np.intp else CubicSpline(np.arange(len(series)), series)(place))
 
 
 def motion_of(channel: Channel) -> float:
