@@ -59,8 +59,9 @@ def design(
 ) -> Done:
     """Design the most informative experiment for the free parameters, within limits.
 
-    Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture. Prints the
-    predicted interval of each parameter, for this motion, for a step and for a chirp. Ctrl-C keeps the best motion so far.
+    The command writes the motion as CSV with the headings that `identify` reads, a scenario that plays this motion, and a
+    picture. It prints the predicted interval of each parameter, for this motion, for a step and for a chirp. Ctrl-C keeps the
+    best motion so far.
 
     Example: asrsim design lab.yaml --set initial=equilibrium --free 'joint_1.spring_*' --limits
     examples/recordings/limits.yaml --duration 4

@@ -68,7 +68,7 @@ def execute(
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
         overwrite: Replace results of another scenario or variant in the folder.
         keep: Also keep all samples in memory, in `.run.samples` of the result.
-        certify: Estimate the numerical error by runs with finer steps, and by a run in another engine if one is installed.
+        certify: Estimate the numerical error by runs with finer steps, and by a run in `accuracy.other_engine`.
         cross_check: Also run in another engine, and state the differences in the summary.
         started: Called with the description of the run when the run is built.
         progress: As in `asrsim.simulation.run.simulate`; the progress of additional runs has a `task`.

@@ -38,7 +38,7 @@ class HeatingConstants:
     resistance: float = constant("thermal resistance to the surroundings", "K/W")
     capacity: float = constant("thermal capacity", "J/K")
     ambient: float = constant("temperature of the surroundings", "°C")
-    derating: float = constant("temperature from which on the torque limit falls", "°C")
+    derating: float = constant("temperature above which the torque limit falls", "°C")
     hottest: float = constant("temperature at which the torque limit is 0", "°C")
 
 
@@ -71,7 +71,7 @@ class Heating(Stage):
         ),
         Parameter(
             name="derating_temperature", default=80.0, unit="°C", minimum=-273.15, **_NEEDS,
-            doc="temperature from which on the torque limit falls",
+            doc="temperature above which the torque limit falls",
         ),
         Parameter(
             name="max_temperature", default=120.0, unit="°C", minimum=-273.15, **_NEEDS,
