@@ -73,7 +73,7 @@ def design(
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
-    # The search takes minutes, so paths that cannot be written are refused before it starts.
+    # The search takes minutes, so refuse paths that cannot be written before it starts.
     make_folder(out.parent)
     check_output(out, "designed motion")
     message = "asrsim: stopping; the best motion so far is kept (Ctrl-C again to abort)"
