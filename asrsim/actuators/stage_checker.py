@@ -86,11 +86,11 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         return
     known = {one.name for one in stage.quantities}
     units = {one.name: one.unit for one in stage.quantities}
-    for key, one in declared(stage.Memory).items():
-        unit = "" if one["unit"] == "1" else one["unit"]
-        shown = next((name for name in each_motor(one["log"]) if units.get(name, unit) != unit), "")
+    for key, number in declared(stage.Memory).items():
+        unit = "" if number["unit"] == "1" else number["unit"]
+        shown = next((name for name in each_motor(number["log"]) if units.get(name, unit) != unit), "")
         if shown:
-            said = f"has the unit '{one['unit']}', but is logged as the quantity '{shown}' in '{units[shown] or '1'}'"
+            said = f"has the unit '{number['unit']}', but is logged as the quantity '{shown}' in '{units[shown] or '1'}'"
             yield f"Memory.{key}", said, "bad-declaration"
     if units.get(stage.lost, "J") != "J":
         yield "quantities", f"must have '{stage.lost}' in J: it is an energy (got '{units[stage.lost]}')", "bad-declaration"

@@ -29,7 +29,7 @@ _SLOWEST = 0.99
 def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: float = 0.0) -> float:
     """Motion that is left at the end of a series (n,), in its unit; 0 at rest.
 
-    The motion is the larger of the amplitude in the last swing and the distance of an exponential creep from its limit. It
+    The motion is the larger of the amplitude after the last swing and the distance of an exponential creep from its limit. It
     counts as rest up to 1 % of the range of the series, or of `extent` if this is larger.
     """
     noise = _noise(values)
@@ -38,8 +38,12 @@ def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: flo
         return 0.0
     swing, period = _last_swing(time, values, max(BAND * extent, _NOISE * noise))
     tenth = share * float(time[-1] - time[0])
-    (last,) = _last_windows(time, values, max(tenth, swing), 1)
-    amplitude = max(0.5 * (float(np.ptp(last)) - _NOISE * noise), 0.0)
+    second, last = _last_windows(time, values, max(tenth, swing), 2)
+    way = float(np.ptp(last))
+    amplitude = max(0.5 * (way - _NOISE * noise), 0.0)
+    if len(second):
+        # The amplitude was measured at the middle of the last swing; in the half swing until the end it has decayed.
+        amplitude *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
     # A swing does not change the mean of a whole period.
     length = period * math.ceil(tenth / period) if period else max(tenth, swing)
     # For a motion that has hardly slowed down, the extrapolation means nothing: report at most the range of the series.

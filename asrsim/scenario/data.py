@@ -184,7 +184,7 @@ class Scenario:
         "prescribed",
     )
     stepping: str = declare(
-        Choice(tuple(STEPPINGS), missing=OWN_STEPPINGS),
+        Choice(lambda: tuple(STEPPINGS), missing=OWN_STEPPINGS),
         default="leapfrog",
         doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
     )
