@@ -546,7 +546,7 @@ from asrsim.exports import PROGRAMS, Program
 class Mine(Program):
     name, title = "mine", "Mine"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         return WRITTEN
 
     def positions(self, path, model, start, controls, torques):
@@ -558,7 +558,12 @@ PROGRAMS.add("mine", Mine)
 
 @pytest.mark.parametrize(
     ("written", "rows", "said"),
-    [("None", "None", r"`write` must return the list .*mine\.py:8\)"), ("[]", "5", r"`positions` must return .*mine\.py:11\)")],
+    [
+        ("None", "None", r"`write` must return the list .*mine\.py:8\)"),
+        ("[path.with_suffix('.gone')]", "None", r"`write` must return .*there is no file .*mine\.gone \(.*mine\.py:8\)"),
+        ("remarks.append(3) or []", "None", r"`write` must add texts to `remarks`; it adds 3 .*mine\.py:8\)"),
+        ("[]", "5", r"`positions` must return .*mine\.py:11\)"),
+    ],
 )
 def test_results_that_a_program_must_not_return_are_named(written, rows, said, tiny, asrsim_command):
     (tiny.folder / "mine.py").write_text(EXPORTING.replace("WRITTEN", written).replace("ROWS", rows))
@@ -567,6 +572,7 @@ def test_results_that_a_program_must_not_return_are_named(written, rows, said, t
     )
     assert done.code == 1
     assert re.search(said, done.err), done.err
+    assert (tiny.folder / "mine.xml").exists() is ("positions" in said), "an unfinished export leaves no model"
 
 
 TABLE = """
@@ -575,12 +581,13 @@ from asrsim.exports import PROGRAMS, Program
 class Table(Program):
     name, title = "table", "a table of joints"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         lines = [f"{prepared.scenario.duration} {timestep} {ranges}"]
         for drive in prepared.drives:
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
             lines.append(f"{drive.name} {drive.joint.kind} {drive.joint.child} {drive.actuator.name} {drive.mode.number}")
             lines += [f"{name} {value} {units[name]}" for name, value in drive.values.items()]
+        remarks.append("the table has no gravity")
         (beside := path.with_suffix(".txt")).write_text("\\n".join(lines))
         return [beside]
 
@@ -595,6 +602,7 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
     assert done.code == 0, done.err
     assert "Replayed in MuJoCo" in done.out
     assert "not in table: asrsim has no replay in a table of joints." in done.out
+    assert "the table has no gravity" in done.out.partition("Not in the file:")[2]
     assert (tiny.folder / "mine.xml").read_text().startswith("<mujoco")
     first, joint, *lines = (tiny.folder / "mine.txt").read_text().splitlines()
     assert first == "0.2 0.0005 None"
@@ -605,7 +613,9 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
-    code = EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges", "path")
+    code = (
+        EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges, remarks", "path")
+    )
     (tiny.folder / "mine.py").write_text(code)
     done = asrsim_command(
         "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
