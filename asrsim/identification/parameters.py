@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import linear_unit
@@ -356,7 +357,8 @@ def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
     hint = did_you_mean(pattern, tuple(known)) or ""
     if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
-        hint = f"{hint} Your own stages and actuators need --plugin FILE".strip()
+        broken = [one.message for one in STAGES.broken()]
+        hint = ". ".join([f"{hint} Your own stages and actuators need --plugin FILE".strip(), *broken])
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 

@@ -92,6 +92,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
     findings: list[Problem] = []
     content: Content | None = None
     try:
+        findings += READERS.broken()
         content = content_of(path, reading)
         findings += content.findings
         content = with_times(content, reading, findings)
@@ -103,7 +104,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
         # Also report columns of text: if no time was found, the time may be in such a column, in a format that is not a date.
-        said = [*error.problems, *(one for one in findings if one.code == "text-column")]
+        said = [*error.problems, *READERS.broken(), *(one for one in findings if one.code == "text-column")]
         said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
