@@ -44,7 +44,7 @@ def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: flo
     if len(second):
         # The amplitude was measured at the middle of the last swing. Reduce it by the decay in the half swing until the end.
         amplitude *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
-    # A swing does not change the mean of a whole period.
+    # Use windows of whole periods, since an oscillation does not change the mean over a whole period.
     length = period * math.ceil(tenth / period) if period else max(tenth, swing)
     # Report at most the range of the series, since the extrapolation is meaningless for a motion that has hardly slowed down.
     left = min(max(amplitude, _creep_left(_last_windows(time, values, length, 3), noise)), float(np.ptp(values)))
@@ -64,7 +64,7 @@ def _creep_left(windows: list[Array], noise: float) -> float:
         return 0.0
     before, now = (float(np.mean(b) - np.mean(a)) for a, b in ((third, second), (second, last)))
     way = float(np.ptp(last))
-    # A swing whose amplitude decays changes the means, too.
+    # An oscillation whose amplitude decays also changes the means. `swinging` is the size of this change.
     swinging = _DECAY * 0.5 * abs(float(np.ptp(second)) - way)
     if before * now <= 0.0 or abs(now) <= max(_NOISE * noise / math.sqrt(len(last)), swinging):
         return 0.0

@@ -51,7 +51,7 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         return measure(name, time, columns[quantity], reference, **options) if quantity in columns else math.nan
 
     steady, left = rest_of(time, columns["link_position"]) if "link_position" in columns else (math.nan, math.nan)
-    # This test of rest decides on all measures that need rest.
+    # All measures that require rest use this test of rest.
     rests = left == 0.0
     error, overshoot, settling = math.nan, math.nan, math.nan
     if rests and "position_error" in columns:

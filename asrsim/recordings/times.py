@@ -172,9 +172,9 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """Index of the time column: the first column whose name means a time. If this column and the next one contain the seconds
-    and the fraction of a second of one stamp, both indices. A column with at most two different values is a flag, and is only
-    used if no other column has more values.
+    """Index of the time column: the first column whose name means a time. If this column contains the seconds of a stamp and
+    the next column contains the fraction of a second, the result is both indices. A column with at most two different values is
+    a flag, and is only used if no other column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
