@@ -25,7 +25,7 @@ from asrsim.records import constant, value
 class HeatingMemory:
     """State of a winding."""
 
-    rise: float = value("temperature above that of the surroundings, at the next kick", "K")
+    rise: float = value("temperature above the temperature of the surroundings, at the next kick", "K")
     temperature: float = value("temperature at the kick", "°C", log="motor_{}_temperature")
     power: float = value("heat at the last kick; -1 before the first kick", "W", start=-1.0)
 
@@ -38,7 +38,7 @@ class HeatingConstants:
     resistance: float = constant("thermal resistance to the surroundings", "K/W")
     capacity: float = constant("thermal capacity", "J/K")
     ambient: float = constant("temperature of the surroundings", "°C")
-    derating: float = constant("temperature from which on the torque limit falls", "°C")
+    derating: float = constant("temperature above which the torque limit falls", "°C")
     hottest: float = constant("temperature at which the torque limit is 0", "°C")
 
 
@@ -71,7 +71,7 @@ class Heating(Stage):
         ),
         Parameter(
             name="derating_temperature", default=80.0, unit="°C", minimum=-273.15, **_NEEDS,
-            doc="temperature from which on the torque limit falls",
+            doc="temperature above which the torque limit falls",
         ),
         Parameter(
             name="max_temperature", default=120.0, unit="°C", minimum=-273.15, **_NEEDS,
