@@ -131,9 +131,10 @@ class Prepared:
 
     def with_references(self, signals: Signals) -> Prepared:
         """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
-        again; the substeps are unchanged. An initial state at equilibrium is computed again. An unused engine of this object is
-        passed on to the copy. Raises InputError for names that the robot does not have, and for values that are not signals;
-        ScenarioError for an arm without equilibrium.
+        again; the substeps are unchanged. An initial state at equilibrium is computed again.
+
+        An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
+        for values that are not signals; ScenarioError for an arm without equilibrium.
         """
         references, torques = dict(self.scenario.references), dict(self.scenario.external_torques)
         for joint, table in signals.items():
