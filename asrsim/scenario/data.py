@@ -133,8 +133,8 @@ class Scenario:
     loops: tuple[LoopClosure, ...] = declare(
         ListOf(of=block_of(LoopClosure, "loop")),
         default=(),
-        doc="closed chains with one degree of freedom, such as four-bar fingers, in addition to the chains of the robot file; a "
-        "chain between the same links replaces the chain in the file",
+        doc="closed chains with one degree of freedom, such as four-bar fingers, in addition to the chains of the robot file; "
+        "a chain between the same links replaces the chain in the file",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,

@@ -264,10 +264,13 @@ WORDS = {
     ),
     "plugin of a laboratory": (
         '<gazebo><plugin name="a" filename="libtendon_drive.so"/><plugin name="b" filename="libmuscle.so"/></gazebo>',
-        "'libtendon_drive.so' is unknown: its effect in Gazebo does not exist here (and at 1 other place)",
+        "'libtendon_drive.so' is unknown: its effect in Gazebo does not exist in asrsim (and at 1 other place)",
     ),
-    "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; here it moves freely"),
-    "coupling that is a parameter": (controlled('<param name="mimic">true</param>'), "has no <mimic>; here it moves freely"),
+    "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; in asrsim it moves freely"),
+    "coupling that is a parameter": (
+        controlled('<param name="mimic">true</param>'),
+        "has no <mimic>; in asrsim it moves freely",
+    ),
     "range of commands": (
         controlled('<command_interface name="position"><param name="min">-0.5</param></command_interface>'),
         "-0.5 to ...",
