@@ -34,7 +34,8 @@ def gain(
 
 
 def _of_response(pick: Callable[[FrequencyResponse], float | None]) -> Callable[..., float]:
-    """Measure of time, output and input that a function of their frequency response defines; None: undefined."""
+    """Measure of time, output and input, defined by a function of the frequency response. If the function returns None, the
+    measure is undefined."""
 
     def measured(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
         found = _response(time, values, reference, low, high)
@@ -59,11 +60,13 @@ def resonance(found: FrequencyResponse) -> float | None:
 
 @_of_response
 def bandwidth(found: FrequencyResponse) -> float | None:
-    """Frequency at which the gain first falls 3 dB below its value at the low end of the band; undefined if it does not."""
+    """Frequency at which the gain first falls 3 dB below its value at the low end of the band; undefined if the gain does not
+    fall so far."""
     return found.bandwidth
 
 
 @_of_response
 def coherence(found: FrequencyResponse) -> float | None:
-    """Smallest coherence of reference and values in the band: 1 if the reference explains the values fully, 0 if not at all."""
+    """Smallest coherence of reference and values in the band. It is 1 if the reference explains the values fully, and 0 if it
+    does not explain them."""
     return float(np.min(found.coherence))
