@@ -255,7 +255,7 @@ WORDS = {
     "gravity as a vector": ('<gazebo reference="arm"><gravity>0 0 -1.6</gravity></gazebo>', "neither true nor false"),
     "start velocity": (
         STARTING,
-        "start velocity",
+        "initial velocity",
     ),
     "masses of a compiler": ('<mujoco><compiler boundmass="0.5" meshdir="m"/></mujoco>', "changes masses"),
     "plugin of the newer Gazebo": (
@@ -279,7 +279,7 @@ WORDS = {
         controlled('<command_interface name="effort"><param name="max">1</param></command_interface>'),
         "commands of the effort are not limited to ... to 1",
     ),
-    "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
+    "limits that are off": (controlled('<limits enable="false"/>'), "in asrsim the joint stops at its <limit>"),
     "gearbox": (
         '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>',
         "close a loop",
