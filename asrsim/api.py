@@ -199,11 +199,12 @@ def run(
         out: Folder for `log.mcap` and `summary.json`; None: no files are written.
         overwrite: Whether the results of another run in this folder may be replaced.
         keep: Whether to keep all samples in memory; if False (only with `out`), they are read from the log when needed.
-        certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. If
-        another engine is installed, this option includes `cross_check`.
-        cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`. progress:
-        Function that is called now and then with a `Progress` (`asrsim.progress`), which has the simulated time. stop: Function
-        that is called every few thousand substeps; if it returns True, the run ends cleanly.
+        certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. This
+            option includes `cross_check` if another engine is installed and the engine has the masses of the robot's file. An
+            engine of your own has these masses only if its `EngineEntry` states `masses_of_file=True`.
+        cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`.
+        progress: Function that is called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
+        stop: Function that is called every few thousand substeps; if it returns True, the run ends cleanly.
 
     Returns:
         Result; results of the claims (`expect:`) are in `.summary.claims`. A claim that does not hold raises no error.

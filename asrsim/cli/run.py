@@ -33,7 +33,7 @@ def run(
         bool,
         option(
             "Run again with half and a quarter of the step and report the numerical error. Includes --cross-check if a second "
-            "engine is installed.",
+            "engine is installed, except for an engine of your own.",
             "--certify",
         ),
     ] = False,

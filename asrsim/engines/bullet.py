@@ -101,6 +101,8 @@ class _Saved:
 class BulletEngine(RigidEngine):
     """A robot in a world without contacts; PyBullet gives mass matrix and bias."""
 
+    takes_weightless = True
+
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario

@@ -65,6 +65,8 @@ ended far from the solution."""
 class MujocoEngine(RigidEngine):
     """A robot in a world without contacts; MuJoCo gives mass matrix and bias."""
 
+    takes_weightless = True
+
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
         stop_the_clock()

@@ -91,11 +91,12 @@ def export(
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As in `asrsim.run`.
         program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`. The file has only constructs that
-            this program simulates correctly. The replay runs in this program if it is installed, else in MuJoCo. knots: Number
-            of knots on each side of the spline of a spring's law; None: the number that keeps the error of the spline below 0.1
-            mrad. step: Time step of the model, s; None: half of the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges
-            for domain randomisation.
+            this program simulates correctly. The replay runs in this program if it is installed, else in MuJoCo.
+        knots: Number of knots on each side of the spline of a spring's law; None: the number that keeps the error of the spline
+            below 0.1 mrad.
+        step: Time step of the model, s; None: half of the scenario's step.
+        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
+            domain randomisation.
         plot: Whether to draw the error of each joint.
 
     Raises:

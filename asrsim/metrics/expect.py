@@ -99,7 +99,7 @@ def evaluate_expectation(
         time: Times (n,), s.
         columns: Quantity -> values (n,) (or (n, 7) for `position` of a body) of the joint or body.
         reference: Reference (n,) for measures of a difference; by default the joint's own reference, computed as
-        `position_error` + `link_position` if both exist and the claim is about the link position.
+            `position_error` + `link_position` if both exist and the claim is about the link position.
         prismatic: Whether the joint is prismatic, so that its units are m and N.
         checked: Whether `check_expectation` accepted the claim already.
 

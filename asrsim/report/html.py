@@ -13,7 +13,7 @@ from asrsim.tables import TableColumn
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
-"""Number of letters from which on a name in a table may be broken into two lines."""
+"""Smallest number of letters at which a name in a table may be broken into two lines."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:

@@ -69,9 +69,9 @@ def execute(
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
         overwrite: Whether results of another scenario or variant in the folder are replaced.
         keep: Whether all samples are also kept in memory, in `.run.samples` of the result.
-        certify: Whether the numerical error is estimated by runs with finer steps, and by a run in another engine if one is
-        installed. cross_check: Whether the run is repeated in another engine; the summary states the differences. started:
-        Function that is called with the description of the run when the run is built.
+        certify: Whether the numerical error is estimated by runs with finer steps, and by a run in `accuracy.other_engine`.
+        cross_check: Whether the run is repeated in another engine; the summary states the differences.
+        started: Function that is called with the description of the run when the run is built.
         progress: As in `asrsim.simulation.run.simulate`; the progress of additional runs has a `task`.
         stop: As in `asrsim.simulation.run.simulate`.
 

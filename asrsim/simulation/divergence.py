@@ -18,15 +18,24 @@ FLOOR = 5e-3
 """Energies below this value, in J, are not checked."""
 
 
-def runaway(joint: str, time: float, what: str, omega_h: float) -> DivergenceError:
-    """DivergenceError with the likely cause and a remedy. what: description of the fault."""
+def runaway(prepared: Prepared, joint: str, time: float, what: str) -> DivergenceError:
+    """DivergenceError with the likely cause and a remedy. joint: name of the joint at fault, empty if the fault is one of the
+    whole robot; what: description of the fault."""
+    omega_h, engine = prepared.resolution.omega_h, prepared.scenario.engine
     cause = (
         f"the step is probably too large for the stiffest spring (omega h = {omega_h:.2g}). Lower the step or raise substeps"
         if omega_h > COARSE
         else "probably an input or gain drives the joint away, or a contact cannot be resolved. Look at the last samples of "
         "the log; lower the gains or the step"
     )
-    return DivergenceError(f"joint '{joint}' diverged at t = {time:.4f} s: {what}; {cause}", joint=joint, time=time)
+    if prepared.model is not None and not prepared.model.of_file:
+        own = (
+            f"the mass matrix and bias of the engine '{engine}' are wrong for this motion, or its bias contains a spring that "
+            "the step does not resolve. Compare it by --cross-check, and lower the step"
+        )
+        cause = f"{cause}. Or {own}" if joint else f"probably {own}"
+    where = f"joint '{joint}'" if joint else "the run"
+    return DivergenceError(f"{where} diverged at t = {time:.4f} s: {what}; {cause}", joint=joint, time=time)
 
 
 def _knows_masses(prepared: Prepared) -> bool:
@@ -60,8 +69,8 @@ class EnergyGuard:
         self._model = None
 
     def look(self, state: Array) -> tuple[str, str] | None:
-        """Joint with a violated energy balance and a description of the fault; None if no balance is violated. state: state of
-        the joints (joints, columns).
+        """Joint with a violated energy balance and a description of the fault; None if no balance is violated. The joint is
+        empty for the energy of the links, which no single joint explains. state: state of the joints (joints, columns).
         """
         if not self._active:
             return None
@@ -83,5 +92,5 @@ class EnergyGuard:
         # like a gain. Allow for a fraction of the kinetic energy.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
-            return self._joints[int(turnover.argmax())].name, f"the links have gained {created:.3g} J without a source"
+            return "", f"the links have gained {created:.3g} J without a source"
         return None

@@ -63,8 +63,8 @@ class Simulation:
             scenario: Scenario file, loaded scenario, or prepared scenario, which is not read or examined again.
             variant, overrides, plugins: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for
                 references that you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
-            sinks: Objects that receive chunks of samples, or a function of the run's description that returns them. record:
-            Whether the logged samples are kept, as `samples`.
+            sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
+            record: Whether the logged samples are kept, as `samples`.
             names: Quantities that are recorded; None: all.
             compiled: Whether the loop is compiled; None: as the scenario states; if the scenario states nothing, the loop is
                 compiled if Numba is installed and `expected_substeps` is large.
@@ -161,7 +161,7 @@ class Simulation:
             # The fastest joint is reported as the cause; a velocity of NaN counts as the fastest.
             joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite, or impossibly fast"
-        raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
+        raise runaway(prepared, self.joints[joint], self.substep * prepared.substep, what)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
@@ -285,8 +285,8 @@ class Simulation:
         Args:
             initial: Initial positions (rad, m) by joint, instead of the scenario's positions.
             velocities: Initial velocities (rad/s, m/s) by joint.
-            motors: Initial positions of the motors (rad) by joint. Other motors start at their link's position. parameters:
-            Values by joint or link, and by name, as in `Prepared.vary`.
+            motors: Initial positions of the motors (rad) by joint. Other motors start at their link's position.
+            parameters: Values by joint or link, and by name, as in `Prepared.vary`.
 
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
         and for values that are not finite or beyond limits.

@@ -97,7 +97,8 @@ class Worlds:
             engine: Name of the engine; None: the scenario's engine, or MuJoCo if the scenario states no engine. With
                 "mujoco_warp", MuJoCo Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies
                 and limits are not computed. This engine is made for thousands of worlds, since one world takes as long as
-                hundreds of worlds. device: Device of Warp, such as "cpu" or "cuda".
+                hundreds of worlds.
+            device: Device of Warp, such as "cpu" or "cuda".
             adaptive: Whether each world takes fewer substeps while its springs are soft enough (`asrsim.simulation.strides`). A
                 world whose signals jump takes all substeps. `adaptive` needs a compiled loop in MuJoCo, and excludes contacts,
                 imperfect sensors, stages, energies (`watched`) and stiffness.
@@ -401,7 +402,8 @@ class Worlds:
         Args:
             names: Quantities to return.
             start: Initial state of one world, or of several worlds (at most N); None: one world that starts as the scenario
-            states. steps: Number of steps; None: the number of steps of the scenario.
+                states.
+            steps: Number of steps; None: the number of steps of the scenario.
             observer: Observer that corrects the worlds by measured positions; see `observes`.
 
         Raises:

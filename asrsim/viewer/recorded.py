@@ -34,7 +34,7 @@ def recorded(
         read: Function (quantities, joints) that returns samples of the run.
         lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if there is such a claim.
         mapping, rate: As for `asrsim.recordings.read_recording`; if neither is given, the values that a claim of the run
-        states.
+            states.
 
     Raises:
         RecordingError: The recording and the run have no common joint or quantity, or do not overlap in time.
