@@ -89,7 +89,7 @@ def _fault_in_motion(
     margin += 0.5 * size @ np.tensordot(size, doubts, 1) @ size
     if min(v @ (ahead - rest) - given, given - v @ (back - rest)) >= -margin:
         return None
-    # Christoffel's symbols: Coriolis and centrifugal torques that belong to the mass matrix.
+    # Compute the Coriolis and centrifugal torques that belong to the mass matrix, by Christoffel symbols.
     due = np.tensordot(v, slopes, 1) @ v - 0.5 * slopes @ v @ v
     even, odd = 0.5 * (ahead + back) - rest, 0.5 * (ahead - back)
     worst = int(np.abs(v * (even - due)).argmax())

@@ -55,9 +55,11 @@ class EnergyGuard:
     def __init__(self, prepared: Prepared) -> None:
         """prepared: the scenario with the initial state of the run."""
         scenario, model, self._joints = prepared.scenario, prepared.model, prepared.drives
-        # Do not check runs in the released order: it is not passive, and runs springs that the step does not resolve.
+        # Do not check runs with the stepping of the released code. It is not passive, and it simulates springs that the step
+        # does not resolve.
         self._active = model is not None and not prepared.stepping.released
-        # Check the links only without contacts and wrenches, since their energy balance ignores the work of these.
+        # Check the links only without contacts and wrenches, since the energy balance of the links ignores the work of contacts
+        # and wrenches.
         alone = scenario.world.empty and scenario.fixed_base and not scenario.wrenches
         self._model = model if self._active and alone and _knows_masses(prepared) else None
         self._start = self._fastest = 0.0
@@ -85,11 +87,12 @@ class EnergyGuard:
         if model is None:
             return None
         positions, velocities = state[:, JOINT["position"]], state[:, JOINT["engine_velocity"]]
-        # Residuals of actuators are reported above and must not be reported again as residuals of the links.
+        # Residuals of actuators are reported above. Subtract them, so that they are not reported again as residuals of the
+        # links.
         kinetic, potential = model.energies(positions, velocities)
         created = float(kinetic + potential - self._start - given.sum() - residual.sum())
-        # The velocities are half a step later than the positions, so that a conversion of potential to kinetic energy looks
-        # like a gain. Allow for a fraction of the kinetic energy.
+        # The velocities are half a step later than the positions, so that a conversion of potential to kinetic energy appears
+        # as a gain. Therefore allow for a fraction of the kinetic energy.
         self._fastest = max(self._fastest, float(kinetic))
         if created > FLOOR + SHARE * (turnover.sum() + self._fastest):
             return "", f"the links have gained {created:.3g} J without a source"

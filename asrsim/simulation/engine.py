@@ -50,7 +50,7 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
 def _check_fit(engine: Engine, scenario: Scenario, robot: Robot) -> None:
     """Raise SimulationError if the engine ignores wrenches or weightless links, and RobotError if a user's equations are
     wrong."""
-    # Imported only here, after the engine: `import asrsim` must not import engines.
+    # Import this only here, since `import asrsim` must not import engines.
     from asrsim.engines.equations import EquationEngine
 
     if scenario.wrenches and not engine.takes_wrenches:
@@ -58,7 +58,7 @@ def _check_fit(engine: Engine, scenario: Scenario, robot: Robot) -> None:
             f"the engine '{scenario.engine}' takes no wrenches: the wrenches of the scenario would have no effect"
         )
     weightless = [link.name for link in robot.links if link.weightless[0]] if any(scenario.gravity) else []
-    # `takes_weightless` is no member that every engine must have: an engine without it does not take them.
+    # Engines may lack the member `takes_weightless`. An engine without this member does not accept links without mass.
     if weightless and not getattr(engine, "takes_weightless", False):
         raise SimulationError(
             f"the engine '{scenario.engine}' does not state `takes_weightless = True`, so gravity would act on the weightless "
@@ -73,7 +73,7 @@ def model_of_engine(engine: Engine, model: RobotModel, scenario: Scenario, robot
     """Model with the engine's own equations, if it declares them; else `model`, with the masses of the robot's file."""
     if ENGINES.get(scenario.engine).masses_of_file:
         return model
-    # Imported only here: the engines of asrsim do not need it.
+    # Import this only here, since the engines of asrsim do not need it.
     from asrsim.engines.equations import EquationEngine, EquationModel
 
     return EquationModel(engine, scenario, robot) if isinstance(engine, EquationEngine) else model

@@ -112,7 +112,8 @@ class Heating(Stage):
         power = own.heat * kick.motor_torque * kick.motor_torque
         last = memory.power if memory.power >= 0.0 else power
         memory.temperature = own.ambient + memory.rise
-        # The mean power until the next kick is not known yet: extrapolate it from the powers at this kick and at the last one.
+        # The mean power until the next kick is not yet known, so extrapolate it from the powers at this kick and at the last
+        # kick.
         mean = power + 0.5 * (power - last)
         decay = exp(-kick.step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)
