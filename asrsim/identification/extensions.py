@@ -42,11 +42,9 @@ FAR_OFF = 4.0
 FACTORS = (0.3, 3.0)
 """Start values of the pre-sliding stiffness, relative to its default in the friction law: half a decade below and above it."""
 MUCH = 0.5
-"""Pre-sliding and staircases are adopted by a badly fitting model, and causes are named, if at most this part of the squared
+"""Pre-sliding is adopted by a badly fitting model, and causes are named, if at most this part of the squared
 misfit beyond the noise remains: they are then more than half of what the model lacks.
 """
-STAIRS = 0.9
-"""A command is played as a staircase if at most this fraction of the mean square error then remains: 5 % less error."""
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause: 11 % less error."""
 DECISIVE = 10.0
@@ -65,7 +63,7 @@ less error. Smooth residuals count as few independent samples, so that the test 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+    """Parameters that become free, and ties that are added or removed.
 
     Attributes:
         text: Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause.
@@ -79,7 +77,6 @@ class Extension:
         untied: Tie that is removed.
         elastic: Joint whose link becomes elastic, and the frequency of its second mode, rad/s. `parameters` are then those of
             the second body.
-        staircase: Key of the command whose samples are held.
         restepped: Whether the extension changes the required number of substeps.
         share: Largest fraction of the mean square error that may remain with the extension. An extension that leaves more is
             refused.
@@ -94,15 +91,12 @@ class Extension:
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
     elastic: tuple[str, float] | None = None
-    staircase: str = ""
     restepped: bool = False
     share: float = FURTHER
     excess: float = 1.0
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
-        if self.staircase:
-            return problem.played(problem.playing.staircases | {self.staircase})
         if self.elastic is not None:
             tracks = [track.elastic(*self.elastic) for track in problem.tracks]
             problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
@@ -302,14 +296,6 @@ def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -
         if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
             found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
-
-
-def stairs(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
-    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
-    for key in smooth:
-        if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
 
 
 def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:

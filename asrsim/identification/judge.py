@@ -54,7 +54,7 @@ class ChannelFit:
     key: str
     unit: str
     noise: float
-    """Standard deviation of the noise, given or estimated from third differences."""
+    """Standard deviation of the noise, given or estimated from differences of the samples."""
     before: float
     """RMS of predicted minus recorded values in the training part."""
     after: float
