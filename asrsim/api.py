@@ -199,7 +199,8 @@ def run(
         overwrite: Whether the results of another run in this folder may be replaced.
         keep: Whether to keep all samples in memory; if False (only with `out`), they are read from the log when needed.
         certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also
-            does what `cross_check` does, if another engine is installed.
+            does what `cross_check` does, if another engine is installed and the engine has the masses of the robot's file: an
+            engine of your own only if its `EngineEntry` states `masses_of_file=True`.
         cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`.
         progress: Called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
         stop: Called every few thousand substeps; if it returns True, the run ends cleanly.

@@ -85,7 +85,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         )
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
-        # Register the stages first: their parameters belong to every actuator, too.
+        # Register the stages first, since their parameters also belong to every actuator.
         with plugin_file(str(path.resolve())):
             for stage in stages:
                 STAGES.add(stage.name, stage, replace=True)
@@ -208,7 +208,7 @@ def _run(path: Path) -> ModuleType:
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
-        # What the plugin prints goes to stderr, since stdout may contain JSON.
+        # Redirect the output of the plugin to stderr, since stdout may contain JSON.
         with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

@@ -115,7 +115,7 @@ class Samples:
         for pair, force in self.contacts.items():
             first, _, second = pair.partition("/")
             if body in (first, second):
-                # The logged force acts on the first body; the opposite force acts on the second. NaN means no contact.
+                # The logged force acts on the first body, and the opposite force acts on the second body. NaN means no contact.
                 forces[second if body == first else first] = np.nan_to_num(force) * (1.0 if body == first else -1.0)
         return forces
 

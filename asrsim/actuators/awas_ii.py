@@ -22,7 +22,7 @@ class AwasII(Actuator):
     adjuster = True
     reference_2_unit = "m"
     typical_preset = 0.01
-    preset_range = (0.005, 0.04)  # the settings in figure 8 of the source
+    preset_range = (0.005, 0.04)  # range of the settings in figure 8 of the source
     parameters = (
         Parameter(name="spring_stiffness", default=10.0, unit="N m/rad", doc="scale Ks of the law", minimum=0.0),
         Parameter(

@@ -123,7 +123,7 @@ class Points:
         self.moving = 1 + actuator.positions() - actuator.adjuster
         """Number of positions that move: those of the link and the motors, not that of an adjuster."""
         offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
-        # Deflections of springs between link and housing are sums of several angles.
+        # For motors on the housing, the deflection of a spring is a sum of several angles, so make the angles smaller.
         offsets /= 1.0 + actuator.housed
         # A motor on the housing does not turn with the link.
         motors = np.array([[float(not actuator.is_housed(i))] for i in range(self.moving - 1)]) * q + offsets
@@ -170,7 +170,7 @@ def _pure(points: Points) -> Array:
     calls: list[Any] = list(zip(*points.positions.tolist(), np.transpose(points.parameters).tolist(), strict=True))
     first = np.array([(*torques(*call), stiffness(*call)) for call in calls])
     again = np.empty_like(first)
-    # Call the laws again in another order: other results reveal a hidden state, such as a counter.
+    # Call the laws again in another order. Different results show that a law has a hidden state, such as a counter.
     for i in np.random.default_rng(3).permutation(len(calls)).tolist():
         again[i, -1], again[i, :-1] = stiffness(*calls[i]), torques(*calls[i])
     return np.asarray(np.abs(again - first).max(axis=1))
@@ -183,7 +183,7 @@ def _finite(points: Points) -> Array:
 def _stiffness(points: Points) -> Array:
     stiffness = points.stiffness()
     errors = np.abs(points.slopes(points.forces)[:, 0, 0] + stiffness).min(axis=0)
-    # Where the stiffness is small, errors are relative to a fraction of the largest stiffness.
+    # If the stiffness is small, the error is relative to a fraction of the largest stiffness.
     return np.asarray(errors / np.maximum(np.abs(stiffness), 1e-4 * np.abs(stiffness).max() + 1e-12))
 
 
@@ -192,7 +192,7 @@ def _restoring(points: Points) -> Array:
 
 
 def _passive(points: Points) -> Array:
-    # If the stiffness matrix is symmetric, the springs do no work round closed paths of link and motors.
+    # If the stiffness matrix is symmetric, the springs do no work along closed paths of link and motors.
     slopes = points.slopes(points.forces)
     sizes = np.maximum(np.abs(slopes).max(axis=(1, 2)), 1e-12)
     return np.asarray((np.abs(slopes - slopes.swapaxes(1, 2)).max(axis=(1, 2)) / sizes).min(axis=0))
@@ -201,10 +201,10 @@ def _passive(points: Points) -> Array:
 def _energy(points: Points) -> Array:
     energy, forces = points.actuator.elastic_energy, points.forces()
     if energy is Actuator.elastic_energy:
-        # This energy is the integral of the torques, so its derivatives need no check.
+        # The default energy is the integral of the torques, so its derivatives need no check.
         return np.zeros(len(points.limit))
     errors = np.abs(points.slopes(partial(points.apply, energy)) + forces).max(axis=1).min(axis=0)
-    # Where the torques are small, errors are relative to a fraction of the largest torque.
+    # If the torques are small, the error is relative to a fraction of the largest torque.
     return np.asarray(errors / np.maximum(np.abs(forces).max(axis=0), 1e-4 * np.abs(forces).max() + 1e-12))
 
 
@@ -214,7 +214,8 @@ def _reference(points: Points) -> Array:
     points.positions[1:] = over_arrays(actuator.motor_references)(equilibrium, presets)
     back = over_arrays(actuator.equilibrium_position)(*points.positions[1:])
     offset = points.forces()[0] / (np.abs(points.stiffness()).max() + 1e-12)
-    # Only the default parameters count: with perturbed ones, opposing springs may be unequal, so that the link rests elsewhere.
+    # Check only with the default parameters. With perturbed parameters, opposing springs may be unequal, so that the link rests
+    # at another position.
     return np.asarray(np.maximum(np.abs(back - equilibrium), np.abs(offset))[:SAMPLES])
 
 

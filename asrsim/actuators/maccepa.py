@@ -57,7 +57,7 @@ class Maccepa(Actuator):
         d = saturate(theta_1 - q, limit)
         cable = sqrt(lever * lever + hole * hole - 2.0 * lever * hole * cos(d))
         stretch = cable - abs(hole - lever) + theta_2
-        arm = lever * hole * sin(d) / cable  # dA/dd
+        arm = lever * hole * sin(d) / cable  # derivative of the distance A with respect to d
         return k * (arm * arm + stretch * (lever * hole * cos(d) - arm * arm) / cable)
 
     @staticmethod
@@ -67,5 +67,5 @@ class Maccepa(Actuator):
         s = saturate(d, limit)
         cable = sqrt(lever * lever + hole * hole - 2.0 * lever * hole * cos(s))
         stretch = cable - abs(hole - lever) + theta_2
-        stored = 0.5 * k * (stretch * stretch - theta_2 * theta_2)  # above the energy of the pretension
+        stored = 0.5 * k * (stretch * stretch - theta_2 * theta_2)  # energy above the energy of the pretension
         return stored + k * stretch * lever * hole * sin(s) / cable * (d - s)

@@ -76,7 +76,7 @@ def motor_kick(
     i, d, damping, gain, lag, emf = own.integral, own.derivative, own.damping, own.gain, own.lag, own.emf
     inertia, excess, fade, stiffness, stall = own.inertia, own.excess, own.fade, own.bristles, own.stall
     error = reference - own.hold * position
-    # The controller uses the mean of the integral over the kick: its old value plus half of its increase.
+    # The controller uses the mean of the integral over the kick, which is its old value plus half of its increase.
     push = (own.proportional + 0.5 * i * step) * error + integral
     level = own.coulomb + own.share * abs(load)
     drag = damping + gain * d + lag
@@ -84,7 +84,8 @@ def motor_kick(
     bristles = stiffness * (position - anchor)
     mean = velocity
     torque = friction = after = 0.0
-    # Friction depends on the mean speed over the kick, which is known only after a first round. Two rounds give second order.
+    # Friction depends on the mean speed over the kick, which is known only after a first round. Two rounds give an error of
+    # second order.
     for _ in range(2 if excess != 0.0 else 1):
         most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
         friction = most if bristles > most else -most if bristles < -most else bristles
@@ -116,7 +117,7 @@ def velocity_bounds(position: float, low: float, high: float, fastest: float, st
     beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
     slowest, largest = -fastest, fastest
-    # Most motors cannot reach a stop in this step: their bounds need no division.
+    # Divide only for motors that can reach a stop in this step. Most motors cannot.
     if position - step * fastest < low and step > 0.0:
         slowest = (low - position) / step if low < position else 0.0
     if position + step * fastest > high and step > 0.0:

@@ -107,8 +107,8 @@ class MotorsAtRest:
             """Rest positions of the motors `own`, each found as if the other motors did not move."""
             trial, gain, most, integral = resting[:motors].copy(), self._gain[own], self._most[own], self._integral[own]
             integrating, least = bool(integral.any()), -most
-            # With integral action, the controller's torque at rest is that of the springs at the reference, up to the motor's
-            # largest torque.
+            # With integral action, the controller's torque at rest balances the torque of the springs at the reference, up to
+            # the motor's largest torque.
             trial[own] = wanted[own]
             holding = pulls(trial)[:motors][own] if integrating else np.zeros(())
 
@@ -123,7 +123,7 @@ class MotorsAtRest:
 
             return np.clip(increasing_roots(missing, wanted[own], slope=gain, apart=True), low[own], high[own])
 
-        # Usually each spring depends on one motor only: then one search finds the rest positions of all motors.
+        # Usually each spring depends on only one motor. One search then finds the rest positions of all motors.
         found = search(slice(motors))
         torques = pulls(found)
         if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
@@ -157,22 +157,23 @@ class MotorsAtRest:
             below, above = theta < least, theta > most
             strained = below | above
             driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
-            # Matrices (joints, n, motors, motors) of the equations for the motors' equilibrium, and derivatives by the link's
-            # position.
+            # Matrices (joints, n, motors, motors) of the equations for the motors' equilibrium, and derivatives with respect to
+            # the link position.
             slopes = changes[:motors].transpose(1, 3, 0, 2)
             stiffness = np.where(strained, FLAT, gain).transpose(1, 2, 0)
             matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
             sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
             aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
-            # A step ends at the position where a controller reaches its largest torque, since its stiffness changes there.
+            # A step ends at the position at which a controller reaches its largest torque, since the controller's stiffness
+            # changes there.
             aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta
             settled = strained == ((ends[:motors] < least) | (ends[:motors] > most))
             if settled.all() and not np.abs(moved).max(initial=0.0) > NEAR:
                 break
-        # A motor that is pressed onto its stop does not follow its link.
+        # A motor that is pressed against its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
         of_link, of_motors = self._on_link(changes[:, :, 0]), self._on_link(changes[:, :, 1:]).swapaxes(0, 1)
@@ -254,11 +255,11 @@ def increasing_roots(
         middle = 0.5 * (low + high)
         if step % 3 != 2:
             secant = (low * at_high - high * at_low) / (at_high - at_low)
-            # A step just beyond a converged end closes the bracket. np.clip takes twice as long.
+            # A step just beyond a converged end closes the bracket. Do not use np.clip, which takes twice as long.
             middle = np.where(np.isfinite(secant), np.minimum(np.maximum(secant, low + least), high - least), middle)
         value = function(middle)
         above, below = value >= 0.0, value <= 0.0
-        # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
+        # Illinois method: if an end stays for two steps, its value is halved, so that the two ends move.
         kept, last = 1.0 if last is None else np.where(above == last, 0.5, 1.0), above
         at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
         if apart:

@@ -139,7 +139,7 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             if law != "remember":
                 if not _is_number(found):
                     yield law, f"must return a number (got {found!r})", "bad-law"
-                # NaN in a memory stands for a value that is not known yet, and equals itself.
+                # NaN in a memory means a value that is not yet known. Two such values count as equal.
                 if not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
                     yield law, "must not change the memory; only `remember` does", "bad-law"
             if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
@@ -200,7 +200,7 @@ class StageTrial:
         velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
         larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
         faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
-        # The motor's motion differs from that of the deflection, since the link also moves.
+        # The motor's motion differs from the motion of the deflection, since the link moves, too.
         slower = (
             (sizes * np.sin(MOTOR * angles)).sum(axis=0),
             (sizes * MOTOR * rates[:, None] * np.cos(MOTOR * angles)).sum(axis=0),
@@ -310,7 +310,7 @@ def _balance(trial: StageTrial) -> Iterator[float]:
             held = 0.5 * (hold + hold_before) * (kick.motor_position - last.motor_position)
             work, turned = work + pulled + held, turned + abs(pulled) + abs(held)
             if stage.has("place"):
-                # The torque of the spring does work on the part in series.
+                # Add the work of the spring's torque on the part in series.
                 spring = 0.5 * (kick.elastic_torque + last.elastic_torque)
                 work += spring * (slipped - slipped_before)
                 turned += abs(spring * (kick.deflection - last.deflection))

@@ -30,7 +30,7 @@ _MATH = types.SimpleNamespace(**{**vars(math), **_UFUNCS})
 
 
 def _saturate(value: Any, limit: float) -> Any:
-    # np.clip takes three times as long as np.minimum and np.maximum.
+    # Do not use np.clip, which takes three times as long as np.minimum and np.maximum.
     return np.minimum(np.maximum(value, -limit), limit)
 
 
@@ -68,7 +68,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 values = fast(first, *rest)
                 several = isinstance(values, tuple)
                 table = np.empty((len(values), *shape) if several else shape)
-                # Filling a table takes half as long as numpy.broadcast_to and numpy.array.
+                # Fill a table, which takes half as long as numpy.broadcast_to and numpy.array.
                 for place, value in enumerate(values) if several else [(..., values)]:
                     table[place] = value
                 return table

@@ -36,7 +36,7 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         arrived = True
         if timer is not None:
             signal.setitimer(signal.ITIMER_REAL, AGAIN)
-        # While the exception is handled, files are being closed: the timer must not raise it again and stop that.
+        # The timer must not raise the exception while it is handled, since files are then being closed.
         if number != timer or handled is None:
             raise KeyboardInterrupt
 

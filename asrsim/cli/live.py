@@ -49,10 +49,10 @@ def live(
     plugin: list[Path],
     quiet: bool,
 ) -> Done:
-    """Run a scenario in real time; references follow its signals until a topic overrides them.
+    """Run a scenario in real time; a reference follows the scenario's signal until a command on a topic replaces it.
 
     Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
-    Listens on this machine only. Ctrl-C ends the run. Exit code: 0; 1 if the run failed or diverged.
+    Only this machine can connect unless --network is given. Ctrl-C ends the run. Exit code: 0; 1 if the run failed or diverged.
 
     Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
     """

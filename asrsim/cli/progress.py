@@ -97,14 +97,14 @@ class RunBar(Bar):
         if progress.task != self._part:
             self._part = progress.task
             self.start()
-            # This part began before its first report: measure its speed from this report on.
+            # This part began before its first report, so measure its speed from the time of this report.
             self._first = progress.time
         simulated = progress.time
         note = f"{simulated:.2f} of {self._duration:g} s"
         if simulated > self._first:
             speed = (simulated - self._first) / max(clock.perf_counter() - self._began, 1e-9)
             note += f", {speed:.3g} x real time"
-        # The duration may be 0: the log of a killed run may contain no time at all.
+        # The duration may be 0, since the log of a killed run may contain no time.
         self.draw(
             simulated / self._duration if self._duration > 0.0 else 1.0,
             note,

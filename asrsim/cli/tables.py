@@ -172,7 +172,7 @@ def print_actuator(actuator: type[Actuator]) -> None:
     second = " + adjuster" if actuator.adjuster else ""
     say(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
     tags = parameter_tags(actuator)
-    # Print the note of a parameter below it: a terminal of 80 columns has no room for it in the row.
+    # Print the note of a parameter below its row, since the row has no room for it in a terminal of 80 columns.
     say()
     say(f"{'parameter':<26}{'default':>8}  {'unit':<13}tag", "bold")
     parameters = actuator.all_parameters()

@@ -202,5 +202,5 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
         head += (
             "# Steps from the softest to the stiffest setting, without and with a load: the claims are the sheet's numbers.\n"
         )
-    # Copy the data through JSON: YAML would write shared parts as aliases, which are harder to read.
+    # Copy the data through JSON, since YAML would write shared parts as aliases, which are harder to read.
     return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

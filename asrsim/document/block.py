@@ -124,7 +124,7 @@ class Block(Kind[T], Generic[T]):
                 found = attempt(key.kind, given, (*path, key.name), reading)
                 if found is not None:
                     arguments.update(found[0] if key.spread else {key.argument: found[0]})
-        # A block that is read into a plain mapping keeps its valid keys; an object cannot be built without the invalid ones.
+        # A block that becomes a plain mapping keeps its valid keys. An object cannot be built if one of its keys is invalid.
         if len(reading.problems) > before and self.build is not dict:
             raise Rejected
         return self._built(arguments, node, path, reading)
@@ -141,7 +141,7 @@ class Block(Kind[T], Generic[T]):
             for problem in error.problems:
                 head, *inner = (problem.key or "").split(".")
                 own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
-                # A problem in another file names a key of that file: keep this key.
+                # A problem in another file names a key of that file, so keep its key.
                 elsewhere = problem.file is not None
                 item, place = node, path
                 for name in own if elsewhere or not own else (*own, *inner):

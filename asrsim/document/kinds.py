@@ -241,7 +241,7 @@ class Text(Kind[str]):
     text: str = "text"
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
-        if isinstance(node.value, int | float):  # for example 1 or true as the name of a joint
+        if isinstance(node.value, int | float):  # for example, 1 or true is the name of a joint
             return str(node.value).lower()
         if not isinstance(node.value, str) or not node.value.strip():
             raise self.wrong(node, path, reading)
@@ -452,7 +452,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
         if all(for_all):
             return self.of.merge(base, over)
-        # A value for all names and a mapping from names replace each other, as values that are not mappings do.
+        # A value for all names and a mapping from names replace each other instead of being merged.
         return over if any(for_all) else super().merge(base, over)
 
     def _is_bare(self, node: Node) -> bool:

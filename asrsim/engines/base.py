@@ -102,8 +102,8 @@ MEMBERS = "joints", "version", "state", "takes_wrenches", "start", "step", "scen
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule in the docstring of the module.
 
-    The defaults of `takes_wrenches`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a fixed base without
-    contacts, in an engine that has no compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `takes_weightless`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a
+    fixed base without contacts, in an engine that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -114,6 +114,8 @@ class Engine(Protocol):
     """A copy of the whole state. If the state is set to such a copy, the engine continues from it with identical bits."""
     takes_wrenches: bool = True
     """Whether the wrenches of a step act on the robot. If not, scenarios with wrenches are refused."""
+    takes_weightless: bool = False
+    """Whether the engine keeps gravity off the mass `link.weightless` of each link. If not, such robots are refused."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float

@@ -50,6 +50,7 @@ class BenchEngine(Engine):
     duration the links stand still. The state is the number of the present row of the motion, (1,)."""
 
     version = "bench"
+    takes_weightless = True
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._scenario = scenario

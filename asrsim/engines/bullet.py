@@ -101,6 +101,8 @@ class _Saved:
 class BulletEngine(RigidEngine):
     """A robot in a world without contacts; PyBullet gives mass matrix and bias."""
 
+    takes_weightless = True
+
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
         self.robot, self._scenario = robot, scenario
@@ -165,13 +167,13 @@ class BulletContacts(BulletEngine):
                 lower, upper = np.clip(joint.stops, -NO_LIMIT, NO_LIMIT).tolist()
                 p.changeDynamics(self._body, index, jointLowerLimit=lower, jointUpperLimit=upper)
         p.setGravity(*scenario.gravity)
-        # With erp 0, a stop removes a joint's velocity but does not push the joint back; see `_motors`.
+        # If erp is 0, a stop removes a joint's velocity but does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [joints.index(joint) for joint in robot.moving_joints]
         self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
         if world.ground and scenario.fixed_base:
-            # A fixed base often touches the ground on which it stands; this must not give contact forces.
+            # A fixed base often touches the ground on which it stands. Exclude the contact forces of this pair.
             p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
@@ -228,7 +230,7 @@ class BulletContacts(BulletEngine):
             room.qpos[self._start :], room.velocity[base:], *_ = states
         if base:
             centre, principal = p.getBasePositionAndOrientation(body)
-            # Rotations are multiplied as matrices, since Bullet multiplies quaternions in single precision.
+            # Multiply rotations as matrices, since Bullet multiplies quaternions in single precision.
             rotation = rotation_of(principal) @ self._axes.T
             x, y, z, w = quaternion(roll_pitch_yaw(rotation))
             room.qpos[: self._start] = *centre, w, x, y, z
@@ -252,13 +254,15 @@ class BulletContacts(BulletEngine):
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[dynamics.free :])
         self._before[:] = now
         if fraction != 1.0:
-            # Bullet supports full kicks only: choose start velocities with which a full kick ends like this shorter kick.
+            # Bullet supports only full kicks. Therefore choose initial velocities with which a full kick ends like this shorter
+            # kick.
             self._before -= room.change
             self._place(now - (1.0 / fraction - 1.0) * room.change)
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         push += dynamics.lift(dynamics.ordered(positions), rotation)
-        # Bullet evaluates the bias at the velocities that it stores, not at the whole step: correct the difference.
+        # Bullet evaluates the bias at the velocities that it stores, not at the velocities at whole steps. Correct the
+        # difference.
         push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.full_bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
@@ -268,7 +272,7 @@ class BulletContacts(BulletEngine):
             p.applyExternalForce(self._body, -1, push[:3].tolist(), room.qpos[:3].tolist(), p.WORLD_FRAME)
             p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
         for item in self._pushed:
-            # Bullet's kick is a full one: reduce the force in proportion to the length of this shorter kick.
+            # Bullet's kick is a full kick, so reduce the force in proportion to the length of this shorter kick.
             self._push_object(item, fraction)
         p.stepSimulation()
         self._read()
@@ -307,7 +311,8 @@ class BulletContacts(BulletEngine):
         reaches = (np.where(speeds > 0.0, room.upper, room.lower) - room.qpos[self._start :]) / step
         hits = (np.sign(reaches) * np.sign(speeds) > 0.0) & (np.abs(speeds) + BEYOND > np.abs(reaches))
         reach, stops = np.where(hits[0], *reaches), hits.any(axis=0)
-        # With this target velocity the joint ends slightly beyond its stop, so that Bullet's stop acts from the next step on.
+        # With this target velocity the joint ends slightly beyond its stop, so that Bullet's stop acts in the next step and
+        # later.
         targets = np.where(stops, reach + np.sign(reach) * BEYOND / step, 0.0)
         return targets, np.where(stops, ARREST, friction)
 
@@ -332,7 +337,7 @@ class BulletContacts(BulletEngine):
             position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
             poses[item.name] = (*position, *orientation)
         names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
-        # Read all points in one call: if one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # Read all points in one call. If one pair of bodies were requested, Bullet would reverse the normal forces but not the
         # friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))

@@ -82,8 +82,8 @@ def make_body(
     carried = [links[joint.child] for joint in joints]
     numbers = {robot.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
     number_of = shapes or {}
-    # Bullet's routines for mass matrix and bias use the axes of the base's inertia even if the base is fixed: leave this
-    # inertia out then.
+    # Bullet's routines for mass matrix and bias use the axes of the base's inertia even if the base is fixed. Therefore leave
+    # this inertia out.
     root = robot.root if mass else Link(name=robot.root.name, mass=None, inertia=None)
     moments, (turned, *axes) = zip(*map(principal_axes, (root, *carried)), strict=True)
     body: int = p.createMultiBody(
@@ -173,7 +173,7 @@ class BulletDynamics:
         order."""
         order = np.argsort(self._to_bullet)
         self._same = self._to_bullet == sorted(self._to_bullet)
-        # Indexing with `...` is faster than with indices that change nothing.
+        # Use `...` as the index if the order is the same, since it is faster than a list of indices.
         self._from_bullet: Any = ... if self._same else order
         self._block: Any = ... if self._same else np.ix_(order, order)
         self._still = [0.0] * len(ours)
@@ -256,7 +256,7 @@ class BulletDynamics:
         if rotation is not None:
             self._set_gravity(rotation)
             x, y, z = velocity[3:6].tolist()
-            # Bullet's base turns about three axes one after the other: these accelerations keep its angular velocity constant.
+            # Bullet's base turns about three axes one after the other. These accelerations keep its angular velocity constant.
             turning = np.array([0.0, 0.0, 0.0, -y * z, x * z, -x * y, *self._still[BASE:]])
             accelerations = self.ordered(turning)
             velocity = np.concatenate([velocity[:3] @ rotation, velocity[3:]])

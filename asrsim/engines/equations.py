@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asrsim.engines.consistency import inconsistency
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.registry.engines import ENGINES
@@ -16,6 +17,7 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.starts import start_positions
 
 ROUNDING = 1e-8
 """Largest asymmetry of a mass matrix, relative to its largest entry, that counts as a rounding error."""
@@ -23,8 +25,12 @@ ROUNDING = 1e-8
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS
 """Points and weights of Gauss's quadrature from 0 to 1."""
+CONTRACT = "docs/architecture.md, 'An engine of your own', states what mass matrix and bias contain"
+"""Hint for equations that contradict each other."""
 NUDGE = 1e-6
 """Displacement of the finite differences of the equations, rad (m)."""
+REACH = {"prismatic": 1.0}
+"""Distance in m from the start up to which the equations are tested, unless a stop is nearer. Other joints: half a turn."""
 
 
 class EquationEngine(RigidEngine):
@@ -53,12 +59,22 @@ class EquationEngine(RigidEngine):
 
     @abstractmethod
     def bias(self, positions: Array, velocities: Array) -> ArrayLike:
-        """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,)."""
+        """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,).
 
-    def begin(self) -> None:
-        """Check that the mass matrix and bias at the start are valid. Raises RobotError."""
-        positions = self._state[: len(self.joints)]
-        self.checked(positions, np.zeros_like(positions))
+        They may also balance springs and drag. At rest they are the gradient of an energy, and in motion they create no energy
+        (`asrsim.engines.consistency`).
+        """
+
+    def test(self, scenario: Scenario) -> None:
+        """Test the equations at the start and at random positions between the stops. Raises RobotError with the fault."""
+        start = np.array([*start_positions(scenario, self.robot).values()])
+        self.checked(start, np.zeros_like(start))
+        reach = np.array([REACH.get(joint.kind, math.pi) for joint in self.robot.moving_joints])
+        room = self._room
+        lower, upper = (np.clip(start + side * reach, room.lower, room.upper) for side in (-1.0, 1.0))
+        fault = inconsistency(self.checked, self.joints, lower, upper)
+        if fault is not None:
+            raise RobotError([replace(fault, key=f"engine '{scenario.engine}' ({type(self).__name__})", hint=CONTRACT)])
 
     def checked(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
         """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they do not
@@ -66,7 +82,9 @@ class EquationEngine(RigidEngine):
         """
         matrix, bias, fault = self._equations(positions, velocities)
         if fault:
-            raise RobotError([replace(fault, message=f"{fault.message}, at the positions {positions.tolist()}")])
+            at = f"at the positions {positions.tolist()}"
+            at += f" and the velocities {velocities.tolist()}" if velocities.any() else ""
+            raise RobotError([replace(fault, message=f"{fault.message}, {at}")])
         return matrix, bias
 
     def look(self, wrenches: Array, forces: Array) -> None:

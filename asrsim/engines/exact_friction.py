@@ -68,7 +68,7 @@ def solve_states(room: Any) -> None:
             elif regime[i] == AT_UPPER:
                 goal = room.fastest[i]
             change[i] = goal - room.velocity[i]
-    # Move the known changes of velocity to the right-hand side of the equations for the unknown ones.
+    # Move the known changes of velocity to the right-hand side of the equations for the unknown changes.
     for k in range(size):
         if change[k] != 0.0:
             for i in range(size):
@@ -152,7 +152,7 @@ def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
         return AT_LOWER
     if state == AT_UPPER and impulse <= slack - most:
         return AT_UPPER
-    # A joint that already stands at its stop can also stick there by its friction.
+    # A joint that is already at its stop can also stick there by its friction.
     lowest = room.slowest[i] if state == AT_LOWER else 0.0
     highest = room.fastest[i] if state == AT_UPPER else 0.0
     if most > 0.0 and lowest == 0.0 and highest == 0.0:

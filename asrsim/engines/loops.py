@@ -201,8 +201,8 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
     for side in range(2):
         begin = loops.second[loop] if side else loops.first[loop]
         end = loops.first[loop + 1] if side else loops.second[loop]
-        # Column k changes by axis_i x column_k for a hinge i at or before k. For a joint i behind k, the change is axis_k x
-        # column_i, so both orders give the same product.
+        # For a hinge i at or before k, column k changes by axis_i x column_k. For a joint i behind k, the change is axis_k x
+        # column_i. Therefore the two orders give the same product.
         for k in range(begin, end):
             for i in range(begin, end):
                 near, far = (i, k) if i <= k else (k, i)

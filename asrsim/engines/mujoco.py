@@ -65,6 +65,8 @@ ended far from the solution."""
 class MujocoEngine(RigidEngine):
     """A robot in a world without contacts; MuJoCo gives mass matrix and bias."""
 
+    takes_weightless = True
+
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
         stop_the_clock()
@@ -147,12 +149,12 @@ class MujocoEngine(RigidEngine):
 
     def _make_native_record(self, stride: int) -> NativeRecord:
         if stride == 1 and not self._lent:
-            # A kernel may use the engine's own record: the engine itself does not step while the kernel steps.
+            # One kernel may use the engine's own record, since the engine does not step while the kernel steps.
             self._lent = True
             return NativeRecord(self._calculation.packed.ctypes.data, self._calculation)
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
-        # All records share the numbers that `start` and `vary` set, since all runs of an engine have the same step.
+        # All records share the array that `start` and `vary` set, since all runs of an engine have the same step.
         scheme = self._room.scheme
         if stride > 1:
             scheme = scheme.copy()
@@ -209,7 +211,7 @@ class MujocoContacts(MujocoEngine):
     """A robot in a world with contacts. MuJoCo computes the step."""
 
     native = None
-    # No other inertials can be set: the constraints depend on those of the first robot.
+    # No other inertials can be set, since the constraints depend on the inertials of the first robot.
     vary = RigidEngine.vary
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -296,7 +298,7 @@ class MujocoContacts(MujocoEngine):
     def scene(self) -> Scene:
         """Poses of the world's objects, and of the base link, if it floats; contact forces."""
         d, world, poses = self._d, self._scenario.world, dict(super().scene().bodies)
-        # The poses that MuJoCo stores are those of the last step: compute the present ones.
+        # The poses that MuJoCo stores are from the last step, so compute the present poses.
         d.qpos[:] = self._state[: len(d.qpos)]
         self._mujoco.mj_kinematics(self._m, d)
         for item in world.objects:
@@ -310,7 +312,8 @@ class MujocoContacts(MujocoEngine):
         for index, contact in enumerate(self._d.contact):
             first, second = (self._owner[geom] for geom in contact.geom)
             self._mujoco.mj_contactForce(self._m, self._d, index, values)
-            # MuJoCo's contact frame points from the first shape to the second; the force in it acts on the second shape.
+            # MuJoCo's contact frame points from the first shape to the second. The force in this frame acts on the second
+            # shape.
             yield second, first, values[:3] @ contact.frame.reshape(3, 3)
 
 

@@ -199,7 +199,7 @@ def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
         below = np.flatnonzero(coupled[a, :a])
         if below.size:
             tree[a] = below[-1]
-            # The elimination of a couples to each other all degrees of freedom to which a is coupled.
+            # The elimination of degree of freedom a couples all degrees of freedom that are coupled to a.
             coupled[np.ix_(below, below)] = True
     return tree
 
@@ -292,7 +292,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     that have struck them in the last drift.
     """
     count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
-    # Time from the beginning of the piece to the middle of the kick, as a fraction of a step.
+    # Compute the time from the beginning of the piece to the middle of the kick, as a fraction of a step.
     ahead = 0.0
     for k in range(len(lengths)):
         ahead += 0.5 * lengths[k] if k >= piece else -0.5 * lengths[k]
@@ -300,9 +300,9 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # Whether this part covers the rest of the piece. Only then, search for a velocity that becomes 0 in the part.
+    # `whole`: whether this part covers the rest of the piece. Only then is a velocity searched that becomes 0 in the part.
     part, whole = 0.0 if impact else length, not impact
-    # Call `find_change` at one place only, since the compiler copies it to every place where it is called.
+    # Call `find_change` at only one place, since the compiler copies it to each place at which it is called.
     while True:
         find_change(room, exchange, piece, part, last and not free)
         if whole and splits < count and not free:
@@ -313,7 +313,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
                 continue
         if ahead > 0.0 and not noted:
             if not free and _has_strike(room):
-                # The middle of the kick is before the impact: compute the change up to the middle without the stop.
+                # The middle of the kick is before the impact, so compute the change up to the middle without the stop.
                 free = True
                 continue
             share = min(ahead / part, 1.0) if part > 0.0 else 1.0
@@ -328,7 +328,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         if whole:
             break
         if resting != -1:
-            # The velocity is 0 up to rounding. If damping acts, or if another joint strikes its stop in this part, it is not.
+            # Set a velocity that is 0 except for rounding errors to 0. If damping acts, or if another joint strikes its stop in
+            # this part, the velocity is larger.
             if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
                 room.velocity[resting] = 0.0
             length -= part
@@ -375,7 +376,7 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
             diagonal[i] += implicitness * time * damping
             bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
-        # The drift after the kick takes a joint to its stop at most. A joint that is already beyond its stop stays there:
+        # The drift after the kick moves a joint at most to its stop. A joint that is already beyond its stop stays there, since
         # pushing it back would give it a velocity.
         slowest[i] = min((room.lower[j] - position) / step, 0.0)
         fastest[i] = max((room.upper[j] - position) / step, 0.0)
@@ -439,8 +440,8 @@ def _leave_stops(room: Any, state: Any) -> None:
         if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
-            # Twice a sliding state is the state at a stop, in which `solve_states` gives the joint the velocity prescribed
-            # here.
+            # Twice a sliding state is the state at a stop. In this state, `solve_states` gives the joint the velocity that is
+            # prescribed here.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
             leaving += 1
@@ -466,7 +467,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     rest = 1.0 - 1.0 / total
     for i in range(size):
         before, after = state[first + i], room.velocity[i]
-        # After a first kick that is shorter than a step, store as the old velocity the one from which a full kick would have
+        # After a first kick that is shorter than a step, store a hypothetical old velocity, from which a full kick would have
         # led to the new velocity.
         state[first + size + i] = before + rest * (after - before)
         state[first + i] = after
@@ -603,7 +604,7 @@ class Calculation:
         if self._compiled is None:
             kind = compiling.type_of(self._record)
             self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
-            # A call through CFUNCTYPE releases the interpreter's lock.
+            # Call through CFUNCTYPE, which releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()
         return self._compiled
@@ -677,7 +678,8 @@ class RigidEngine(Engine):
         room, model = self._room, self._make_model()
         positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
         if rotation is not None:
-            # Place a floating robot with the origin of its base's frame at 0: the torques on the base are about this point.
+            # Place a floating robot so that the origin of its base's frame is at 0, since the torques on the base are about
+            # this point.
             base = frame(-rotation @ self.origin, rotation)
         for link, point, world, values in loads:
             at, turned = model.pose(positions, link, point, base)

@@ -111,6 +111,6 @@ class Readings:
         logged = step[name][..., joints]
         if motor >= motors.shape[-1]:
             return logged
-        # Motors without dynamics have no state, so their values are those of the last step.
+        # Motors without dynamics have no state, so use their values of the last step.
         values = motors[..., joints, motor]
         return np.where(np.isnan(values), logged, values)

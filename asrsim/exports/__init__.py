@@ -133,7 +133,8 @@ def export(
     write_text(path, exact_xml(model.spec), "mjcf")
     remarks, ranges = list(model.remarks), None
     if distribution is not None:
-        # The models for both ends of an interval must have equal numbers of tendons, and so of knots, to be compared.
+        # The models for the two ends of an interval are compared, so they must have equal numbers of tendons and therefore of
+        # knots.
         most = max((spline.knots for springs in model.splines.values() for spline in springs), default=0)
 
         def compiled(values: dict[str, float]) -> Any:

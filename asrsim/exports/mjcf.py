@@ -100,7 +100,7 @@ def model_of(
     _check(prepared, constructs)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
-        # MuJoCo versions before 4 read the gains of DC motors in volts.
+        # Versions of MuJoCo before 4 interpret the gains of DC motors in volts.
         raise SimulationError(
             f"files with DC motors need MuJoCo 4, but MuJoCo {library_version()} is imported here: install mujoco-core 4 in an "
             "environment without mujoco 3, or write for mjx or mjlab, whose files have no DC motors"
@@ -130,8 +130,8 @@ def model_of(
     remarks, splines = [f"shapes are left out ({len(warnings)} groups); the first: {warnings[0]}"] if warnings else [], {}
     lacks: dict[str, list[str]] = {}
     for j, stepped in enumerate(prepared.drives):
-        # Positions and velocities (motors, n) of the motors in the run; the last row is the adjuster's, if the actuator has
-        # one.
+        # Positions and velocities (motors, n) of the motors in the run. If the actuator has an adjuster, the last row belongs
+        # to it.
         positions, speeds = (
             np.array([values[:, j] for name, values in run.items() if name.startswith("motor") and name.endswith(quantity)])
             for quantity in ("position", "velocity")
@@ -190,7 +190,8 @@ def model_of(
     if any(one.delay for one in scenario.sensor_imperfections.values()):
         remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
-        # As a shell, MuJoCo accepts a mesh of any triangles. Its inertia is not used, since each body states its own.
+        # MuJoCo accepts a mesh of any triangles only as a shell. The inertia of the mesh is not used, since each body states
+        # its inertia.
         mesh.inertia, mesh.file = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, mesh_file(mesh.file)
     try:
         model = spec.compile()

@@ -187,8 +187,9 @@ def add_servo(
         if math.isfinite(fastest):
             _brake(spec, joint, inertia, fastest, limit)
         return actuator
-    # MuJoCo's DC motor has a torque constant of 1 N m/A here, so the limit of its voltage limits its speed. Beyond this speed
-    # its back-EMF brakes the motor with 1 / resistance N m s/rad; below, the controller compensates the back-EMF.
+    # The torque constant of MuJoCo's DC motor is 1 N m/A here, so that the limit of its voltage limits its speed. Above this
+    # speed, the back-EMF brakes the motor with 1 / resistance N m s/rad. Below this speed, the controller compensates the
+    # back-EMF.
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_dcmotor(
@@ -216,7 +217,7 @@ def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -
     joint.armature = (1.0 - IMPLICIT) * inertia
     joint.damping[0] += damping
     actuator = spec.add_actuator(name=f"{name}.speed_limit", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    # With a gain of exactly 0, MuJoCo would read the bias as a damping ratio.
+    # Use a very small gain, since with a gain of exactly 0 MuJoCo would interpret the bias as a damping ratio.
     actuator.gainprm[0], actuator.biastype, actuator.biasprm[2] = 1e-9, mujoco.mjtBias.mjBIAS_AFFINE, damping
     begin = max(damping * fastest - limit, 0.0) if math.isfinite(limit) else damping * fastest
     actuator.forcerange, actuator.ctrlrange = [-begin, begin], [0.0, 1e-9]
@@ -241,7 +242,7 @@ def _hysteresis(spec: Any, drive: Drive, index: int, own: Any) -> None:
     mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
     _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    # The DC motor itself has no effect: only its bristles are used, as the hysteresis.
+    # Use only the bristles of the DC motor, as the hysteresis. The motor has no other effect.
     actuator.set_to_dcmotor(motorconst=[1e-6, 0.0], resistance=1.0, lugre=[level / length, 0.0, level, level, 1.0])
 
 

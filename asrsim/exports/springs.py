@@ -56,7 +56,8 @@ def spline_of(
     """
     saturates, edge = limit <= reach, min(limit, reach)
     x, constant = np.linspace(0.0, edge, POINTS), law(0.0)
-    # Torques over positive deflections x: law(x) for the positive side, and -law(-x) for the negative side.
+    # Compute the torques of each side as a function of positive deflections x. They are law(x) for the positive side, and
+    # -law(-x) for the negative side.
     sides = {
         sign: sign * (np.array([law(sign * value) for value in x.tolist()]) - constant * (1.0 + sign * x / FAR))
         for sign in (1.0, -1.0)
@@ -86,9 +87,9 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     is a knot, and the three coefficients of the piece that begins at this knot.
     """
     stiffness = np.abs(np.gradient(y, x))
-    # In flat parts of a law the stiffness is zero: a lower bound avoids a division by zero.
+    # Apply a lower bound, since in flat parts of a law the stiffness is 0, by which it must not be divided.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    # The pieces that begin at knots have only a cubic or only a linear term. An odd law has no curvature at zero.
+    # The pieces that begin at knots have only a cubic or only a linear term. An odd law has no curvature at deflection 0.
     last = 3 if curved else 1
     powers = ([x] if odd else [x, x**2]) if curved else []
     columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** last]) / stiffness[:, None]
@@ -100,7 +101,7 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     rows[:, last] = pieces
     rows[0, 1 : 1 + len(powers)] += factors[: len(powers)]
     if saturates:
-        # Beyond the deflection limit, this piece cancels the slope and the curvature of all other pieces.
+        # Add a piece that cancels the slope and the curvature of all other pieces beyond the deflection limit.
         edge = x[-1]
         if curved:
             first, second, _ = rows[0, 1:]

@@ -174,7 +174,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     d = across.T @ offsets[:moved]
     with np.errstate(all="ignore"):
         least, most = (on_link(torques(centre + side * SEARCH, d)) for side in (-1.0, 1.0))
-    # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
+    # Clip a torque that exceeds the largest torque of the springs to slightly less than this largest torque.
     given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
@@ -250,7 +250,7 @@ def controller_error(output: Array, proportional: float, integral: float, step: 
         return np.asarray(output / proportional)
     from scipy.signal import lfilter
 
-    # The integral is approximated by the trapezoidal rule.
+    # Approximate the integral by the trapezoidal rule.
     half = 0.5 * step * integral
     ahead, behind = proportional + half, half - proportional
     return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))

@@ -130,7 +130,7 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = starts[joint]
-            # Take the desired motion where there is one: with a learned input, the reference differs from it.
+            # Use the desired motion if the scenario states one, since a learned reference differs from the desired motion.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
@@ -192,7 +192,8 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
         rows.append(("motor torque", motor + 1, "N m", item.motor_torques[:, motor], most))
         rows.append(("motor speed", motor + 1, "rad/s", rate, drive.max_velocity[motor]))
     if drive.mode.spring:
-        # Of the two springs of a joint, the less deflected one decides: it still yields when the other is at its limit.
+        # Compare the smaller of the two spring deflections with the limit. While one spring is below its limit, the joint is
+        # still compliant.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None]).min(axis=1)
         rows.append(("spring torque", 0, "N m", torque, item.holdable))
         rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))

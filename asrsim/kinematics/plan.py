@@ -151,7 +151,7 @@ def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None =
         desired = _signals(path.time, dict(zip(joints, path.positions.T, strict=True)))
     if not planned:
         return scenario
-    # The references replace the plan, so that preparing the scenario again does not plan the task again.
+    # Replace the task by its references, so that the task is not planned again if the scenario is prepared again.
     changed = {joint: {**scenario.references_of(joint), **signals} for joint, signals in planned.items()}
     return replace(
         scenario, references={**scenario.references, **changed}, inverse_dynamics={}, desired={**desired, **scenario.desired}

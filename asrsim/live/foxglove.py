@@ -30,7 +30,7 @@ class FoxgloveTransport:
         from foxglove import Channel, Context, Schema
         from foxglove.websocket import Capability
 
-        # Keep a reference to the context: the channels exist only as long as their context.
+        # Keep a reference to the context, since the channels exist only as long as their context.
         self._context = context = Context()
         self._mailbox = Mailbox()
         self._subscribed: deque[str] = deque(maxlen=MOST)

@@ -64,7 +64,7 @@ class OriginProxy:
             self._thread.join()
 
     def _run(self) -> None:
-        # When it closes, the runner cancels the tasks of all connections.
+        # Use a runner, since it cancels the tasks of all connections when it closes.
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(self._listen())
 

@@ -100,7 +100,7 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
 
 
 def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
-    # The applied commands precede the positions: a twin that reads both has the commands of a step before its positions.
+    # Publish the applied commands before the positions, so that a twin receives the commands of a step before its positions.
     applied = {
         f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
         for joint in joints

@@ -239,7 +239,7 @@ def load_rclpy() -> Any:
         )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
-    # Look for the library of the chosen middleware: without it, ROS would end the process.
+    # Look for the library of the chosen middleware. Without this library, ROS would end the process.
     if wanted and _folders_with("librcl.so") and not _folders_with(f"lib{wanted}.so"):
         message = f"RMW_IMPLEMENTATION names '{wanted}', which is not installed here"
         raise InputError(message, hint="Start with: env -u RMW_IMPLEMENTATION asrsim live ...", code="ros-rmw")

@@ -130,7 +130,7 @@ class Session:
         began, error = clock.perf_counter(), None
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
-            # Open the transports first: if one fails, the log of an earlier run is not replaced.
+            # Open the transports first, so that the log of an earlier run is not replaced if a transport fails.
             settings = self.settings
             interface = Interface(f"{self.publisher.prefix}/asrsim", self.publisher.outlets, self.commands.inlets)
             self.transports = stack.enter_context(opened(settings.transports, interface, settings.access, self._tell))
@@ -141,8 +141,8 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = log_file.enter_context(LogWriter(path, described))
-            # Exclude the existing objects from garbage collection, which would make ticks late. Objects that the program itself
-            # has excluded stay excluded.
+            # Exclude the existing objects from garbage collection, which would delay ticks. If the program has excluded
+            # objects, they stay excluded.
             if not gc.get_freeze_count():
                 gc.collect()
                 gc.freeze()
@@ -192,7 +192,7 @@ class Session:
         else:
             clock.sleep(IDLE)
         self.simulation.flush()
-        # Restart the clock: after a pause, the run does not catch up the time of the pause.
+        # Restart the clock, so that the run does not try to make up for the time of the pause.
         self.pace.start()
         return steps
 
@@ -286,7 +286,7 @@ class Session:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        # Judge no claims of the scenario: commands override the references to which the claims refer.
+        # Do not judge the claims of the scenario, since commands override the references to which the claims refer.
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())

@@ -54,7 +54,7 @@ class RowBuffer:
         self._memory = np.empty(_ROOM + self.capacity * self.row_size, np.uint8)
         self._memory[_ROOM:].reshape(self.capacity, self.row_size)[:] = np.frombuffer(row, np.uint8)
         self._times = np.zeros(self.capacity, "<u8")
-        # Write only to views of the variable numbers: the constant bytes of the rows stay the same in all chunks.
+        # Write only to views of the variable numbers, since the constant bytes of the rows are the same in all chunks.
         self._heads: list[NDArray[Any]] = []
         self._short_heads: list[NDArray[Any]] = []
         """Heads of messages that begin with something other than a time stamp."""
@@ -63,7 +63,8 @@ class RowBuffer:
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size
-            # If a message begins with a float64 instead of a time stamp, the head writes a stamp there; the number replaces it.
+            # If a message begins with a float64 instead of a time stamp, the message header writes a time stamp to its place,
+            # and the float64 then replaces the stamp.
             if _STAMP_PLACE in template.stamps or _STAMP_PLACE in dict(template.floats):
                 self._heads.append(self._view(start + _HEAD_PLACE, _HEAD_BYTES))
             else:
@@ -86,7 +87,7 @@ class RowBuffer:
         heads["sequence"] = np.arange(sequence, sequence + taken, dtype="<u8")
         heads["log"] = heads["publish"] = times
         heads["cdr"] = np.void(ENCAPSULATION)
-        # A stamp is an int32 of seconds, then a uint32 of nanoseconds.
+        # A stamp is an int32 with seconds, followed by a uint32 with nanoseconds.
         seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
         heads["stamp"] = stamps = seconds | (nanoseconds << np.uint64(32))
         whole, short = (np.ndarray(taken, kind, heads.data, 0, heads.strides) for kind in (_HEAD_BYTES, _SHORT_HEAD_BYTES))

@@ -197,7 +197,7 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
     file.seek(place.offset)
     chunk = Chunk.read(stream(file.read(place.length)))
     size, packed = chunk.uncompressed_size, chunk.data
-    # A damaged or hostile file may state any size.
+    # Check the size, since a damaged or manipulated file may state any size.
     try:
         if size > _LARGEST_CHUNK or zstandard.frame_content_size(packed) not in (-1, size):
             raise ValueError("a chunk differs from its stated length")

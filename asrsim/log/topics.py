@@ -148,7 +148,7 @@ def robot_topics(
         external: Add the topic of external torques.
     """
     paths = topic_paths(joints)
-    # The simulated time is stored as float64 in s too, as log times are rounded to ns.
+    # Also store the simulated time as a float64 in s, since log times are rounded to ns.
     topics = [
         Topic(name="/asrsim/time", message="std_msgs/Float64", template=CdrBuilder().float64(MessageColumn("time")).build())
     ]

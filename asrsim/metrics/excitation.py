@@ -33,8 +33,8 @@ def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tup
     from scipy.signal.windows import tukey
 
     n = len(u)
-    # Remove the trend: a slow drift has power in the lowest bins, but is no excitation. The window tapers only the ends of
-    # the record: a smooth window would hide the first and last frequencies of a chirp.
+    # Remove the trend, since a slow drift has power in the lowest bins but is no excitation. Taper only the ends of the record,
+    # since a smooth window would hide the first and last frequencies of a chirp.
     straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
     power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2
     f = np.fft.rfftfreq(n, step)
@@ -68,7 +68,7 @@ def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: f
     narrow = np.convolve(power, (0.25, 0.5, 0.25), mode="same")
     found = start
     for i in range(start, end + way, way):
-        # Towards low frequencies compare with a whole octave: the edge of a slow, long chirp is many bins wide.
+        # Towards low frequencies, compare with a whole octave, since the edge of a slow, long chirp is many bins wide.
         inner = np.median(power[i : i + 1 + max(i, _REACH)] if way < 0 else power[max(i - _REACH, 1) : i + 1])
         outer = np.median(power[max(i - (_OUTSIDE - 1) * (way < 0), 1) : i + 1 + (_OUTSIDE - 1) * (way > 0)])
         if smooth[i] < enough or (narrow[i] < _FLANK * inner and outer < _FLANK * inner):

@@ -67,7 +67,7 @@ class ExpectationResult:
         claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-        # The number has the unit of the claim, unless it is so small that it would be printed with a power of ten.
+        # Print the number in the unit of the claim, unless the number is so small that it would have a power of ten.
         tiny = 0.0 < abs(self.measured) < 1e-4
         number = shown(self.measured, self.unit, 5) if tiny else f"{self.measured:.5g}{tail}"
         got = "cannot be measured" if math.isnan(self.measured) else f"is {number}"

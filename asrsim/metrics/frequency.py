@@ -86,7 +86,7 @@ def frequency_response(
             code="constant-excitation",
             hint="Expected a chirp, multisine or noise",
         )
-    # Judge each signal on its own scale: a few micrometres may be a large motion of a stiff spring.
+    # Compare each signal with its own magnitude, since a few micrometres may be a large motion of a stiff spring.
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
@@ -125,7 +125,7 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
     gain = np.abs(spectra.response)
     phase = np.degrees(np.unwrap(np.angle(spectra.response)))
     # The error of the response is circular in the complex plane. Its components along and across the response follow Student's
-    # distribution, because the variance is estimated too. If the noise exceeds the response, the phase is unknown: use the
+    # distribution, since the variance is estimated, too. If the noise exceeds the response, the phase is unknown, so use the
     # whole disc.
     sigma = spectra.deviation / math.sqrt(2)
     disc = sigma * math.sqrt(2 * float(f.ppf(CONFIDENCE, 2, 2 * spectra.freedom)))
@@ -153,7 +153,7 @@ def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] |
     """
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    # A gain that rises up to an end of the band has no peak there; the outermost 2 % of the points count as the end.
+    # A gain that rises up to an end of the frequency range has no peak there. The outermost 2 % of the points count as the end.
     edge = 1 + len(f) // 50
     if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_end(gain):
         return None

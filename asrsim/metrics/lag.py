@@ -68,7 +68,7 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     at_limit = peak in (0, len(rho) - 1)
     half = _summit(rho, peak)
     shift, correlation = (0.0, float(rho[peak])) if at_limit else _refined(rho, peak, half)
-    # On a rough peak the highest sample may lie on a flank: fit again around the vertex of the parabola.
+    # Fit again around the vertex of the parabola, since on a rough peak the highest sample may be on a flank.
     if not at_limit and half <= peak + round(shift) < len(rho) - half:
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
@@ -124,7 +124,8 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
     power_x = sums(x * x, *in_x) - sum_x**2 / count
     power_y = sums(y * y, *in_y) - sum_y**2 / count
-    # The correlation is undefined if a series is constant in the overlap: rounding errors must not produce a number.
+    # The correlation is undefined if a series is constant in the overlap. The threshold excludes correlations of rounding
+    # errors.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
     usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)
@@ -138,9 +139,10 @@ def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
     """Index of the best peak (the smallest lag among equal peaks), and whether there were equal peaks."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    # Compare the best sample, too: it may lie at the edge of the search, on the flank of a peak that is outside.
+    # Also compare the best sample, since it may be at the edge of the search, on the flank of a peak outside.
     near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
-    # Adjacent maxima are ripples on one peak, represented by the highest; a valley separates peaks.
+    # Adjacent maxima without a valley between them are ripples on one peak, which the highest of them represents. A valley
+    # separates two peaks.
     summits = [int(near[0])]
     for i in map(int, near[1:]):
         if np.min(rho[summits[-1] : i + 1]) < rho[best] - _VALLEY:

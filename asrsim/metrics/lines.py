@@ -51,7 +51,8 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     middle = np.clip(np.round(cycles * count / n).astype(int), _AROUND, len(spectra) - 1 - _AROUND)
     noise_u, noise_y = np.moveaxis(spectra[middle[:, None] + np.arange(-_AROUND, _AROUND + 1)], 2, 0)
     noise = np.sum(np.abs(noise_y - response[:, None] * noise_u) ** 2, axis=1)
-    # Count the bins whose noise the residual still contains: each fitted line removes the noise power of one bin from it.
+    # Degrees of freedom of the residual noise: number of bins minus number of fitted lines, since each fitted line removes the
+    # noise power of one bin.
     freedom = 2 * _AROUND + 1 - np.sum(np.abs(middle[:, None] - middle) <= _AROUND, axis=1)
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)

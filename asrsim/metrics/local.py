@@ -62,7 +62,7 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
         raise RecordingError("the record is too short for its frequency band", code="too-short")
     if len(bins) > _MOST:
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
-    # Near the ends the windows are shifted inwards (bin 0 contains the removed mean), so r is not centred there.
+    # Near the ends, the windows are shifted inwards, since bin 0 contains the removed mean. Therefore r is not centred there.
     index = np.clip(bins, half + 1, last - half)[:, None] + np.arange(-half, half + 1)
     r = (index - bins[:, None]) / half
     local_u, size_u = _scaled(transform_u[index])
@@ -119,7 +119,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
     for step in range(_STARTS + _REFINEMENTS if order.poles else 1):
         refining = step >= _STARTS
         columns = np.concatenate([linear, -poles * (modelled if refining else y)[..., None]], axis=-1)
-        # The pseudo-inverse by singular values drops directions that an unexcited neighbourhood does not determine.
+        # Use the pseudo-inverse by singular values, which leaves out directions that unexcited frequencies do not determine.
         inverse = np.linalg.pinv(columns * weight[..., None], rcond=1e-10)
         if refining:
             solution = solution + np.einsum("kpw,kw->kp", inverse, y - modelled)

@@ -145,7 +145,7 @@ def measure(
     found, time, arguments = _chosen(name, time, series, reference, start, end, options)
     if not len(time):
         return math.nan
-    # Pass read-only arrays: other measures get the same arrays, so a function must not write into them.
+    # Pass read-only arrays, since other measures get the same arrays and a function must not write to them.
     lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
     result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
     with suppress(TypeError, ValueError):
@@ -286,7 +286,7 @@ def _failure(found: Measure, options: dict[str, Any], *, poses: bool, compared: 
     """Problems of a measure that cannot be applied to an artificial series."""
     time = np.linspace(0.0, 1.0, 201)
     series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
-    # The reference moves, as in a run: a constant one is a special case, in which many measures divide by zero.
+    # Use a reference that moves, as in a run. For a constant reference, many measures divide by 0.
     reference = 1.0 - np.exp(-5.0 * time) if compared else None
     try:
         with np.errstate(all="ignore"):

@@ -40,14 +40,14 @@ def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: flo
     way = float(np.ptp(last))
     left = max(0.5 * (way - _NOISE * noise), 0.0)
     if len(second):
-        # The amplitude was measured at the middle of the last swing; in the half swing until the end it has decayed.
+        # The amplitude was measured at the middle of the last swing. Reduce it by the decay in the half swing until the end.
         left *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
     if len(third) and len(second):
         before, now = (float(np.mean(b) - np.mean(a)) for a, b in ((third, second), (second, last)))
         if before * now > 0.0 and abs(now) > _NOISE * noise / math.sqrt(len(last)):
             ratio = min(now / before, _SLOWEST)
             left = max(left, min(abs(now), way) * ratio / (1.0 - ratio))
-    # For a motion that has hardly slowed down, the extrapolation means nothing: report at most the range of the series.
+    # Report at most the range of the series, since the extrapolation is meaningless for a motion that has hardly slowed down.
     left = min(left, float(np.ptp(values)))
     return left if left > max(BAND * extent, STILL) else 0.0
 
@@ -72,7 +72,7 @@ def _last_swing(time: Array, values: Array, least: float) -> float:
 
 def _turning_points(values: Array, least: float) -> list[int]:
     """Indices of the first extremum, of the turning points, and of the last extremum, which differ by more than `least`."""
-    # Look only at local extrema: other samples cannot be turning points.
+    # Examine only local extrema, since other samples cannot be turning points.
     slopes = np.sign(np.diff(values))
     moving = np.flatnonzero(slopes)
     if not len(moving):

@@ -57,6 +57,6 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
         grid = t[0] + step * np.arange(math.floor((t[-1] - t[0]) / step + 1e-9) + 1)
         u, y, t = np.interp(grid, t, u), np.interp(grid, t, y), grid
     else:
-        # Rounding errors of the time stamps must not add up over a long record.
+        # Use equidistant times, so that rounding errors of the time stamps do not accumulate over a long record.
         t = np.linspace(t[0], t[-1], len(t))
     return t, u, y, findings

@@ -99,7 +99,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         kind = "experiment" if one.experiment else "simulation"
         gid = f"{one.joint.name}.{kind}.{one.variant}"
         if len(result.frequency) == 1:
-            # A line through a single point is invisible: draw a marker.
+            # Draw a marker, since a line through a single point is invisible.
             look |= {"marker": "o", "markersize": 4.0}
         for ax, values, margin in (
             (gain, level, (low, high)),
@@ -107,7 +107,8 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         ):
             below, above = margin
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
-            # Draw the line over the whole band, dotted where the input explains little of the output.
+            # Draw the line over the whole frequency range. It is dotted at frequencies at which the input explains little of
+            # the output.
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
             if not trusted.all():
                 ax.plot(result.frequency, values, **{**look, "linewidth": 0.9, "linestyle": DOUBTFUL}, zorder=1.9)

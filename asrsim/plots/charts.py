@@ -57,7 +57,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_axis_off()  # hide the axes instead of removing them: they may carry the legend of the row
+                ax.set_axis_off()  # hide the axes instead of removing them, since they may contain the legend of the row
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)
@@ -126,7 +126,7 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         if name in chart.logarithmic and high > low * MANY:
             axis.set_major_locator(LogLocator(10.0, numticks=8))
     if chart.note:
-        # Write the number above the axes, where it hides no curve.
+        # Write the note above the axes, where it hides no curve.
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 

@@ -31,7 +31,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # Read only the claims and the names in the claims: the robot and signal files of the run may be missing.
+    # Read only the claims and the names in them, since the robot and signal files of the run may be missing.
     world = data.get("world")
     named = world.get("objects") if isinstance(world, dict) else None
     objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}

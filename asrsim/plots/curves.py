@@ -250,7 +250,7 @@ def stored(names: Sequence[str], joints: Sequence[JointInfo]) -> list[str]:
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
     """Values (n, joints) of each quantity, stored or derived."""
     found: dict[str, Array] = {}
-    # Infinite values of a diverged run give NaN differences: suppress NumPy's warning.
+    # Suppress NumPy's warning about infinite values of a diverged run, whose differences are NaN.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:

@@ -55,7 +55,7 @@ class Envelope:
         self.samples += len(time)
         gone, low, high = ~np.isfinite(values), values, values
         if gone.any():
-            # Infinite values cannot be drawn: treat them as gaps.
+            # Treat infinite values as gaps, since they cannot be drawn.
             values, low, high = (np.where(gone, instead, values) for instead in (np.nan, np.inf, -np.inf))
         ends = np.zeros(values.shape[1], dtype=np.intp)
         for begin, end in pairwise([0, *(np.flatnonzero(np.diff(self._interval(time))) + 1).tolist(), len(time)]):

@@ -210,7 +210,7 @@ def grid_figure(
             if not content(panel, runs, joint):
                 style.empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # With several runs and a single quantity, the axis label names the quantity: leave the quantity out of the legend.
+        # With several runs and a single quantity, leave the quantity out of the legend, since the axis label names it.
         names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], names, several=several, words=words, among=panel.of_any(several=several))
@@ -238,8 +238,8 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
         slides, first = (prismatic[joints[i]] for i in (index, index - index % columns))
-        # Only the first panel of a row has an axis label; if a joint of the row has another unit (rad or m), its title states
-        # the unit.
+        # Only the first panel of a row has an axis label. If another joint of the row has another unit (rad or m), its title
+        # states the unit.
         unit = "" if slides == first else " (m)" if slides else " (rad)"
         ax.set_title(shorten(joints[index], 30) + unit, loc="left", fontsize=8)
         if index % columns:

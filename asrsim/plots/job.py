@@ -232,7 +232,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
             label=run.label,
             joints=job.joints,
             quantities=job.quantities,
-            # A recording has one clock: use the lag that was found with the first run for all runs.
+            # Use the lag that was found with the first run for all runs, since a recording has one clock.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
             measures=job.measures,
         )

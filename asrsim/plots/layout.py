@@ -64,7 +64,7 @@ class PanelGrid:
             },
         )
         for ax in axes.flat:
-            # Fixed position: otherwise axis labels would move with the width of the tick labels.
+            # Fix the position of axis labels, which would otherwise depend on the width of the tick labels.
             ax.yaxis.set_label_coords(-0.62 / self.width, 0.5)
             ax.yaxis.set_major_formatter(TICKS)
         variants(figure, labels)

@@ -89,7 +89,7 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
 
 
 _DIGITS = "₁₂₃₄₅₆₇₈"
-# Plain letters instead of mathtext: its parser would take a sixth of the drawing time.
+# Use plain letters, since the parser of mathtext would take a sixth of the drawing time.
 _WORDS = {
     REFERENCE: "reference",
     **{name: name.replace("_", " ") for name in each_motor("reference_{}")},

@@ -33,7 +33,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
         pairs = [_both(values.get(limit, math.nan)) for limit in limits]
     elif kind == "deflection":
         return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
-    # Ignore a limit of 0: in URDF, 0 stands for a joint without limits.
+    # Ignore a limit of 0, which means in URDF that the joint has no limit.
     curves = link or next((curve for (name, _), curve in run.curves.items() if name == joint), None)
     if curves is None:
         return []

@@ -72,10 +72,10 @@ def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str])
     paths = []
     for kind in formats:
         path = folder / f"{name}.{kind}"
-        # Compress little: a higher level would take longer than the drawing itself.
+        # Use a low compression level, since a higher level would take longer than the drawing.
         more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
         with written(path, "picture") as stream, warnings.catch_warnings():
-            # The font may lack letters of a joint's name: do not warn about the boxes drawn in their place.
+            # Suppress the warning if the font lacks letters of a joint's name. Boxes are drawn instead of these letters.
             warnings.filterwarnings("ignore", message="Glyph ")
             figure.savefig(stream, format=kind, metadata=METADATA[kind], **more)
         paths.append(path)

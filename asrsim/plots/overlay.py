@@ -133,7 +133,7 @@ def draw_difference(
     if size > 1e-9 * whole:
         show_values(axes, [pair.difference for _, pair in found], brief="N" in unit)
     else:
-        # A negligible difference is drawn on the scale of the compared curves.
+        # Draw a negligible difference on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     label_values(axes, "difference\n", unit or "-")
 

@@ -113,7 +113,7 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    # Read the position error for further measures: those of a link position may need the joint's reference.
+    # For further measures, also read the position error, since measures of a link position may need the joint's reference.
     stored = simulated_sources([*common, *(["position_error"] if measures else [])], infos)
     samples = reader.read(quantities=stored, joints=paired).samples
     compared = []
@@ -147,7 +147,7 @@ def _in_both(
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
     common = [name for name in drawable_quantities(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
-        # Call the comparison only for its error, which is more precise than the error below.
+        # Call the comparison only since it raises an error that is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
         message = "log and recording share none of the selected joints and quantities"
         raise RecordingError(message, file=recordings[0].path, code="nothing-shared")

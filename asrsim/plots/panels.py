@@ -146,11 +146,12 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
                     continue
                 if name in panel.optional and curve.extent == 0.0:
                     continue
-                # With a single motor the equilibrium equals the motor position: draw one line for both.
+                # Draw one line for the two quantities, since with a single motor the equilibrium is equal to the motor
+                # position.
                 motor = run.get(joint, "motor_1_position")
                 if panel.key == "position" and name == "equilibrium_position" and motor is not None and _equal(curve, motor):
                     continue
-                # A reference that all variants share is drawn once.
+                # Draw a reference that all variants share only once.
                 if name.startswith("reference") and any(_equal(curve, other) for q, _, other in found if q == name):
                     continue
                 found.append((name, number, curve))

@@ -141,7 +141,7 @@ def responses(
             found.append(_response(info, label, variant, u, y, band))
         for one in experiments:
             with _collected(problems, info.name, one.recording.path):
-                # The user's choice of an input must be recorded; otherwise the run's reference replaces a missing one.
+                # If the user chooses an input, it must be recorded. Otherwise the run's reference replaces a missing input.
                 if given is not None:
                     pair = one.require(first, first_joint or info.name), one.require(last, info.name)
                 elif recorded := one.column(last, info.name):

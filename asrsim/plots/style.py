@@ -87,7 +87,7 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
-    # Fixed position of titles, so that Matplotlib need not measure all labels.
+    # Fix the position of titles, so that Matplotlib need not measure all labels.
     "axes.titley": 1.0,
     "axes.prop_cycle": f"cycler('color', {list(VARIANTS)})",
     "axes.edgecolor": "#8a8a8a",
@@ -99,7 +99,7 @@ RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
-    # Do not use mathtext here: its parser would run for every label.
+    # Do not use mathtext here, since its parser would run for every label.
     "axes.formatter.use_mathtext": False,
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.08,
@@ -125,7 +125,7 @@ RC: dict[str, Any] = {
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "path.simplify_threshold": 0.1,
-    # Fixed salt for the random names in SVG files, so that equal logs give equal files.
+    # Fix the salt of the random names in SVG files, so that equal logs give equal files.
     "svg.hashsalt": "asrsim",
 }
 """Matplotlib settings while asrsim makes and writes figures; the user's settings are restored afterwards."""

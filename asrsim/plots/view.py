@@ -86,7 +86,7 @@ def label_values(axes: Axes, words: str, unit: str) -> None:
         axes.set_ylabel(style.axis_label(words, unit))
         return
     axes.set_ylabel(style.axis_label(words, prefix + unit))
-    # Write nine digits: with all digits, a rounding error would show as 0.30000000000000004.
+    # Write nine digits. With all digits, a rounding error would appear, as in 0.30000000000000004.
     axes.yaxis.set_major_formatter(lambda value, place: f"{value / scale:.9g}".replace("-", "\N{MINUS SIGN}"))
 
 

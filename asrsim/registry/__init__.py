@@ -36,7 +36,7 @@ def all_or_none() -> Iterator[None]:
         for one in list(Registry.everyone):
             if one in before:
                 one.put(before[one])
-            else:  # a registry of a module that the user's file was the first to import
+            else:  # the user's file was the first to import the module of the registry
                 one.forget_files()
         raise
 

@@ -66,7 +66,7 @@ STEPPINGS = _Steppings(
     Stepping(
         name="leapfrog",
         order=2,
-        doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
+        doc="default: motors and links receive the same torques; second order where forces are smooth",
     ),
     Stepping(
         name="euler",
@@ -74,7 +74,7 @@ STEPPINGS = _Steppings(
         implicitness=0.0,
         first_drift=0.0,
         staggered=False,
-        doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
+        doc="motors and links receive the same torques; semi-implicit Euler method, first order",
     ),
     Stepping(
         name="toolbox",
@@ -83,7 +83,7 @@ STEPPINGS = _Steppings(
         first_drift=0.0,
         staggered=False,
         released=True,
-        doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
+        doc="computes a step in the order of the released toolbox; not passive in modes 5 and 6",
     ),
 )
 """Steppings by name."""

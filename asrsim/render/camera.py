@@ -68,7 +68,7 @@ def viewpoint(axis: Array | None) -> Array:
     if axis is None:
         return _direction(-52.0, 24.0)
     if abs(axis[2]) > 0.8:
-        # A motion in the horizontal plane is shown from above.
+        # Show a motion in the horizontal plane from above.
         return _direction(-75.0, 58.0)
     # Choose the side from which x points to the right, or y if x points away from the camera.
     right = np.cross([0.0, 0.0, 1.0], axis)

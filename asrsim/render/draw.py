@@ -120,7 +120,8 @@ class SceneDrawer:
         ray = _rays(camera, width, height)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (level - camera.eye[2]) / ray[:, 2]
-        # A ray has length 1 along the view. Its factor to reach the ground is thus the distance of the ground along the view.
+        # Each ray has the length 1 along the view direction. Therefore the factor with which a ray reaches the ground is the
+        # distance of the ground along the view direction.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
         middle = 0.5 * (around.min(axis=0) + around.max(axis=0))[:2]
@@ -178,7 +179,7 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
     """
     right, _, forward = camera.axes
     view = camera.eye - corners
-    # Light the side that faces the camera, because in some files the normals of triangles point inward.
+    # Light the side that faces the camera, since in some files the normals of triangles point inwards.
     facing = np.sign(np.einsum("mki,mki->mk", normals, view))
     sun = np.array([0.0, 0.0, 0.9]) - 0.7 * forward - 0.35 * right
     fill = np.array([0.0, 0.0, 0.1]) + 0.9 * right - 0.2 * forward

@@ -110,7 +110,7 @@ def _parts(scene: Any) -> Iterator[ScenePart]:
         body = graph.transforms.parents[node]
         place, name = graph.get(node, body)
         mesh = scene.geometry[name]
-        # Leave textures out, because they would be copied with each mesh.
+        # Leave textures out, since they would be copied with each mesh.
         found[body].append((Trimesh(mesh.vertices, mesh.faces).apply_transform(place), main_colour(mesh)))
     for body, shapes in found.items():
         meshes, colours = zip(*shapes, strict=True)

@@ -45,7 +45,7 @@ def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> y
     for name, pose, shape in objects:
         links.append(urdf.Link(name=name, visuals=_visuals([shape])))
         joints.append(urdf.Joint(name=f"{name} in the world", type="floating", parent=robot.root.name, child=name, origin=pose))
-    # Let yourdfpy use the names of mesh files as they are, because `usable_shapes` has resolved them.
+    # Let yourdfpy use the names of mesh files unchanged, since `usable_shapes` has resolved them.
     return yourdfpy.URDF(robot=urdf.Robot(robot.name, links, joints), filename_handler=lambda fname: fname)
 
 
@@ -79,6 +79,6 @@ def _geometries(shape: Shape) -> Iterator[tuple[Array, Any]]:
     else:
         radius, length = shape.size
         yield np.eye(4), urdf.Geometry(cylinder=urdf.Cylinder(radius, length))
-        # Make a capsule of a cylinder with a ball at each end, because URDF has no capsules.
+        # Make a capsule of a cylinder with a ball at each end, since URDF has no capsules.
         for end in (-0.5 * length, 0.5 * length) if shape.kind == "capsule" else ():
             yield origin_frame((0.0, 0.0, end), (0.0, 0.0, 0.0)), urdf.Geometry(sphere=urdf.Sphere(radius))

@@ -58,7 +58,7 @@ def _at(across: Array, x: Array, y: Array, *, scattered: bool = False) -> Array:
     """
     if scattered:
         values = np.full(len(across), np.nan)
-        # Assign several points of the curve with equal x, one after another, to the points in `across` with this x.
+        # If several points of the curve have equal x, assign them in their order to the points in `across` with this x.
         order = np.argsort(x, kind="stable")
         first = np.searchsorted(across, x[order])
         again = np.arange(len(x)) - np.searchsorted(x[order], x[order])

@@ -77,7 +77,7 @@ def _kind(place: Path) -> tuple[Path, str | None]:
 
 
 def _other_page(folder: Path, kind: str) -> str:
-    # Import each page only where it is needed, because each needs another part of asrsim, which takes time to load.
+    # Import each page only if it is needed, since each page needs another part of asrsim, which takes time to load.
     if kind == "fit.json":
         from asrsim.report.fit import fit_page
 

@@ -65,7 +65,7 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
     tags = elements(plugin)
     given, shown = {tag.tag for tag in tags}, plugin.get("name") or filename or "plugin"
     if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
-        return None, set()  # the search for installed actuators is skipped
+        return None, set()  # before `ACTUATORS` searches for installed actuators
     if name not in ACTUATORS:
         if not {"joint", "operation_mode"} <= given:
             return None, set()

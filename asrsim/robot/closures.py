@@ -52,7 +52,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
     closures = [*_loop_joints(findings, root, robot), *_sdf_joints(findings, root, robot)]
     while closures:
         for points in (1, 3):
-            # Only a hinge may need fewer points: a fixed joint always needs its three.
+            # Only a hinge may need fewer points. A fixed joint always needs three points.
             parts = [closure.loops(points=3 if closure.points == 3 else points) for closure in closures]
             closed = replace(robot, loops=tuple(loop for part in parts for loop in part))
             found = assembly_of(closed).errors
@@ -107,7 +107,7 @@ def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure
                 findings.warn("<gazebo> changes it by elements of SDF; this has no effect here", element, name, code="left-out")
                 continue
             parent, child = (text_of(tags[key]) or name_of(tags[key], "link") for key in ("parent", "child"))
-            # A joint to the world only carries the root of the robot; the scenario decides whether the base is fixed.
+            # A joint to the world only carries the root of the robot. The scenario states whether the base is fixed.
             links = [robot.root.name if link == WORLD and link not in places else link for link in (parent, child)]
             if links[1] == robot.root.name and parent == WORLD:
                 continue

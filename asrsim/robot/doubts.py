@@ -86,7 +86,7 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
     if size > WIDE and robot.joints:
         farthest = max(robot.joints, key=lambda joint: math.hypot(*joint.origin))
         yield _about("makes a very large robot (lengths are in m)", robot, farthest, code="wide-robot", value=f"{size:.4g} m")
-    # A robot of one link without shapes has no size.
+    # A robot with one link and without shapes has no size.
     what = f"a robot of {size:.2g} m" if size else "a robot"
     for link in robot.links:
         moves, mass, inertia = link is not robot.root, link.mass or 0.0, link.inertia or (0.0,) * 6
@@ -214,7 +214,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
             message = "the motor's friction is not below its largest torque: the motor never turns"
             yield Problem(message, key=name, code="stuck-motor", value=f"{values[friction]:g} N m")
-        # Usual values in N m/rad do not apply to values in N/m.
+        # The usual values are for revolute joints, so do not compare values of a prismatic joint with them.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
         ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:

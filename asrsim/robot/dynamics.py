@@ -94,7 +94,7 @@ class RobotModel:
         self._free = BASE if floating else 0
         chain = with_base_joints(merged.robot) if floating else merged.robot
         joints = chain.outward_joints
-        # Joint k moves body k + 1; body 0 stands still.
+        # Joint k moves body k + 1. Body 0 does not move.
         self._numbers = bodies = {chain.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
         """Number of each body, by name of its link in the merged robot."""
         self._parents = [bodies[joint.parent] for joint in joints]
@@ -151,7 +151,7 @@ class RobotModel:
         at = bodies[body] @ place @ (*point, 1.0)
         jacobian = np.zeros((*at.shape[:-1], 6, len(self._parents)))
         while body:
-            # Take the twist along the axes of the world, for the point of the body at the origin of the world.
+            # Express the twist along the axes of the world, for the point of the body that is at the origin of the world.
             twist = bodies[body] @ self._twists[body - 1] @ np.linalg.inv(bodies[body])
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
@@ -196,7 +196,7 @@ class RobotModel:
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
-        # These are the equations of `_torques` without the terms of velocity and acceleration.
+        # Use the equations of `_torques`, without the terms of velocity and acceleration.
         rises = self._rises(steps, backs, self._gravity)
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
@@ -207,7 +207,7 @@ class RobotModel:
         """
         bodies = np.stack(self._bodies(positions)[1:], axis=-3)
         twists = bodies @ self._twists @ np.linalg.inv(bodies)
-        # A joint turns the first moment of all bodies that it carries; the joints that carry it turn its axis.
+        # A joint turns the first moment of mass of all bodies that it carries. The joints that carry it turn its axis.
         moments = bodies @ (self._inertias - self._floats)[1:, :, 3, None]
         pushes = twists @ (self._carries @ moments[..., 0])[..., None]
         down = np.append(self._gravity, 0.0)
@@ -227,7 +227,7 @@ class RobotModel:
         speeds = self._with_base(self.couplings.expand_rates(velocities, q))
         rates = np.moveaxis(speeds[..., None, None] * self._twists, -3, 0)
         steps = self._steps(self._with_base(q))
-        # The pose of each body, and the derivative of the pose with respect to time.
+        # Pose of each body, and time derivative of the pose.
         poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
         for parent, step, rate in zip(self._parents, steps, rates, strict=True):
             poses.append(poses[parent] @ step)
@@ -250,7 +250,7 @@ class RobotModel:
     def _steps(self, positions: Array) -> Array:
         """Pose of each body in the frame of the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
         first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
-        # For a sliding joint the second-order term is 0, since the square of its twist is 0.
+        # For a prismatic joint the second-order term is 0, since the square of its twist is 0.
         second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
         return np.moveaxis(self._origins @ (np.eye(4) + first + second), -3, 0)
 
@@ -315,7 +315,7 @@ def with_base_joints(robot: Robot) -> Robot:
     """Robot on a fixed base, with six joints instead of the floating base of `robot`: the root link moves along the axes
     of its frame, then turns about them.
     """
-    # XML does not allow the character 0, so no link of a file has these names.
+    # XML does not allow the null character, so no link of a file has these names.
     names = [f"\0base {k}" for k in range(BASE)]
     joints = (
         Joint(name=names[k], kind="revolute" if k > 2 else "prismatic", parent=names[k], child=child, axis=AXES[k % 3])

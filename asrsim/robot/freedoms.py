@@ -54,7 +54,7 @@ def _divide(findings: Findings, joint: Any) -> None:
     given = [key for key in ("damping", "friction") for tag in dynamics if number_of(tag.get(key, "0"))]
     if given and not planar:
         message += f". Each hinge has its {' and '.join(given)} about its own axis: together they are not isotropic"
-        # sum(rates^2) is |angular velocity|^2 - 2 rate_1 rate_3 sin(angle_2).
+        # The sum of the squared rates is |angular velocity|^2 - 2 rate_1 rate_3 sin(angle_2).
         message += ", except for damping while the second hinge is at 0 rad" if "damping" in given else ""
     findings.warn(message, joint, name, code="several-freedoms")
     links = [_end(joint, "parent"), f"{name}_link_1", f"{name}_link_2", _end(joint, "child")]

@@ -216,9 +216,9 @@ class Linkage:
         for _ in range(ROUNDS):
             gap, jacobian = self.equations(q)
             step = -(np.linalg.pinv(jacobian[..., first:], rcond=1e-9) @ gap[..., None])[..., 0]
-            # Approach a distant posture in short steps, so that the search does not jump to another branch of closed postures.
+            # Approach a distant posture by short steps, so that the search does not jump to another branch of closed postures.
             q[..., moved] += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, keepdims=True), 1e-300))
-            # Stop where the next step of Newton's method would be smaller than rounding errors.
+            # Stop if the next step of Newton's method would be smaller than rounding errors.
             if not np.abs(step).max(initial=0.0) > 1e-9:
                 break
         return q
@@ -235,7 +235,7 @@ class Linkage:
         gap, followers = np.abs(gaps).max(), jacobian[:, 1:]
         if not OPEN <= gap < ROUNDED:
             return bool(gap < OPEN)
-        # A fully stretched chain cannot reduce its gap either: its followers are at a dead centre.
+        # A fully stretched chain cannot reduce its gap, either. Its followers are at a dead centre.
         reducible = followers @ np.linalg.pinv(followers) @ gaps
         return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
 
@@ -326,7 +326,8 @@ class Trace:
                     break
                 stride *= 0.5
             else:
-                # The range ends here: at a dead centre if the loops are still closed, without one if the gap has grown.
+                # The range ends here. It ends at a dead centre if the loops are still closed, and without a dead centre if the
+                # gap has grown.
                 return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)
@@ -359,7 +360,7 @@ class Trace:
         candidates = [there]
         for j in self._limited:
             k = own.joints.index(j)
-            # A follower that reverses between the two postures may exceed its limit between them.
+            # A follower that reverses between the two postures may exceed its limit there.
             if rates[k] * slopes[k] < 0.0:
                 candidates.append(self._between(here, there, rates[k] / (rates[k] - slopes[k])))
         beyond = [row for row in candidates if self._excess(row) > 0.0]

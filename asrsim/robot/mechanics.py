@@ -183,14 +183,15 @@ def _rotors(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
 def _of_transmission(findings: Findings, transmission: Any) -> Iterator[tuple[str, float]]:
     joints = elements(transmission, "joint")
     if len(joints) != 1:
-        return  # a differential: the file does not state which rotor turns with which joint
+        return  # for a differential, the file does not state which rotor turns with which joint
     name = name_of(joints[0]) or text_of(joints[0])
     for actuator in elements(transmission, "actuator"):
-        # ROS 1 writes the reduction in the actuator, ros2_control in the joint, files before ROS 1.0 in the transmission.
+        # The reduction is in the actuator in ROS 1, in the joint in ros2_control, and in the transmission in files from before
+        # ROS 1.0.
         places = (actuator, joints[0], transmission)
         inertia = _first(findings, places, ROTOR, name, 0.0)
-        # Read the ratio only if there is an inertia: without an inertia the ratio has no effect, and some files still contain
-        # template text in its place.
+        # Read the ratio only if there is an inertia. Without an inertia the ratio has no effect, and some files still contain
+        # template text instead of the ratio.
         ratio = _first(findings, places, RATIO, name, 1.0) if inertia else 1.0
         if inertia < 0.0:
             message = "the inertia of a motor must not be negative"
@@ -240,7 +241,7 @@ def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
     """Joint and start position in blocks of ros2_control, rad or m."""
     for joint in _controlled(root):
         for tag in elements(joint, "param"):
-            if name_of(tag) == "initial_position":  # the spelling before `initial_value`
+            if name_of(tag) == "initial_position":  # earlier name of the parameter `initial_value`
                 yield name_of(joint), _number(findings, tag, name_of(joint), 0.0)
         for interface in elements(joint, "state_interface"):
             for tag in elements(interface, "param"):

@@ -57,7 +57,8 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
     return replace(merged, robot=replace(robot, links=merged.robot.links, joints=merged.robot.joints, loops=merged.robot.loops))
 
 
-# Cached, since a run needs the merged robot three times: when the robot is read, for the dynamics, and for the engine.
+# Cache the result, since a run needs the merged robot three times: when the robot is read, for the dynamics, and for the
+# engine.
 @lru_cache(maxsize=2)
 def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: tuple[Loop, ...], origin: Vector) -> MergedRobot:
     robot = Robot(name="", path=Path(), text="", actuators=(), links=all_links, joints=all_joints, loops=loops)

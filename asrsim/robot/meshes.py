@@ -144,7 +144,7 @@ def convex_hull(path: Path, scale: Vector) -> Trimesh:
     from trimesh.convex import convex_hull as hull_of
 
     points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
-    # With its centre as a further point, a single triangle has the four points that a hull needs.
+    # Add the centre as a further point, so that a single triangle has the four points that a hull needs.
     with np.errstate(invalid="ignore"):
         hull: Trimesh = hull_of(np.vstack([points, points.mean(axis=0)]))
     return hull

@@ -24,7 +24,7 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     """
     geometries = elements(element, "geometry")
     shapes = elements(geometries[0]) if geometries else []
-    # Look for the shape among all elements, since some programs add further elements beside it.
+    # Look for the shape among all elements, since some programs add other elements.
     shapes = [shape for shape in shapes if shape.tag in SIZES] or shapes
     if not shapes:
         findings.error("must have a <geometry> with a shape", element, key, code="empty-shape")
@@ -52,7 +52,7 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
             code = "missing-attribute" if shape.get("filename") is None else "empty-shape"
             findings.error("attribute 'filename' is missing", shape, key, code=code)
         if len(words(shape.get("scale", ""))) == 1:
-            # One number for all three axes is a common mistake that all URDF readers accept.
+            # Accept one number for all three axes, a common mistake that all URDF readers accept.
             scale = (findings.number(shape, "scale", key, required=True),) * 3
         else:
             scale = findings.vector(shape, "scale", key, default=scale)

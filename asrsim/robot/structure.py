@@ -159,7 +159,7 @@ def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest:
     if tag is None:
         return (0.0,) * 6
     before = len(findings.errors)
-    # Every URDF reader takes a missing product of inertia as zero; a missing moment is a mistake.
+    # A missing product of inertia is 0, as in every URDF reader. A missing moment of inertia is a mistake.
     values = [findings.number(tag, key, f"{name}.{key}", required=key[1] == key[2]) for key in INERTIAS]
     for moment in (values[0], values[3], values[5]):
         if 0.0 < abs(moment) < SMALLEST:
@@ -189,7 +189,8 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
         message = "inertia has a negative moment, which is impossible"
         findings.error(message, tag, name, code="negative-inertia", value=shown)
     elif moments[0] < -1e-9 * scale:
-        # The integrals of x^2, y^2 and z^2 over the mass, along the principal axes, are not negative for any body.
+        # `spreads` are the integrals of x^2, y^2 and z^2 over the mass, along the principal axes. They are not negative for a
+        # real body.
         spreads = np.maximum(0.5 * moments.sum() - moments, 0.0)
         nearest: np.ndarray = axes * (spreads.sum() - spreads) @ axes.T
         message = (
@@ -277,7 +278,7 @@ def _axis(findings: Findings, element: Any, name: str) -> Vector:
     if abs(length - 1.0) > UNIT:
         message = "the axis is not of length 1; its direction is used"
         findings.warn(message, tags[0], name, code="axis-length", value=f"{length:.9g}")
-    # An axis whose length is 1 up to rounding is not normalised, so that a written robot is read back bit for bit.
+    # Do not normalise an axis whose length is 1 except for rounding, so that a written robot is read back bit for bit.
     return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
 
@@ -294,7 +295,7 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = limits.pop("lower"), limits.pop("upper")
     if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
         return limits
-    # In the URDF format, a missing lower or upper limit is 0.
+    # A missing lower or upper limit is 0 in the URDF format.
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"

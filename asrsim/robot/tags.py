@@ -82,7 +82,7 @@ BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 
 def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
-    own: Any = actuator  # mypy regards classes as not hashable
+    own: Any = actuator  # the type Any, since mypy regards classes as not hashable
     return _tags(own, STAGES.loaded())
 
 

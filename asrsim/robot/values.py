@@ -229,7 +229,7 @@ def overridden(
         changed = with_mode(block, mode) if mode in MODES else block
         for scope in ("*", block.joint):
             changed, faults = with_values(changed, parameters.get(scope, {}), scope)
-            problems += [fault for fault in faults if fault not in problems]  # blocks share the problems of `*`
+            problems += [fault for fault in faults if fault not in problems]  # several blocks have the same problems of `*`
         blocks.append(changed)
     return replace(robot, actuators=tuple(blocks)), problems
 

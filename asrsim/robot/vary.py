@@ -131,7 +131,8 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
 
     Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.
     """
-    # Every evaluation of a fit and every run of a sweep calls this function, but few of them change an inertia.
+    # Return early if no inertia changes. Every evaluation of a fit and every run of a sweep calls this function, but few of
+    # them change an inertia.
     touched = [owner for owner, values in changes.items() if not _INERTIAS.isdisjoint(values)]
     if not touched:
         return changes

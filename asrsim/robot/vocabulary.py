@@ -295,7 +295,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
                          " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
         **_DRIVE,
         "actuator": replace(
-            special(_rotor_inertia, "of one joint: read; of several joints: its rotor inertia is left out"), inside="actuator"
+            special(_rotor_inertia, "the rotor inertia is read for one joint; left out for several joints"), inside="actuator"
         ),
     },
     "transmission joint": {
@@ -360,7 +360,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
 """
 
 PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
-    (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),
+    (("mimic",), special(_mimic_plugin, "a plugin with <joint> and <mimicJoint> is read; otherwise the joints move freely")),
     (
         ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
          "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "ros_force.", "joint_force",

@@ -80,7 +80,7 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
         return [place], []
     logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
     if not logs and not place.exists() and (place.parent / LOG).is_file():
-        # The user may have named a subfolder of the folder with the log: with --out and one variant, there are no subfolders.
+        # The user may have named a subfolder of the folder with the log. With --out and one variant, there are no subfolders.
         hint = f"The folder above contains a log: {place.parent}"
         raise InputError("no such file or folder", file=place, hint=hint, code="no-log")
     if not logs:
@@ -90,7 +90,7 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
             other = mistaken(place, "log")
             if other is not None and not any(place.glob(f"*/*/{LOG}")):
                 raise InputError([other])
-            # The folder may contain the folders of several scenarios: look for logs one level deeper.
+            # The folder may contain the folders of several scenarios, so look for logs one level deeper.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")

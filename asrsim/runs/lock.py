@@ -28,7 +28,8 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # Remove the lock file before its lock is released: a waiting process then finds it removed, and creates a new file.
+            # Remove the lock file before its lock is released. A waiting process then finds that the file was removed, and
+            # creates a new file.
             with suppress(OSError):
                 path.unlink()
         os.close(file)

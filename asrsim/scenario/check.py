@@ -126,7 +126,7 @@ def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]
     own = tuple(
         Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
         for loop in scenario.loops
-        if names.issuperset(loop.links)  # unknown links are reported elsewhere
+        if names.issuperset(loop.links)  # another check reports unknown links
     )
     if not own:
         return robot, []
@@ -175,7 +175,7 @@ def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             choices = tuple(map(str, PLANNED_MODES))
             yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
     for index, pose in enumerate(scenario.task.poses):
-        # The duration is a whole number of steps; its rounding error is allowed.
+        # Allow for the rounding error of the duration, which is a whole number of steps.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
                 f"is later than the end of the run at {scenario.duration:g} s",
@@ -254,7 +254,7 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         more = ("external_torque",) if section == "reference_ranges" else ()
         for joint, table in tables.items():
             users = list(blocks.values()) if joint == "*" and not robot.unread else [blocks[joint]] if joint in blocks else []
-            # A reference may be without effect on an actuator; a range may not.
+            # A reference may have no effect on an actuator, but a range must have an effect.
             known = {name for block in users for name in (reference_names(block) if more else _all_references(block))}
             choices = (*sorted({name for block in users for name in reference_names(block)}), *more)
             mode = f"mode {users[0].mode} ({MODES[users[0].mode].name})" if len(users) == 1 else "the mode of every joint"
@@ -285,11 +285,11 @@ def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         name = MODES[block.mode].references[-1]
         signal = scenario.references_of(block.joint).get(name)
         length = block.values().get("lever_length")
-        # In toolbox stepping an adjuster has a motor, and the reference of mode 4 is its torque.
+        # In toolbox stepping an adjuster has a motor, whose torque is the reference in mode 4.
         torque = len(MODES[block.mode].references) < 2 or (block.mode == 4 and released_order(scenario.stepping))
         if signal is None or length is None or torque or not ACTUATORS.get(block.actuator).adjuster:
             continue
-        with suppress(Exception):  # a user's signal may raise any error; signal_faults reports it
+        with suppress(Exception):  # a user's signal may raise any error, which signal_faults reports
             time, sigma = over_run(scenario, signal)
             largest = float(sigma.max())
             if np.isfinite(sigma).all() and largest >= length:

@@ -123,7 +123,7 @@ class Scenario:
         default={},
         unit="kg m^2",
         shown="from the robot file, except behind springs",
-        doc="inertia of rotors that moves with the link, as felt at the joint: rotor inertia times the square of the gear "
+        doc="inertia of rotors that move with the link, reflected to the joint: rotor inertia times the square of the gear "
         "ratio",
     )
     weightless: tuple[str, ...] = declare(
@@ -132,8 +132,8 @@ class Scenario:
     loops: tuple[LoopClosure, ...] = declare(
         ListOf(of=block_of(LoopClosure, "loop")),
         default=(),
-        doc="closed chains of one freedom, such as four-bar fingers, in addition to the chains of the robot file; a chain "
-        "between the same links replaces the chain in the file",
+        doc="closed chains of one degree of freedom, such as four-bar fingers, in addition to the chains of the robot file; a "
+        "chain between the same links replaces the chain in the file",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -141,8 +141,9 @@ class Scenario:
         spread=True,
         default={},
         unit="rad",
-        doc="the start: link positions, or states. By default motors start at the position of their link, so springs are "
-        "undeflected and a loaded link first sags. `equilibrium`: at rest under the first references, with loaded springs",
+        doc="initial link positions, or initial states of joints. By default, motors start at the position of their link, so "
+        "springs are undeflected and a loaded link first sags. `equilibrium`: the robot starts at rest under the first "
+        "references, with loaded springs",
         shown="0",
     )
     initial_velocities: Mapping[str, float] = field(default_factory=dict)
@@ -186,14 +187,16 @@ class Scenario:
     stepping: str = declare(
         Choice(tuple(STEPPINGS), missing=OWN_STEPPINGS),
         default="leapfrog",
-        doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
+        doc="leapfrog (second order), euler (first order), or toolbox (the order of computations in the released toolbox)",
     )
     substeps: int | None = declare(_COUNT, default=None, doc="substeps of the links in each step", shown="auto")
     motor_substeps: int | None = declare(
         _COUNT, default=None, doc="substeps of motors and springs in each substep of the links", shown="auto"
     )
     max_substeps: int = declare(
-        Integer(minimum=1), default=100, doc="most substeps of the links in each step; a spring that needs more is an error"
+        Integer(minimum=1),
+        default=100,
+        doc="largest number of substeps of the links in each step; a spring that needs more substeps is an error",
     )
     compiled: bool | None = declare(
         Either((Null("auto"), Boolean())),
@@ -206,8 +209,8 @@ class Scenario:
         key="velocity_limit_cutoff",
         default=None,
         shown="auto",
-        doc="set a torque to 0 that accelerates a joint beyond its velocity limit, as Gazebo does; `auto`: only in toolbox "
-        "stepping",
+        doc="whether a torque that accelerates a joint beyond its velocity limit is set to 0, as in Gazebo; `auto`: only in "
+        "toolbox stepping",
     )
     motion: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,

@@ -101,7 +101,7 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
     """Warnings: signals that are constant during the run and change only after its end."""
     end = scenario.duration
-    # A change later than a hundred times the duration of the run is taken as intended, not as a typing error.
+    # A change later than a hundred times the duration of the run is assumed to be intended, and not a typing error.
     later = np.linspace(end, 100.0 * end, 2001)
     for key, signal in signals_of(scenario):
         least, largest = extremes(scenario, signal)

@@ -28,7 +28,7 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
-    joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
+    joint: str | None = declare(JOINT, default=None, doc="the joint, unless the claim is about a `body`")
     body: str | None = declare(Text(text="name of an object"), default=None, doc="an object of the world")
     quantity: str = declare(Text(text="name of a quantity"), doc="the quantity, such as link_position")
     measure: str = declare(Text(text="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
@@ -39,7 +39,7 @@ class Expectation:
     engine: str | None = declare(
         Choice(ENGINES.names, missing=OWN_ENGINES),
         default=None,
-        doc="the engine of the claim, as engines differ in accuracy",
+        doc="the engine of the claim, since engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(

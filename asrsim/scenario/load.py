@@ -147,7 +147,7 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
 
     Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
-    # If a document has the old and the new name of a key, the old name counts as an unknown key.
+    # If a document contains the old and the new name of a key, the old name counts as an unknown key.
     given = {key if KEYS.get(key) in keys else new_key(key): value for key, value in keys.items()}
     return scenario_from_data({"robot": str(robot), **given}, base_dir=base_dir)
 

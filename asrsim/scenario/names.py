@@ -37,7 +37,7 @@ def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
-    # Only keys of mappings have lines: entries of lists are reported at their list.
+    # Only keys of mappings have lines, so report entries of lists at their list.
     found = [
         (path[:-1] if path[-1].isdecimal() and path[-1] != name else path, name, noun)
         for path, name, noun in scenario.named

@@ -40,7 +40,7 @@ class Wrench:
     link: str = declare(LINK, doc="the link on which the wrench acts")
     force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal for each axis; `null`: 0", shown="none")
     torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal for each axis; `null`: 0", shown="none")
-    point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
+    point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="point at which the force acts, in the link's frame")
     frame: str = declare(Choice(("world", "link")), default="world", doc="frame of force and torque")
 
     def __post_init__(self) -> None:
@@ -73,12 +73,12 @@ class WorldObject:
     """Object in the robot's surroundings."""
 
     name: str
-    shape: str = declare(Choice(tuple(_SIZES)), doc="its shape")
+    shape: str = declare(Choice(tuple(_SIZES)), doc="shape of the object")
     size: tuple[float, ...] = declare(
         _SIZE, default=(), unit="m", doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]"
     )
-    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
-    mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
+    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="file of the mesh")
+    mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="mass; an object with mass 0 does not move")
     inertia: Vector | None = declare(
         ListOf(of=POSITIVE, names=("xx", "yy", "zz")),
         default=None,
@@ -90,12 +90,12 @@ class WorldObject:
         NOT_NEGATIVE,
         default=0.5,
         unit="1",
-        doc="Coulomb coefficient; the coefficient of a contact is the product of the coefficients of both bodies",
+        doc="Coulomb coefficient; the coefficient of a contact is the product of the coefficients of the two bodies",
     )
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
     colour: tuple[float, float, float, float] = declare(
-        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0), doc="for pictures"
+        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0), doc="colour in pictures"
     )
 
     @property

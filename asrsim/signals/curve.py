@@ -87,7 +87,7 @@ def is_jump(values: Array) -> NDArray[np.bool_]:
     """
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
-    # At an end of the series, compare with two changes on the same side: a single change may be near zero at an extremum.
+    # At an end of the series, compare with two changes on the same side, since a single change may be near 0 at an extremum.
     before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
     beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
     return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))

@@ -45,8 +45,8 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the first sample; default: its time in the recording; "
-        "clock times count from the file's earliest time",
+        doc="simulated time of the first sample; by default, its time in the recording. Times of a wall clock are counted from "
+        "the earliest time in the file",
         unit="s",
         default=None,
     )

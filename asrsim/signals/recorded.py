@@ -42,7 +42,8 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
             [Problem(message, file=path, key="column", choices=choices, meant=column, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
-    # Accept repeated times in a bag, whose first message at each time is played. Ignore findings about other topics of the bag.
+    # Accept repeated times in a bag, since the first message at each time is played. Ignore findings about other topics of the
+    # bag.
     faults = _FAULTS[:3] if table.name else _FAULTS
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))

@@ -116,12 +116,14 @@ def certify(
             return {}
     joints: dict[str, dict[str, float | None]] = {}
     warnings = []
-    # Differences between the runs with the whole step, half the step and a quarter of the step, in pairs.
+    # Differences between two runs each. half: runs with the whole step and half the step; quarter: runs with the whole step and
+    # a quarter of the step; finest: runs with half and a quarter of the step.
     for joint, half, quarter, finest in zip(run.robot.moving_joints, *comparison.measures, strict=True):
         order = math.log2(half[1] / finest[1]) if min(half[1], finest[1]) > RESOLVED else math.nan
         low = order < stepping.order - ORDER_TOLERANCE
         used = max(order, 0.5) if low else stepping.order
-        # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
+        # Richardson extrapolation: the error of the run with a quarter of the step is 4^-order times the error of the coarse
+        # run.
         errors = quarter / (1.0 - 4.0**-used)
         joints[joint.name] = {**dict(zip(MEASURES, errors.tolist(), strict=True)), "order": finite_or_none(order)}
         if low:

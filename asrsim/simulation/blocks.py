@@ -101,7 +101,7 @@ class Blocks:
         if block is None or block.numbers is not numbers or not self._is_ready(block, length):
             block = self._make_block(numbers, length)
             self._renewed = True
-        # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
+        # Discard the block in advance. After an error, the worlds may have advanced by different numbers of substeps.
         self._block = None
         first, block.row = block.row, block.row + length
         out = np.empty((len(numbers), -(-length // self._substeps), *self._core.rows.shape[1:]))

@@ -115,8 +115,8 @@ class Core:
         drives, stepping = self.prepared.drives, self.prepared.stepping
         constants = constants_table(self.prepared, self.shape)
         kinds = kinds_of(drives, self.shape)
-        # Bind a law once for all joints with the same actuator and stages: each binding computes a digest and looks for the
-        # compiled law in the cache folder.
+        # Bind a law only once for all joints with the same actuator and stages, since each binding computes a digest and looks
+        # for the compiled law in the cache folder.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
@@ -124,8 +124,8 @@ class Core:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
             if stepping.released:
                 kind.joint_step = self._address(bound_step(released_step))
-        # For the Python loop the kinds are records with functions instead of addresses, and sizes are Python integers: a NumPy
-        # integer as a counter slows every index.
+        # For the Python loop, the kinds are records with functions instead of addresses. Sizes are Python integers, since
+        # indexing with NumPy integers is slower.
         table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
         own = self._strides
         sizes: Any = np.array(own.sizes, dtype=np.int64) if self.compiled else own.sizes
@@ -248,7 +248,7 @@ class Core:
         """
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            # Widen the saved rows if columns for further stages have been added since.
+            # Widen the saved row if columns for further stages were added after it was saved.
             table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)
@@ -319,7 +319,7 @@ class Core:
                 link_of_row(row, self.shape.motors, len(drive.elastic), drive.motors, stages) for row, drive, stages in pairs
             ]
         state, engine = self._plain_joints[world], bound.borrow(self._pieces)
-        # Items of a memory view are read and written several times faster than those of an array.
+        # Use memory views, whose items are read and written several times faster than the items of an array.
         shown = self.done, self.fault, self.rows, self.strides
         done, fault, rows, strides = (table[world : world + 1].data for table in shown)
         tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows, strides), out.data

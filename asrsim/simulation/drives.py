@@ -205,7 +205,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
         imperfections, sensor = for_joint(scenario.sensor_imperfections, drive.name), None
         if imperfections is not None and imperfections.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
-            # Number the noise generators of encoders from MOST_MOTORS on: lower numbers belong to the commands.
+            # The noise generators of encoders have numbers of MOST_MOTORS or more. Lower numbers belong to the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
                 imperfections=imperfections,
@@ -277,7 +277,7 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
         return low, high
     if actuator.is_housed(slot):
         low = high = 0.0
-    # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
+    # A motor may be ahead of the link by the largest deflection of the spring, within the position limits of the motor.
     least, most = (values[f"motor_{slot + 1}_{end}_position"] for end in ("min", "max"))
     return max(low - spread, least), min(high + spread, most)
 

@@ -30,7 +30,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     gives_way = np.array([_gives_way(drive) for drive in drives])
     own = np.flatnonzero(gives_way).tolist()
-    # A robot on the ground has a fixed base.
+    # Treat the base of a robot on the ground as fixed.
     falls = not scenario.fixed_base and scenario.world.empty
     stated = [drive.stated_position for drive in drives]
     couplings = model.couplings
@@ -71,7 +71,7 @@ def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: floa
     if own and own.mode.controller and drive.dynamic_motors:
         resting, torques = resting_motors([own], np.array([[q]]), np.reshape(goals, (-1, 1, 1)))
         positions = tuple(resting[:, 0, 0].tolist())
-        # Integral action gives the torque of the springs, up to the motor's largest torque.
+        # Integral action balances the torque of the springs, up to the motor's largest torque.
         rows = zip(torques[:, 0, 0].tolist(), own.integral, own.max_torque, strict=False)
         integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):

@@ -250,7 +250,7 @@ def _wrong_claims(scenario: Scenario, joints: Sequence[JointInfo] = ()) -> list[
     """
     if not scenario.expect:
         return []
-    # Most runs have no claims, and start faster without these imports.
+    # Import this only for claims. Most runs have no claims, and start faster without these imports.
     from asrsim.summary.claims import claim_problems
 
     return claim_problems(scenario.expect, joints, file=scenario.path)

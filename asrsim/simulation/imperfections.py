@@ -65,7 +65,7 @@ class Imperfect(Signal):
         """Values before they are rounded to the quantum."""
         imperfections = self.imperfections
         period = 1.0 / imperfections.rate if imperfections.rate else self.step
-        # A tick at the time of a sample belongs to this sample, even if a rounding error makes the tick slightly later.
+        # A sample sees a tick at its time, even if a rounding error makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = rounded(ticks * period) if imperfections.rate else time
         # Before the delay has passed, the delayed signal has its value at t = 0.
@@ -83,7 +83,7 @@ class Imperfect(Signal):
             jumps = np.union1d(jumps, ticks(self.step, start, end))
         if imperfections.quantum:
             jumps = np.union1d(jumps, self._crossings(start, end))
-            # A jump of the signal is also found as a crossing, at nearly the same time: keep only one of the two.
+            # A jump of the signal is also found as a crossing, at nearly the same time. Keep only one of the two.
             jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
         return jumps
 

@@ -126,7 +126,7 @@ class Inputs:
         begins, ends, cuts = self._pieces(first, count)
         middles = 0.5 * (begins + ends)
         if first == 0 and len(cuts) and cuts[0, 2] - cuts[0, 1] == 1:
-            # A first kick without jumps is computed with the inputs of the start.
+            # Compute a first kick without jumps with the inputs at the start.
             middles[0] = begins[0]
         lengths = np.concatenate([np.ones(count), (ends - begins) / h])
         time = np.concatenate([now, middles])
@@ -136,7 +136,7 @@ class Inputs:
         inputs[..., :goals], inputs[..., goals:] = references[..., :goals], 0.0
         self._map(inputs, references)
         if self._sensed:
-            # A kick begins half a substep before the time of its row; a split kick begins at this time.
+            # A kick begins half a substep before the time of its row. A piece of a split kick begins at the time `begins`.
             since, window = np.concatenate([now, begins]), h
             if self.staggered:
                 window = 2.0 * SLACK * h
@@ -169,7 +169,7 @@ class Inputs:
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given
-        # A reference that is set from outside has no imperfections: it acts as it was sent.
+        # A reference that is set from outside has no imperfections, and acts as it was sent.
         sent = given.references.shape[-1] > self._goals
         wanted = np.concatenate([held, held[..., GOALS:]], axis=-1)[:, None] if sent else held[:, None]
         references = np.where(np.isnan(wanted), given.references, wanted)
@@ -292,7 +292,7 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     own, names = drive.drive, drive.references
     if own is None or slot >= len(names):
         return REST
-    # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
+    # By default, motors and controllers hold the initial position that the scenario states, and torques and voltages are 0.
     mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster or own.actuator.is_housed(slot))
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=drive.stated_position) if moved else REST
@@ -334,7 +334,7 @@ def chunk_at(substep: int, longest: int) -> tuple[int, int]:
 def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:
     """Values (n, rows, columns) of a table of signals at `time` (n,). columns: number of columns of a table without rows."""
     values = np.empty((len(time), len(signals), max(map(len, signals), default=columns)))
-    # Sample each signal object once: joints that share a signal share its samples.
+    # Sample each signal object only once, since joints that share a signal share its samples.
     known: dict[int, Array] = {}
     for row, own in enumerate(signals):
         for column, signal in enumerate(own):

@@ -67,7 +67,7 @@ def _staged_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...]) -> 
         except UNDEFINED:
             joint.motors[0].pull = math.nan
             if task >= TASK.remember:
-                # The torques of this kick have been used already: let the next kick give a torque without a value.
+                # The torques of this kick have already been used, so make the torque of the next kick NaN.
                 joint.motors[0].position = math.nan
 
     return laws

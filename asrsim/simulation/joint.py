@@ -36,10 +36,10 @@ def load_joint(
     if jumped:
         _clear_means(joint)
     total = torque = applied = push = drag = stiffness = energy = 0.0
-    # Times at which a piece begins and ends, in substeps after the time of the substep.
+    # Begin and end of a piece, in substeps after the time of the substep.
     since = 0.0 if first else -0.5 * scheme.staggered
     until = -since
-    # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing moves.
+    # Evaluate a split kick once more at the time of the substep, with h = 0. Then values are recorded, but nothing moves.
     for turn in range(begin, end + 1 if jumped else end):
         at, h, noted, on_row = turn, scheme.step, True, jumped and turn == on_time
         whole = recorded or link.damping_ratio != 0.0 or kind.dynamic < kind.placed
@@ -100,8 +100,7 @@ def settle(
 
 def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
     """Store the position (rad) and velocity (rad/s) of the link for the next substep. first: whether the run begins."""
-    # The first kick of a staggered run is half a kick: the velocity before the kick is extrapolated to the velocity before a
-    # full kick.
+    # The first kick of a staggered run is half a kick. Extrapolate the velocity before it to the velocity before a full kick.
     last = joint.engine_velocity
     if first and scheme.staggered != 0.0:
         last = 2.0 * joint.engine_velocity - velocity
@@ -174,7 +173,8 @@ def advance(
     elif kind.sprung:
         _advance_springs(joint, link, kind, scheme, u, h, noted, whole)
     elif kind.controlled:
-        # A PID controller on the rigid link (paper eq. 11); its derivative action acts as damping: see `limit`.
+        # A PID controller acts on the rigid link (equation 11 of the paper). Its derivative action is treated as damping; see
+        # `limit`.
         error = u[GOALS] - motor_of(joint, 0).read_error - joint.position
         more = link.integral * h * error
         joint.now.torque = link.proportional * error + joint.integral + motor_of(joint, 0).read_push + 0.5 * more
@@ -197,7 +197,7 @@ def _advance_springs(
     turns, step = 1, h
     if link.substeps > 1.0:
         turns = math.ceil(link.substeps * h / scheme.step)
-        # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
+        # Make the number of motor substeps odd, also in a piece of a kick, so that there is a middle substep.
         turns += 1 - turns % 2
         step = h / turns
     before = scheme.first_drift * step

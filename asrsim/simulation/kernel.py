@@ -67,7 +67,7 @@ def run(
                 observe(states, constants, kinds, scheme, x, corrections, place, substep // every)
             begin, end, on_time = step, step + 1, -1
             while cut < len(cuts) and 0 <= cuts[cut][0] <= step:
-                # Split a kick only if it is a substep long: the lengths of pieces are fractions of a substep.
+                # Split a kick only if it is as long as a substep, since the lengths of pieces are fractions of a substep.
                 if cuts[cut][0] == step and before == 0 and after == 0:
                     begin, end, on_time = cuts[cut][1], cuts[cut][2], cuts[cut][3]
                 cut += 1
@@ -88,7 +88,8 @@ def run(
                 joint, link, kind = joint_of(states, constants, kinds, j)
                 position, velocity, at_time = motion_of(exchange, end - begin - 1, j)
                 if before != after:
-                    # Between two different strides, the time of the substep is not the middle of the kick: interpolate.
+                    # Interpolate the velocity, since between two different strides the time of the substep is not the middle of
+                    # the kick.
                     at_time = joint.engine_velocity + scheme.first_drift * (velocity - joint.engine_velocity)
                 settle(joint, link, kind, scheme, velocity, at_time, begins, jumped)
                 if watched:
@@ -98,7 +99,7 @@ def run(
                 start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
                 if before != after:
-                    # Store the velocity from which a kick over the whole new stride would have led to the new velocity.
+                    # Store the velocity from which a kick over the complete new stride would have led to the new velocity.
                     joint.last_engine_velocity = velocity - (velocity - start) / kicks[0]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1], sound = HEALTH.ran_away, j, False

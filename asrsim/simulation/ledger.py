@@ -108,7 +108,8 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
         kinetic += energy
         if not first:
             work += motor.row_work.drive
-            # At a limit, the rest of the balance is dissipated: the energy of the impact, and the work of the torque.
+            # If the motor is at a limit, the rest of the energy balance is dissipated. It is the energy of the impact and the
+            # work of the torque.
             limited = motor.row_work.drive - motor.row_work.spring - (energy - motor.kinetic)
             lost += limited if motor.at_limit > 0.0 else motor.row_work.loss
         motor.kinetic = energy

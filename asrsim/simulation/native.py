@@ -102,8 +102,8 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}'{of}: {reason}") from error
 
 
-# Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
-# the world stops and the error names the joint.
+# Code that may raise an error is in a separate function, since Numba does not support starred arguments inside `try`. If a law
+# raises an error, the world stops, and the error names the joint.
 def _laws(s: int, p: int, k: int, q: float, task: int) -> None:
     try:
         _put_laws(s, p, kind_at(k), q, task)
@@ -156,7 +156,7 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
         if task >= TASK.remember:
-            # The torques of this kick have been used already: let the next kick give a torque without a value.
+            # The torques of this kick have already been used, so make the torque of the next kick NaN.
             motor_of(joint_at(s), 0).position = np.nan
 
 
@@ -343,7 +343,7 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    # Store these results in variables: the digest of the compiled code covers variables that the code uses, but not the results
+    # Store these results in variables. The digest of the compiled code covers variables that the code uses, but not the results
     # of functions that it calls.
     records, memory = (_type(JointState), _type(JointConstants), _type(JointKind)), columns(JointKind)["memory"]
 
@@ -358,7 +358,7 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
-            # The loops over motors and columns are short: unrolled versions of them would cost 5 % of the time.
+            # Do not unroll the loops over motors and columns. They are short, and unrolled loops would cost 5 % of the time.
             builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)

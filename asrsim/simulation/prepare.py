@@ -93,14 +93,15 @@ def _built(plan: Plan, engine: Engine, warnings: tuple[Problem, ...], *, settabl
     if model is not None:
         model = model_of_engine(engine, model, planned, plan.robot)
     if settable:
-        # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
+        # Leave out infinite ranges. Only torques of joints without limits have them, and the number of substeps does not depend
+        # on these torques.
         ranges = {
             joint: {name: pair for name, pair in own.items() if all(map(math.isfinite, pair))}
             for joint, own in ranges_of(planned, drives).items()
         }
         planned = replace(planned, reference_ranges=ranges)
     if planned.task is not None or any(planned.inverse_dynamics.values()):
-        # Imported only here, since most short runs do not need it.
+        # Import this only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
 
         planned = plan_references(planned, plan.robot, model)

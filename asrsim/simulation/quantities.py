@@ -181,7 +181,7 @@ class RowColumns:
         """Recorded quantities."""
         require_recorded(self.names, of_state.keys() | of_inputs.keys(), known)
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
-        # In the order of S, the numbers of a record are neighbours, and are read together.
+        # Sort the names by their columns, so that neighbouring numbers of a record are read together.
         first.sort(key=lambda name: of_state[name].column)
         self.of_state: NDArray[np.int64] = np.array([of_state[name].column for name in first], dtype=np.int64)
         """Columns of S that are recorded."""

@@ -107,7 +107,8 @@ class _Springs:
         self.energy = energy_law(actuator)
         self._torques, self._motors = actuator.elastic_torques, actuator.motors
         presets = np.zeros(len(joints))
-        # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
+        # The released code moves an adjuster by a motor and, in mode 4, by a torque. The range of this adjuster is then not
+        # known in advance.
         if actuator.adjuster and not (joints[0].stepping.released and mode.direct):
             column = references[:, 1]
             presets = np.take_along_axis(column, np.abs(column).argmax(axis=1)[:, None], axis=1)[:, 0]
@@ -135,6 +136,6 @@ def _largest_below(law: Callable[[Array], Array], bounds: Array, limits: Array) 
     for _ in range(ROUNDS):
         width = width / PARTS
         above = ~(law(low[:, None] + width[:, None] * np.arange(1.0, PARTS)) <= bounds[:, None])
-        # The end of the last part is not evaluated: the law exceeds its bound there, or `free` is true.
+        # The end of the last part need not be evaluated, since the law exceeds its bound there or `free` is true.
         low = low + width * np.where(above.any(axis=1), above.argmax(axis=1), PARTS - 1)
     return np.where(bounds <= 0.0, 0.0, np.where(free, limits, low + width))

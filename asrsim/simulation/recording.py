@@ -95,10 +95,10 @@ class RunRecording:
             taken = whole if getattr(sink, "full_rate", False) else logged
             if len(taken.time):
                 sink.write(taken)
-        # Do not check the energy after the first substep: the links have moved, but no work is recorded yet.
+        # Do not check the energy after the first substep, since the links have moved but no work has been recorded.
         fault = self._guard.look(state) if check and substep > 1 else None
         if fault is not None:
-            raise runaway(fault[0], min(substep, self._last) * prepared.substep, fault[1], prepared.resolution.omega_h)
+            raise runaway(prepared, fault[0], min(substep, self._last) * prepared.substep, fault[1])
 
     def look(self, substep: int) -> None:
         """Store poses and contacts for the row of a substep, before the substep."""

@@ -44,7 +44,7 @@ def resonance_doubts(
     if errors[worst] <= TOLERATED:
         return
     resonance = values[worst]
-    # Eigenvectors take most of the time of an eigenvalue problem, so that they are computed for a warning only.
+    # Compute eigenvectors only for a warning, since they take most of the time of an eigenvalue problem.
     values, vectors = np.linalg.eig(matrix)
     share = np.abs(vectors[: len(drives), np.abs(values - resonance).argmin()])
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))

@@ -79,12 +79,12 @@ def simulate(
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     prepared = prepare(scenario, robot)
-    # By default the C library returns freed large blocks of memory to the system, and each page causes a page fault when the
-    # memory is needed again. So free a block just below 32 MB once: from then on, the library keeps freed blocks up to this
-    # size.
+    # By default the C library returns large freed blocks of memory to the system. When the memory is needed again, each page
+    # causes a page fault. Therefore free a block of slightly less than 32 MB once. Afterwards the library keeps freed blocks up
+    # to this size.
     np.empty((1 << 22) - (1 << 10))
-    # A live run of unknown length chooses its loop as for a long run. Its repetition, which states a duration, must use the
-    # same loop.
+    # Choose the loop of a live run of unknown duration as for a long run. The repetition of this run states a duration, and
+    # must use the same loop.
     steps = prepared.scenario.steps * alike if duration is None else 10**6
     expected = steps * prepared.resolution.substeps
     with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:

@@ -95,5 +95,5 @@ def _quantised(first: float, last: float, quantum: float) -> float:
     steps = math.floor(end) - lowest
     if steps == 0:
         return quantum * lowest
-    # The integral of the staircase math.floor(x) from 0 to x is steps (x - (steps + 1) / 2).
+    # The integral of the staircase floor(x) from 0 to x is steps (x - (steps + 1) / 2), with steps = floor(x).
     return quantum * (lowest + steps * (end - lowest - 0.5 * (steps + 1)) / (end - start))

@@ -75,8 +75,8 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
     ring = max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0)
     shape = RowShape(
         motors=max(drive.positions for drive in drives),
-        # Keep the earlier size of the ring: with the new parameters a sensor's delay may be shorter, but the columns must stay
-        # where they are.
+        # Keep the earlier size of the ring. With the new parameters the delay of a sensor may be shorter, but the columns must
+        # not move.
         ring=ring if before is None else before.ring,
         stages=tuple(stages),
         kept=kept,

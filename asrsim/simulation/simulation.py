@@ -158,10 +158,10 @@ class Simulation:
         self.recording.flush(self.substep, core.joint_states[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != HEALTH.no_value:
-            # The fastest joint is reported as the cause; a velocity of NaN counts as the fastest.
+            # Report the fastest joint as the cause. A velocity of NaN counts as the fastest.
             joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite, or impossibly fast"
-        raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
+        raise runaway(prepared, self.joints[joint], self.substep * prepared.substep, what)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""

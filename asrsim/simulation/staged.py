@@ -245,7 +245,7 @@ def _remembering(keep: Any) -> Any:
             motor = motor_of(joint, i)
             kick = motor.kick
             kick.motor_position, kick.motor_velocity = motor.kick_position, motor.mean_velocity
-            # No spring leads from a motor on the housing to the link.
+            # A motor on the housing has no spring to the link.
             kick.deflection = motor.kick_position - joint.position if i < kind.pulling else 0.0
             kick.velocity = motor.mean_velocity - joint.velocity if i < kind.pulling else 0.0
             kick.motor_torque, kick.elastic_torque, kick.step = motor.torque, motor.load, joint.kick_lead

@@ -72,7 +72,7 @@ def strides_of(prepared: Prepared) -> Strides:
     full, drives = prepared.resolution, prepared.drives
     sizes, deflections, stiffest = [1], [[np.inf] * len(drives)], [[np.inf] * len(drives)]
     for size in range(2, full.substeps + 1):
-        # The stiffness that a stride resolves, as a fraction of the stiffness that single substeps resolve.
+        # `share`: stiffness that a stride resolves, as a fraction of the stiffness that single substeps resolve.
         share = min((TARGET / (full.omega_h * size)) ** 2, 1.0) if full.omega_h else 1.0
         if full.substeps % size == 0 and _resolves(prepared, full.substeps // size, share):
             sizes.append(size)

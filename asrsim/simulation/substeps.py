@@ -85,9 +85,9 @@ def resolution_of(
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
             if name in ranges:
-                # Assume the largest changes: let the reference jump between its smallest and its largest value.
+                # Assume the largest changes, which are jumps of the reference between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
-    # Without a model, the engine prescribes the motion of the links, so that springs need no substeps: assume huge masses.
+    # Without a model, the engine prescribes the motion of the links. Springs then need no substeps, so assume huge masses.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
     places = couplings.expand(_configurations(drives))
@@ -96,7 +96,8 @@ def resolution_of(
         held = couplings.fold_sizes(loads, places) + np.abs(model.gravity_torques(places))
         loads = np.max(np.atleast_2d(held), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    # The spring of a follower moves the whole inertia of its master; a follower that hardly moves carries only a part of it.
+    # The spring of a follower moves the inertia of its master, divided by the squared ratio. Limit the ratio of a follower that
+    # hardly moves.
     ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     reach = reachable_stiffness(drives, sampled[GOALS:].swapaxes(0, 1), loads, inertias, scenario.duration / SAMPLES)
@@ -106,7 +107,7 @@ def resolution_of(
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
-    # Use the standard library's generator: importing numpy.random takes longer than a short run.
+    # Use the random generator of the standard library, since importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]
@@ -165,8 +166,8 @@ def _resolve(
                 "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
                 "outside"
             )
-        # Friction that decreases with speed lets motions grow. This growth limits the step only for accuracy: since the
-        # friction is bounded, the step cannot become unstable.
+        # Friction that decreases with speed makes motions grow. This growth limits the step only for accuracy. The step cannot
+        # become unstable, since the friction is bounded.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
         mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]

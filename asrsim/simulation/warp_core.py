@@ -103,9 +103,10 @@ class WarpCore(Core):
         step = self._scheme.step
         model.opt.timestep = step
         if self.prepared.scenario.world.empty:
-            # Friction cones serve contacts only; without them the solver is cheaper.
+            # Use simple friction cones, with which the solver is faster. Elliptic cones are only needed for contacts.
             model.opt.cone, model.opt.impratio = load().mjtCone.mjCONE_PYRAMIDAL, 1.0
-        # Clear the flag against automatic resets, which MuJoCo Warp does not know: it never resets a world by itself.
+        # Clear the flag against automatic resets. MuJoCo Warp does not support this flag, and never resets a world
+        # automatically.
         model.opt.disableflags &= ~int(load().mjtDisableBit.mjDSBL_AUTORESET)
         model.dof_solimp[freedoms] = HARD
         model.dof_solref[freedoms] = (-1.0, -HARD[0] / step)
@@ -275,7 +276,7 @@ class WarpCore(Core):
             for name, column in columns.items()
         }
         for one in found.values():
-            # Let each array refer to the state, so that the memory that both share stays alive.
+            # Let each array refer to the state, so that the memory that they share stays alive.
             one.state = self._s
         return found
 

@@ -59,7 +59,7 @@ def load(
         first, recorded,
     )  # fmt: skip
     fraction, damping = loads[FRACTION], loads[ARMATURE]
-    # Damping acts on a mean of the velocities before and after the kick.
+    # Apply damping to a mean of the velocities before and after the kick.
     loads[LOAD] = (loads[LOAD] - damping * joint.engine_velocity) / fraction
     loads[ARMATURE] = scheme.link_implicitness * scheme.step * damping
     loads[FRICTION] = loads[FRICTION] / fraction
@@ -104,7 +104,7 @@ def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgra
             laws.drive_of: _part(JointConstants, MotorConstants),
             laws.memory_of: _memory,
             laws.spring_law: _call_law,
-            # Steppings with a step of their own do not run on Warp.
+            # Warp does not support steppings with their own step function.
             laws.joint_step: _nothing,
             laws.inputs_of: _inputs,
             laws.put_load: _put_load,

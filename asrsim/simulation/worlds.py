@@ -175,7 +175,7 @@ class Worlds:
     @property
     def time(self) -> Array:
         """Simulated time of each world (N,) in s."""
-        # Write out the formula of numpy.round: the function takes four times as long for a few numbers.
+        # Write out the formula of numpy.round, since the function takes four times as long for a few numbers.
         found: Array = np.rint(self.core.done * self.prepared.substep * 1e12) / 1e12
         return found
 
@@ -212,7 +212,7 @@ class Worlds:
         j, slot, low, high = known
         held: Any = np.nan
         if isinstance(values, float):
-            # A single number, which controllers set in every step, is handled without arrays, since this is faster.
+            # Process a single number without arrays, since controllers set single numbers in every step and this is faster.
             held, finite = min(max(values, low), high), math.isfinite(values)
         elif values is not None:
             given = _spread(values, (len(numbers),), reference)
@@ -264,7 +264,7 @@ class Worlds:
         self.check_open()
         if np.count_nonzero(self.core.done) == self.count:
             return np.where(self._absent, np.nan, self.core.rows)
-        # Worlds at their start have no step yet: they show the values of their first step.
+        # Worlds at their start have taken no step, so show the values of their first step.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
@@ -415,7 +415,7 @@ class Worlds:
         engine = self.core.engine_of(0)
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
-        # Do not correct the followers: each follows the corrected position of its master.
+        # Do not correct the followers, since each follows the corrected position of its master.
         followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.corrections = Corrections(observer.measured, np.array(observer.gains), engine.coordinates)

@@ -94,7 +94,7 @@ def write_from_recording(
     loaded = with_actuators(loaded, {joint: (name, MOUNTED_MODE) for joint, name in given.items()}, {})
     plan = make_plan(loaded if mode is None else with_overrides(loaded, modes={"*": mode}), recording, step=STEP)
     folder, called = out.parent, relative_path(experiment, out.parent)
-    # Items of `map` cannot state all that a document states, so the complete document is stored beside the recording.
+    # Items of `map` cannot state everything that a document states, so store the complete document in the recording's folder.
     documented = any(map(is_document, mapping))
     files = Files(
         scenario=out.name,
@@ -362,7 +362,7 @@ def _free_of_actuator(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str
             yield f"{block.joint}.{parameter.name}"
     if mode.motor and block.joint not in _twins(plan.robot):
         yield from (f"{block.joint}.motor_1_{name}" for name in ("inertia", "damping", "friction_torque"))
-    # The gains of a rigid servo are seldom known; the gains of motors are known if the robot's file states them.
+    # The gains of a rigid servo are seldom known. The gains of motors are known if the robot file states them.
     if mode.controller and not (mode.motor and any(value.origin == "tag" for value in block.parameters.values())):
         yield f"{block.joint}.controller_1_proportional"
 

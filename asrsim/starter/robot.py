@@ -70,7 +70,7 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
 
     tag = "tag:yaml.org,2002:"
     Dumper.add_representer(Lines, lambda dumper, items: dumper.represent_mapping(f"{tag}map", items.items(), flow_style=False))
-    # Text that our reader (YAML 1.2) would take for a number needs quotes.
+    # Write quotes around text that our reader (YAML 1.2) would interpret as a number.
     Dumper.add_representer(
         str, lambda dumper, text: dumper.represent_scalar(f"{tag}str", text, style=None if plain_scalar(text) == text else '"')
     )
@@ -112,7 +112,8 @@ class StarterJoint:
         values = self.block.values()
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
         stiff = min(3.0 * soft, highest)
-        # Antagonistic springs load their motors at rest too; half of the motors' torque remains for motion.
+        # Antagonistic springs also load their motors at rest. Choose the stiffness so that half of the motors' torque remains
+        # for motion.
         while mode.motor and self._load(stiff) > 0.5:
             stiff *= 0.9
         return _rounded(min(SOFT * soft, 0.7 * stiff), 2), _rounded(stiff, 2)
@@ -170,7 +171,7 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     margin = min(size, 0.25 * (high - low))
     start = min(max(0.0, low + margin), high - margin)
     start = _rounded(start, 3) if low < _rounded(start, 3) < high else start
-    # A soft joint without damping swings to twice its step, which must not reach a stop.
+    # A soft joint without damping moves up to twice its step, and must not reach a stop.
     up, down = high - start, start - low
     step = min(size, LARGEST_SHARE * max(up, down))
     target = min(max(_rounded(start + (step if up > 2.0 * size or up >= down else -step)), low), high)
@@ -310,7 +311,7 @@ def write_starter(
             starter, notes = _finished(bare, loaded, out.parent, fastest)
             break
         except UnresolvedSpringError:
-            # Softer springs of the given actuators need fewer substeps.
+            # Try again with softer springs of the given actuators, which need fewer substeps.
             if not given or fastest == FASTEST[-1]:
                 raise
     schema = out.parent / SCHEMA_FILE
@@ -336,7 +337,8 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
     loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
     """
     for _ in range(ROUNDS if starter.given else 0):
-        # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
+        # Presets depend on the parameters, and parameters depend on presets, so compute the two repeatedly until they are
+        # consistent.
         starter = _sized(starter, strengthened(starter.scenario(folder), starter.robot, fastest=fastest))
     found = sizing(starter.scenario(folder), starter.robot)
     notes = [*warnings_of(loaded), *problems_of_weight(found, starter.robot)]
@@ -408,7 +410,7 @@ def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: b
         verb, them = ("exists", "it") if len(present) == 1 else ("exist", "them")
         raise OutputError(f"{listed(present, 3)} {verb}: use --overwrite to replace {them}, or --out to choose another file")
     with ExitStack() as stack:
-        # The files replace older files when the block ends, so no file is replaced if one cannot be written.
+        # The files replace older files when the block ends, so that no file is replaced if one of them cannot be written.
         for path, text in files.items():
             make_folder(path.parent)
             stack.enter_context(written(path, "schema", replace=force)).write(text.encode())

@@ -160,7 +160,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         if claim.against is not None:
             from asrsim.recordings.align import ALIGN_ON, simulated_sources
 
-            # The recording may be aligned by any quantity that varies in run and recording, of any joint that is recorded.
+            # The recording may be aligned by any quantity that varies in run and recording, and by any joint that is recorded.
             names = (*ALIGN_ON, claim.quantity)
             wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in simulated_sources(names, [joint]))
     return tuple(wanted), any(claim.body is not None for claim in claims)

@@ -134,7 +134,7 @@ class Collector:
             name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
             for name in quantities
         }
-        # Do not copy a single column, because long runs with a claim about one joint are usual.
+        # Do not copy a single column, since long runs with a claim about one joint are usual.
         tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
         return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
 

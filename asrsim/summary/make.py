@@ -35,8 +35,8 @@ def make_summary(
 ) -> RunSummary:
     """Summary of a run. seen: data collected during the run; samples: number of logged samples."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    # Find each joint's counts by its name: they are in the order of the robot's moving joints, and the joints in the run's
-    # description are in the order of the samples.
+    # Find the counts of each joint by its name. The counts are in the order of the robot's moving joints, but the joints in the
+    # run's description are in the order of the samples.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
         JointReport(

@@ -152,7 +152,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
         try:
             prepared = case.prepared(study.point(run)[1])
         except AsrsimError as error:
-            # Continue with the next run: the row of this run will report the error.
+            # Continue with the next run, since the row of this run will report the error.
             first = first or error
             continue
         prepared.make_engine().close()
@@ -208,7 +208,7 @@ def _columns(
 
 def _unit(key: str, case: Case) -> str:
     """Unit of a varied key, which sets a number of the robot or a number in the scenario."""
-    # Import `parameters_of` here and not at the top: workers import this module and do not call `_unit`.
+    # Import `parameters_of` here and not at the top, since workers import this module and do not call `_unit`.
     from asrsim.identification.parameters import parameters_of
 
     numbers = parameters_of(case.robot, (), {})

@@ -118,7 +118,8 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         else:
             problems.append(Problem("accepts only numbers", key=key, code="sweep-values"))
     own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for own in texts.values() for text in own)
-    # Equilibrium, planned references and substeps depend on all numbers of the robot. Each run prepares such a scenario anew.
+    # Equilibrium, planned references and substeps depend on all numbers of the robot, so each run prepares such a scenario
+    # again.
     planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
     references: dict[str, Places] = {}

@@ -98,7 +98,7 @@ def over_key(table: Table, result: str) -> Chart:
         )
     if len(names) > LINES:
         lines.append(Line(label=f"({LINES} of {len(names)} lines)", x=np.empty(0), y=np.empty(0), colour="none"))
-    # All charts over this key get the same axis: it also covers values of the key for which no run has the result.
+    # Give all charts over this key the same axis. It also covers values of the key for which no run has the result.
     low, high = float(table[key].min()), float(table[key].max())
     room = 0.03 * (high - low)
     return Chart(

@@ -95,8 +95,8 @@ def sweep(
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         missing = store.missing
-        # Even a single worker is a process of its own, so that a run that crashes the process still becomes a row. If no run is
-        # missing, the cluster is not contacted.
+        # Use a separate process even for a single worker, so that a run that crashes the process still becomes a row. Do not
+        # contact the cluster if no run is missing.
         executor = Cluster(cluster, plugins) if cluster and missing else Processes(workers or cores(), plugins)
         try:
             with executor:

@@ -66,7 +66,7 @@ class Sobol(Sampler):
     def points(self, samples: int, dimensions: int, seed: int) -> Array:
         from scipy.stats import qmc
 
-        # Draw up to the next power of two, and use the first points: SciPy warns of other numbers of points.
+        # Draw up to the next power of two, and use the first points, since SciPy warns about other numbers of points.
         power = max(0, math.ceil(math.log2(samples)))
         return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]
 

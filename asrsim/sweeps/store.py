@@ -77,10 +77,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
         wrong = "each column needs a name, a valid type and a unit"
-    # Check the structure also where the checksum is right, because a checksum can be forged.
+    # Check the structure even if the checksum is right, since a checksum can be forged.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    # Use the present names of the study's keys: earlier versions of asrsim wrote earlier names.
+    # Replace the names of keys that earlier versions of asrsim wrote by the present names.
     return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
@@ -221,7 +221,7 @@ class Store:
         import pyarrow.parquet as pq
 
         try:
-            # Replace a file without a check of its origin: the study's description proves that asrsim wrote the folder.
+            # Replace a file without a check of its origin, since the study's description shows that asrsim wrote the folder.
             with written(path, "rows", replace=True) as stream:
                 options = {"compression": "zstd", "write_page_checksum": True, "row_group_size": GROUP}
                 pq.write_table(table, stream, **options)

@@ -177,7 +177,8 @@ class Study:
         from scipy.special import ndtri
 
         unit = self._unit_points()
-        # The first point of a sequence may be 0, where the quantile of a normal distribution is infinite.
+        # Clip the points, since the first point of a sequence may be 0, at which the quantile of a normal distribution is
+        # infinite.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
         columns = [law.quantile(column) for (_, law), column in zip(self.drawn, unit.T, strict=False)]
         if self.joint:

@@ -297,7 +297,7 @@ class Desk:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
         self._pull = pull
-        # Let a slow run hand over its samples before their block is full, so that the page shows them soon.
+        # In a slow run, write the samples before their block is full, so that the page shows them soon.
         if clock.perf_counter() - self._written > LONGEST:
             session.simulation.flush()
             self._written = clock.perf_counter()
@@ -340,7 +340,7 @@ class Desk:
         if latest is None:
             return
         self._page.draw(latest, pull=self._pull)
-        # Update the texts by the wall clock and not by the simulated time, so that those of a paused run also change.
+        # Update the texts by the wall clock and not by the simulated time, so that the texts of a paused run also change.
         if (now := clock.perf_counter()) - self._said >= SAID:
             self._said = now
             self._say_references(latest)

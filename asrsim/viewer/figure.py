@@ -63,7 +63,7 @@ class Figure:
         carrier |= {name: name for name in scene.objects if objects}
         for body in dict.fromkeys(carrier.values()):
             above = root if body not in self._before else self.nodes[self._before[body]].name
-            # Name the nodes by numbers, because names of links may contain the character that separates names of nodes.
+            # Name the nodes by numbers, since names of links may contain the character that separates names of nodes.
             self.nodes[body] = server.scene.add_frame(f"{above}/{len(self.nodes)}", show_axes=False)
         frames = scene.frames({}, {})
         for number, part in enumerate(scene.parts):
@@ -128,8 +128,8 @@ class Figure:
         """Call `report` with a body and viser's event while a user drags the body."""
 
         def listen(body: str, mesh: Any) -> None:
-            # Use a coroutine: viser calls coroutines in the order of the events, but functions in threads that may overtake
-            # each other.
+            # Use a coroutine, since viser calls coroutines in the order of the events. It calls functions in threads, whose
+            # order may change.
             async def on_drag(event: Any) -> None:
                 report(body, event)
 

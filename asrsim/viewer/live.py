@@ -105,7 +105,7 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # Do not call `stop` before the first run is built: until the first call, Ctrl-C ends even a compilation at once.
+        # Do not call `stop` before the first run is built. Until the first call, Ctrl-C ends even a compilation at once.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)
@@ -133,7 +133,7 @@ class LiveView:
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
             folder = self._out / scenario.variant if len(self._plans) > 1 else self._out
-        # The first run may replace results in a folder that the user names. All other runs write into new folders, so that no
+        # The first run may replace results in a folder that the user names. All other runs write to new folders, so that no
         # results are lost.
         if self._out is None or self._episodes:
             folder = next(path for path in _numbered(folder) if not path.exists())
@@ -189,7 +189,7 @@ class LiveView:
     def _next(self, session: Session, desk: Desk) -> WantedRun:
         wish: Mapping[str, Any] = desk.wish or {}
         variant = str(wish.get("variant", self._wish.variant))
-        # Drop the tuned numbers if the variant changes, because another variant may have other parameters.
+        # Discard the tuned numbers if the variant changes, since another variant may have other parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
         return WantedRun(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
 

@@ -25,7 +25,7 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Number of ghosts from which on all ghosts are hidden at first, and the first plots show one joint."""
+"""Smallest number of ghosts at which all ghosts are hidden at first, and at which the first plots show one joint."""
 PREPARING = (
     "The simulation is being prepared. After an installation, the first simulation is compiled, which may take half a minute."
 )

@@ -125,12 +125,12 @@ class Plot:
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
                     series.append({"label": name, "stroke": stroke, "dash": DASHES, **LOOK})
-        # Draw nothing for a single sample: it spans no time, so that the page could not scale the time axis.
+        # Draw nothing for a single sample, since the page could not scale the time axis.
         if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
-        # Give curves that are zero an axis from -1 to 1: uPlot would give them an axis from 0 to 100.
+        # Give curves that are always 0 an axis from -1 to 1, since uPlot would give them an axis from 0 to 100.
         zero = not any(np.any(np.abs(curve[np.isfinite(curve)]) > ZERO) for curve in data[1:])
         shown = (quantity, zero, *(one["label"] for one in series))
         if shown == self._shown and self._plot is not None:
@@ -143,8 +143,8 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        # Create the plot anew. If only its curves were replaced, it would show a wrong range of time: viser keeps the fraction
-        # of the time axis that is shown, and assumes that the time of new curves ends at 1 s.
+        # Create a new plot. If only the curves were replaced, the plot would show a wrong range of time, since viser keeps the
+        # visible fraction of the time axis and assumes that the time of new curves ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:

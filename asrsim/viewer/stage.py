@@ -97,7 +97,7 @@ class ViewerStage:
         """Place the camera and the ground; returns the size of the robot, m."""
         scene, server = self.subject.scene, self._server
         history = self.subject.history
-        # Let the camera's view contain the whole motion, if the motion is known.
+        # If the motion is known, choose a view that contains the complete motion.
         poses = [one for time in np.linspace(*history.span, POSES) if (one := history.at(float(time))) is not None]
         placed = [frames_of(scene, pose) for pose in poses] or [scene.frames({}, {})]
         frames = placed[-1]
@@ -110,7 +110,7 @@ class ViewerStage:
         start.fov = math.radians(1.3 * camera.field)
         server.scene.set_up_direction("+z")
         cell = 10.0 ** math.floor(math.log10(max(size, 1e-6)) - 0.3)
-        # Draw a grid also without a ground, to show scale and direction; it is then fainter and has no shadows.
+        # Draw a grid even if there is no ground, since it shows scale and direction. It is then fainter and has no shadows.
         level, shadow, fine, coarse = scene.ground, 0.2, 200, 140
         if level is None:
             level, shadow, fine, coarse = float(cloud[:, 2].min()), 0.0, 232, 210

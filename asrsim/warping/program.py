@@ -63,8 +63,8 @@ class WarpProgram:
             return found
         if not isinstance(function, types.FunctionType):
             raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
-        # Each type of the arguments needs its own translation: the type of a row contains the number of its values, which the
-        # called function may use.
+        # Translate the function for each combination of argument types. The type of a row contains the number of its values,
+        # which the function may use.
         name, returned = self.function(function, [one.kind for one in given])
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
@@ -107,7 +107,7 @@ def module_of(text: str) -> types.ModuleType:
     # Warp reads the source of its functions by the name of their file, so give it the text under this name.
     linecache.cache[file] = len(text), None, text.splitlines(keepends=True), file
     module.__file__ = file
-    # Warp need not generate derivatives of the kernels, which would double the time of their compilation.
+    # Do not let Warp generate derivatives of the kernels, which would double the time of compilation.
     wp.get_module(name).options["enable_backward"] = False
     exec(compile(text, file, "exec"), module.__dict__)
     return module

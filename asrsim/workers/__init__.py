@@ -150,7 +150,8 @@ def one_thread() -> AbstractContextManager[object]:
     """
     from threadpoolctl import threadpool_limits
 
-    # SciPy has a BLAS library of its own, whose threads can be limited only after it is loaded.
+    # Import SciPy's linear algebra first. SciPy has a separate BLAS library, whose threads can be limited only after it is
+    # loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)
     return limits

@@ -47,8 +47,8 @@ class Processes(Pool):
         environment: dict[str, str] = {}
         use_one_thread(environment)
         environment = {name: os.environ.get(name, value) for name, value in environment.items()}
-        # loky replaces a process that grows by 300 MB, and warns of a leak. Hide this warning: our processes grow because they
-        # keep prepared simulation worlds.
+        # loky replaces a process that grows by 300 MB, and warns about a memory leak. Hide this warning, since our processes
+        # grow because they keep prepared simulation worlds.
         warnings.filterwarnings("ignore", "A worker was restarted", UserWarning, r"loky\.")
         self._pool = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),), env=environment)
         with _ignoring_interrupts():

@@ -469,7 +469,7 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"lambda scenario, robot: (PendulumEngine(scenario, robot), ())": "PendulumEngine"}, "mine.py:21)"),
+        ({"lambda scenario, robot: (PendulumEngine(scenario, robot), ())": "PendulumEngine"}, "mine.py:22)"),
         ({"(PendulumEngine(scenario, robot), ())": "PendulumEngine(scenario, robot)"}, "must return an engine and a tuple"),
         ({'version = "pendulum 1"': "pass"}, "must have the member `version`; PendulumEngine lacks it"),
         ({"def bias": "def torque"}, "abstract method"),

@@ -120,7 +120,7 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
     values = goals(points)
     offset = values[:, 0]
     matrix = values[:, 1:-1] - offset[:, None]
-    # Leave out references that move no motor, such as that of an adjuster at rest.
+    # Leave out references that move no motor, such as the reference of an adjuster at rest.
     used = np.asarray(np.abs(matrix).any(axis=0)).tolist()
     names = [name for name, one in zip(names, used, strict=True) if one]
     bounds = [own[name] if np.isfinite(own[name]).all() else UNLIMITED for name in names]
