@@ -85,6 +85,15 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         yield "quantities", "must be a tuple of Quantity(...), of asrsim.quantities", "bad-declaration"
         return
     known = {one.name for one in stage.quantities}
+    units = {one.name: one.unit for one in stage.quantities}
+    for key, number in declared(stage.Memory).items():
+        unit = "" if number["unit"] == "1" else number["unit"]
+        shown = next((name for name in each_motor(number["log"]) if units.get(name, unit) != unit), "")
+        if shown:
+            said = f"has the unit '{number['unit']}', but is logged as the quantity '{shown}' in '{units[shown] or '1'}'"
+            yield f"Memory.{key}", said, "bad-declaration"
+    if units.get(stage.lost, "J") != "J":
+        yield "quantities", f"must have '{stage.lost}' in J: it is an energy (got '{units[stage.lost]}')", "bad-declaration"
     logs = [one["log"] for one in declared(stage.Memory).values() if one["log"]]
     if shared := [log for log in logs if "{}" not in log]:
         said = f"must log '{shared[0]}' with {{}} for the number of the motor: each motor has a memory"
@@ -276,13 +285,19 @@ def _finite(trial: StageTrial) -> Iterator[float]:
 
 
 def _stiffness(trial: StageTrial) -> Iterator[float]:
-    yield from _excess(trial, trial.torque, trial.stage.stiffness_bound(trial.own), way=1e-6)
-    yield from _excess(trial, trial.ground, trial.stage.ground_stiffness_bound(trial.own), way=1e-6)
+    return _excess(trial, trial.torque, trial.stage.stiffness_bound(trial.own), way=1e-6)
+
+
+def _ground_stiffness(trial: StageTrial) -> Iterator[float]:
+    return _excess(trial, trial.ground, trial.stage.ground_stiffness_bound(trial.own), way=1e-6)
 
 
 def _damping(trial: StageTrial) -> Iterator[float]:
-    yield from _excess(trial, trial.torque, trial.stage.damping_bound(trial.own), speed=1e-4)
-    yield from _excess(trial, trial.ground, trial.stage.ground_damping_bound(trial.own), speed=1e-4)
+    return _excess(trial, trial.torque, trial.stage.damping_bound(trial.own), speed=1e-4)
+
+
+def _ground_damping(trial: StageTrial) -> Iterator[float]:
+    return _excess(trial, trial.ground, trial.stage.ground_damping_bound(trial.own), speed=1e-4)
 
 
 def _excess(
@@ -341,17 +356,19 @@ def _limits(trial: StageTrial) -> Iterator[float]:
 CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
+    ("stiffness", "the slope of `torque` over the deflection is at most `stiffness_bound`", 0.0, _stiffness),
     (
-        "stiffness",
-        "the slope of each torque over deflection and motor position is within its bound, which determines the step",
+        "ground stiffness",
+        "the slope of `ground` over the position of the motor is at most `ground_stiffness_bound`",
         0.0,
-        _stiffness,
+        _ground_stiffness,
     ),
+    ("damping", "the slope of `torque` over the velocity is at most `damping_bound`", 0.0, _damping),
     (
-        "damping",
-        "the slope of each torque over velocity is within its bound, which determines the step",
+        "ground damping",
+        "the slope of `ground` over the velocity of the motor is at most `ground_damping_bound`",
         0.0,
-        _damping,
+        _ground_damping,
     ),
     ("energy", "work of the torques = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
     ("loss", "the stage gains no energy: `loss` is never negative, J", 1e-12, _gains),

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_plugins
 from asrsim.registry.engines import ENGINES
@@ -200,9 +201,10 @@ def findings(
     joints = described(scenario, drives)
     errors = [*map(scenario.placed, (*faults, *errors)), *_wrong_claims(scenario, joints)]
     if errors or source is None or robot is None or scenario.unread:
-        return None, tuple(errors), () if source is None else warnings_of(source)
+        return None, tuple(errors), (*STAGES.broken(), *(() if source is None else warnings_of(source)))
     model = model_of(scenario, robot)
     warnings = (
+        *STAGES.broken(),
         *map(scenario.placed, warnings_of(robot)),
         *doubts(scenario, robot),
         *loop_warnings(scenario, source, robot),

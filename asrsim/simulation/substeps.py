@@ -215,7 +215,7 @@ def _resolve(
         motor_frequency=max(frequencies),
         omega_h=frequency * h,
         stiffness=tuple(stiffness),
-        link_implicitness=_implicitness(decay, 0.0 if stepping.implicitness == 0.0 else 0.5),
+        link_implicitness=_implicitness(decay, stepping.implicitness),
     )
 
 
