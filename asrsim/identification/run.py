@@ -250,6 +250,7 @@ def _judged(
             f"{1.0 / problem.playing.bandwidth:.2g} s, each of which starts at the recorded positions"
         )
         others += [wider.layout.named(there) for wider, there in best.slow]
+    others += best.rivals
     if misfit:
         watch.stage("looking for effects that the model lacks")
         others += rivals

@@ -44,7 +44,7 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         columns: Values (n,) by quantity: `link_position`, and if available `position_error` and `deflection` (derived, see
           `asrsim.log.derived`); measures of missing quantities are NaN.
         step: Sample at which the step begins, for overshoot and settling; None: there is no step, and overshoot and settling
-        time are NaN.
+            time are NaN.
     """
 
     def of(name: str, quantity: str = "link_position", reference: Array | None = None, **options: float) -> float:

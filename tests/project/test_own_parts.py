@@ -654,7 +654,7 @@ LAW = "    @staticmethod\n    def "
     ("right", "wrong", "said"),
     [
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
-        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
+        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; the law must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
         ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
