@@ -1,4 +1,5 @@
-"""Merges links that are connected by fixed joints into one body: engines are slow with many links, and merge inexactly."""
+"""Merges links that are connected by fixed joints into one body, since engines are slow with many links, and merge links
+inexactly."""
 
 from __future__ import annotations
 

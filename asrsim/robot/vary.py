@@ -1,4 +1,4 @@
-"""Robot with other values of its parameters: those of actuators, damping and friction of joints, and inertias of links."""
+"""Robot with other values of its parameters: parameters of actuators, damping and friction of joints, and inertias of links."""
 
 from __future__ import annotations
 
@@ -107,8 +107,8 @@ def names_of(
 
 @lru_cache
 def _declared(actuator: Any, stages: tuple[Any, ...]) -> dict[str, Parameter]:
-    """Parameters of the actuator by name; cached, as each evaluation of a fit needs them. stages: all stages, whose parameters
-    are among them.
+    """Parameters of the actuator by name; cached, since each evaluation of a fit needs them. stages: all stages, whose
+    parameters are among them.
     """
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
@@ -124,7 +124,7 @@ def _with_inertial(link: Link, numbers: Mapping[str, float]) -> Link:
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
-    """Changes of inertias, completed by changes that keep the tensor physical: no principal moment may exceed the sum of the
+    """Changes of inertias, completed by changes that keep the tensor physical. No principal moment may exceed the sum of the
     other two.
 
     Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.

@@ -36,7 +36,7 @@ def remarks(table: Table) -> Iterator[str]:
 
 
 def result_rows(table: Table) -> list[tuple[str, ...]]:
-    """Rows of the table of results, one for each result that varies; `HEADS` are the heads of its columns."""
+    """Rows of the table of results, one for each result that varies; `HEADS` contains the headings of the columns."""
     rows = []
     for name in varying(table):
         found = table.quantiles(name)
