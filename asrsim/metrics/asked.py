@@ -1,4 +1,4 @@
-"""Measures with options as one text, NAME or NAME:OPTION=VALUE,..., as the command line names them and verdicts show them."""
+"""Measures with options as one text, NAME or NAME:OPTION=VALUE,... This form is used on the command line and in verdicts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class AskedMeasure:
 
     def of(self, time: Array, series: Array, reference: Array | None) -> float:
         """Value of the measure for a series (n,) and the reference (n,) of this series; NaN if the value is undefined, or if
-        the measure needs a reference and there is none.
+        the measure needs a reference and none is given.
         """
         if reference is None and self.measure.needs == "pair":
             return math.nan

@@ -36,7 +36,7 @@ from asrsim.samples import Array
 _TURNS = 20.0
 """Whole numbers above this magnitude count as encoder counts or degrees, not as angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
-"""Sources of a column's meaning, in order of precedence. "" stands for a reading document."""
+"""Sources of a column's meaning, in order of precedence. "" represents the name of a reading document."""
 
 
 def read_recording(
@@ -313,7 +313,7 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=order):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        message = f"is a second column for {column.meaning}, beside '{first.source}'"
+        message = f"is a second column for {column.meaning}, in addition to '{first.source}'"
         if rank(column) == rank(first) < 2:
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):

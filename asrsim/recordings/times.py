@@ -32,7 +32,8 @@ _COUNTERS = (2.0**16, 2.0**32)
 """Numbers of ticks after which counters restart."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
-"""Smallest and largest plausible time steps, s. If the time step is outside this range, a stated unit is probably wrong, and an
+"""FASTEST: smallest plausible time step, s.
+SLOWEST: largest plausible time step, s. If the time step is outside this range, a stated unit is probably wrong, and an
 unstated unit is not assumed to be s.
 """
 _DIGITS = 9
@@ -171,9 +172,9 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """Index of the time column: the first column whose name means a time. If this column and the next one contain the seconds
-    and the fraction of a second of one stamp, both indices. A column with at most two different values is a flag, and is only
-    used if no other column has more values.
+    """Index of the time column: the first column whose name means a time. If this column contains the seconds of a stamp and
+    the next column contains the fraction of a second, the result is both indices. A column with at most two different values is
+    a flag, and is only used if no other column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
@@ -353,7 +354,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
+    leave_out(odd, "non-increasing time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
     if keep.sum() < 2:
         message = f"only {counted(int(keep.sum()), 'sample')} with increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")

@@ -18,9 +18,10 @@ class Stepping:
     """Order of convergence where forces are smooth; 1 with impacts, and with friction in worlds with contacts."""
     doc: str
     implicitness: float = 0.5
-    """Implicitness of damping and derivative action: 1/2 for the midpoint rule, 0 for the explicit rule."""
+    """Weight of the velocity after a kick in the velocity on which damping and derivative action act: 0 for the explicit rule,
+    1/2 for the midpoint rule, which has second order, 1 for the implicit rule. For strongly damped links it is increased."""
     first_drift: float = 0.5
-    """Fraction of a motor's step before its kick."""
+    """Fraction of a motor's step before its kick: 1/2 for second order."""
     staggered: bool = True
     """Whether velocities belong to half steps. Then the first kick lasts half a step, damping and controllers use an
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged

@@ -58,7 +58,7 @@ def read_blocks(
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown one."""
+    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown actuator."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""

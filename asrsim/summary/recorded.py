@@ -1,4 +1,5 @@
-"""Reads recordings for claims that compare a run with a recording. They are read, mapped and aligned as by `asrsim plot`."""
+"""Reads recordings for claims that compare a run with a recording. The recordings are read, mapped and aligned as in `asrsim
+plot`."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ class RecordedSeries:
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
         """Series of the claim's quantity for a joint, in the run and in the recording, aligned by the claim's option `lag`. The
-        text `reading` of the series ends with what is doubtful in the recording.
+        text `reading` of the series ends with the doubts about the recording.
 
         Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
@@ -57,10 +58,10 @@ class RecordedSeries:
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
 ) -> tuple[Recording, Mapping[str, str]]:
-    """Recording that the claim's `against` names, and the run's joints to which its joints belong.
+    """Recording that the claim's `against` names, and the joint of the run for each joint of the recording.
 
-    The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
-    quantity for one of the joints in `about`.
+    The claim's options `map` and `rate` apply. Raises RecordingError if the file cannot be read, or lacks the claim's quantity
+    for one of the joints in `about`.
     """
     path = Path(str(claim.against))
     joints, given = tuple(info.name for info in infos), claim.options.get("map", ())

@@ -15,7 +15,7 @@ from asrsim.sweeps.show import chosen_results, varying
 from asrsim.sweeps.table import Table
 
 MOST = 6
-"""Largest number of results in a picture, one chart each."""
+"""Largest number of results in a picture. Each result has one chart."""
 LINES = 8
 """Largest number of lines in a chart."""
 POINTS = 5000
@@ -25,7 +25,7 @@ KEYS = 10
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
-    """Write pictures of the named results (default: the first that vary) into the study's folder, and return the files.
+    """Write pictures of the named results (default: the first results that vary) into the study's folder, and return the files.
     Raises OutputError, InputError.
     """
     chosen = chosen_results(table, results, MOST)
@@ -43,7 +43,7 @@ def in_rows(charts: Sequence[Chart]) -> list[Sequence[Chart]]:
 
 
 def study_title(table: Table, results: Sequence[str]) -> str:
-    """Title of the pictures: name of the study, and how many of its results the pictures show."""
+    """Title of the pictures: name of the study, and number of its results that the pictures show."""
     every = len(varying(table))
     left = f" · {len(results)} of {every} results (others: --result)" if len(results) == MOST < every else ""
     return f"{table.study.name}{left}"

@@ -36,8 +36,8 @@ def remarks(table: Table) -> Iterator[str]:
 
 
 def result_rows(table: Table, results: Sequence[str] = ()) -> list[tuple[str, ...]]:
-    """Rows of the table of results, one for each named result, or without names for each result that varies; `HEADS` are the
-    heads of its columns.
+    """Rows of the table of results, one for each named result, or without names for each result that varies; `HEADS`
+    contains the headings of the columns.
     """
     rows = []
     for name in results or varying(table):

@@ -40,7 +40,8 @@ class Table:
     """Rows of a study in its folder. A column is read when it is first used."""
 
     def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
-        """keep: object that must live as long as the table, such as a temporary folder; checked: skip the check of the files.
+        """keep: object that must live as long as the table, such as a temporary folder; checked: whether the check of the files
+        is skipped.
 
         Raises InputError if the folder contains no study, or if one of the study's files is broken.
         """
@@ -143,7 +144,7 @@ class Table:
 
     def claims(self) -> dict[str, float]:
         """Fraction of the completed runs that satisfy each claim, by the claim's title. If the variants have different claims,
-        each variant has fractions of its own.
+        each variant has separate fractions.
         """
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1

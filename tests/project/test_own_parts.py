@@ -3,12 +3,13 @@
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asrsim import prepare
+from asrsim import make_scenario, prepare, run
 from asrsim.actuators.stages import STAGES
 from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
@@ -22,10 +23,12 @@ from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import STEPPINGS, Stepping
 from asrsim.runs.rerun import rerun
+from asrsim.scenario import names
 from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import EXAMPLES, ROOT
+from support.tiny import PENDULUM
 from validation.models import INSTALLED
 
 
@@ -510,6 +513,17 @@ def test_the_keys_of_the_page_are_keys_of_a_document():
             assert isinstance(eval(re.sub(r"(\w+=)(?=[,)])", r"\g<1>None", kind), names), kinds.Kind)
 
 
+def test_a_map_of_joints_takes_joints_with_actuators_unless_its_key_is_listed(monkeypatch):
+    """The page says which joints a key of one's own may name, and where this is changed."""
+    scenario = make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", duration=0.1, actuators={"shoulder": "sea"})
+    robot = prepare(scenario).robot
+    for joint, found in (("shoulder", []), ("elbow", ["the robot has no actuated joint 'elbow'"])):
+        own = replace(scenario, named=((("padding", joint), joint, "joint"),))
+        assert [problem.message for problem in names.unknown_names(own, robot)] == found
+    monkeypatch.setattr(names, "MOVING", (*names.MOVING, "padding"))
+    assert not [*names.unknown_names(own, robot)]
+
+
 def test_the_quantity_of_the_page_is_logged_plotted_and_claimed(own, tiny, asrsim_command):
     plugin = own("stages.md", "Log a quantity of your own")
     assert asrsim_command("check", "--stage", "meter", "--plugin", plugin).code == 0
@@ -643,7 +657,7 @@ LAW = "    @staticmethod\n    def "
     ("right", "wrong", "said"),
     [
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
-        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
+        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; the law must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
         ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
@@ -710,6 +724,24 @@ def test_the_data_of_a_command_may_be_undefined_numbers_and_arrays(capsys):
 def test_a_stepping_with_an_impossible_fraction_is_refused(wrong):
     with pytest.raises(InputError, match=f"stepping mine.{next(iter(wrong))}: must be from 0 to 1"):
         Stepping(name="mine", order=1, doc="mine", **wrong)
+
+
+def test_the_stepping_of_the_page_runs_and_is_of_its_order(monkeypatch, tmp_path):
+    """A link with damping c and inertia I coasts: each substep h divides its velocity by 1 + c h / I."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("### A stepping of your own\n")[2]
+    made = eval(text.partition("```python\n")[2].partition("```")[0], {"Stepping": Stepping})[0]
+    monkeypatch.setitem(STEPPINGS._table, made.name, made)
+    (tmp_path / "coasting.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", PENDULUM, flags=re.DOTALL))
+    keys = {"duration": 0.05, "gravity": [0, 0, 0], "initial": {"elbow": {"velocity": 1.0}}, "engine": "mujoco"}
+    scenario = make_scenario(tmp_path / "coasting.urdf", **keys)
+    result = run(replace(scenario, stepping=made.name), certify=True, out=tmp_path / "out")
+    ways = np.diff(result["elbow"].link_position)
+    np.testing.assert_allclose(ways[1:] / ways[:-1], 1.0 / (1.0 + 0.2 * scenario.step / 6e-3), rtol=1e-6)
+    assert result.summary.certificate["joints"]["elbow"]["order"] == pytest.approx(made.order, abs=0.1)
+    assert not result.summary.certificate["warnings"]
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"stepping: is not one of the choices \(got 'damped'\)"):
+        rerun(tmp_path / "out" / "log.mcap")
 
 
 @pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])
