@@ -1,6 +1,8 @@
 """A cause of a user's own: the recipe of the documentation, and a cause whose parameter does not exist."""
 
 import re
+from contextlib import ExitStack
+from dataclasses import replace
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -9,8 +11,10 @@ from scipy.integrate import solve_ivp
 
 from asrsim.errors import InputError
 from asrsim.identification import Cause, Extension, identify
+from asrsim.identification.causes import missing_causes
 from asrsim.identification.parameters import FitParameter
-from asrsim.identification.task import Tie
+from asrsim.identification.problem import set_up
+from asrsim.identification.task import Tie, task_of
 from asrsim.plugins import load_plugin_files
 from asrsim.registry import Registry
 from support.identify_files import SEA, save, write
@@ -198,3 +202,18 @@ def test_an_unknown_parameter_of_a_joint_may_belong_to_a_stage_of_a_plugin(key, 
     with pytest.raises(InputError, match="no parameter has this key") as caught:
         identify(scenario, [recording], free=[key])
     assert ("Your own stages and actuators need --plugin FILE" in str(caught.value)) is said
+
+
+def test_with_the_suspected_effect_a_smooth_command_is_no_longer_played_as_a_staircase(tmp_path, monkeypatch):
+    """A staircase may imitate an effect that the model lacks: this does not show that the command was held."""
+    only = Registry("cause", instance=Cause)
+    only.add("own", Cause(title="own", extensions=loose()))
+    monkeypatch.setattr("asrsim.identification.causes.CAUSES", only)
+    scenario, recording = recorded(tmp_path)
+    with ExitStack() as stack:
+        task = task_of(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+        problem = set_up(task, stack).problem.played(frozenset({"joint_1.reference_1"}))
+        noise = tuple(tuple(channel.noise for channel in track.channels) for track in problem.tracks)
+        suspected = next(missing_causes(replace(problem, weights=noise), np.zeros(len(problem.layout))))
+        assert suspected.text.startswith("a loose belt (0.0")
+        assert suspected.model[0].playing.staircases == frozenset()
