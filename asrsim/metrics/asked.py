@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +12,9 @@ from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, Problem
 from asrsim.metrics.measures import MEASURES, Measure, measure, trial_problems
 from asrsim.samples import Array
+
+_BETWEEN = re.compile(r",(?![^\[]*\])")
+"""Comma between two options: it is in no list."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +63,7 @@ def _asked(text: str) -> AskedMeasure:
     known = MEASURES.get(name)
     if known.needs == "poses":
         raise InputError("measures the poses of a body, not a series of numbers", key=name, code="wrong-series")
-    pairs = [one.partition("=") for one in rest.split(",") if one]
+    pairs = [one.partition("=") for one in _BETWEEN.split(rest) if one]
     if wrong := [key for key, equals, _ in pairs if not equals or not key.strip()]:
         raise InputError("is not OPTION=VALUE", key=name, value=wrong[0], hint=f"Write {name}:OPTION=VALUE", code="bad-option")
     options = {key.strip(): parse_yaml(value).plain() for key, _, value in pairs}

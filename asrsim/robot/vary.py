@@ -7,12 +7,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError
-from asrsim.robot.inertia import tensor_of
+from asrsim.robot.inertia import principal_moments
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
@@ -146,9 +144,9 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
             full = {**old, **values}
-            moments = np.linalg.eigvalsh(tensor_of(full[name] for name in INERTIAS))
-            lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
-            if lack <= 1e-12 * abs(float(moments[2])):
+            moments = principal_moments([full[name] for name in INERTIAS])
+            lack = max(moments[2] - moments[0] - moments[1], -2.0 * moments[0])
+            if lack <= 1e-12 * abs(moments[2]):
                 break
             if not free:
                 raise RobotError(f"the inertia of '{owner}' is physically impossible", code="inertia")

@@ -6,8 +6,10 @@ To add a warning, write a generator and list it in `DOUBTS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +23,8 @@ from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
+from asrsim.signals.combine import Delay
+from asrsim.signals.playback import Playback
 
 STRONGEST = 30.0
 """Largest plausible gravity, m/s^2; Jupiter's gravity is 24.8 m/s^2."""
@@ -110,6 +114,31 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
             if least == largest and not signal.jumps(0.0, end).size and (signal.values(later) != least).any():
                 message = f"is constant during the whole run of {end:g} s and changes only after its end"
                 yield Problem(message, key=key, code="late-reference")
+
+
+def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: played recordings that end before the run begins, or begin after its end."""
+    for key, signal in signals_of(scenario):
+        for played in _playbacks(signal):
+            first, last = (float(played.samples[0][place]) for place in (0, -1))
+            if first >= scenario.duration or last <= 0.0:
+                message = (
+                    f"plays nothing of {played.file.name}: its samples lie from {first:g} to {last:g} s, the run from 0 to "
+                    f"{scenario.duration:g} s"
+                )
+                hint = "`start: 0` in the playback shifts the first sample to the start of the run"
+                yield Problem(message, key=key, hint=hint, code="playback-outside")
+
+
+def _playbacks(signal: Signal) -> Iterator[Playback]:
+    """Playbacks in a signal, except those that a `delay` shifts."""
+    if isinstance(signal, Playback):
+        yield signal
+    parts: Iterable[Any] = vars(signal).values() if is_dataclass(signal) and not isinstance(signal, Delay) else ()
+    for value in parts:
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, Signal):
+                yield from _playbacks(part)
 
 
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
@@ -268,6 +297,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _delays,
     _without_effect,
     _late,
+    _played_outside,
     _beyond_limits,
     _sudden_turns,
     _hidden_jumps,

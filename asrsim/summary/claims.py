@@ -112,7 +112,8 @@ class Claims:
                 measured[subject] = replace(evaluate_expectation(claim, time, columns, **how), reading=reading)
                 results.append(measured[subject])
             except InputError as error:
-                raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in error.problems]) from error
+                placed = [_placed(fault, claim) if claim.against is not None else fault for fault in error.problems]
+                raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in placed]) from error
         return tuple(results)
 
 
@@ -132,7 +133,7 @@ def _placed(problem: Problem, claim: Expectation) -> Problem:
     if problem.line is not None:
         return problem
     message = problem.message if problem.file is None else f"{problem.file.name}: {problem.message}"
-    return replace(problem, message=message, file=None, line=claim.line)
+    return replace(problem, message=message, file=None, line=claim.line, key=problem.key or "expect")
 
 
 def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInfo]:

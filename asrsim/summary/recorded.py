@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 
+NO_OVERLAP = "`options: {lag: start}` of the claim aligns the first samples; `options: {lag: SECONDS}` states the lag"
+"""Hint for a claim whose recording and run have no time in common."""
+
+
 class RecordedSeries:
     """Recordings to which the claims about a run refer. A recording is aligned once for all claims with the same options."""
 
@@ -42,7 +46,12 @@ class RecordedSeries:
             lag = options.get("lag", "auto")
             self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
         samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
-        found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
+        try:
+            found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
+        except RecordingError as error:
+            raise RecordingError(
+                replace(one, hint=NO_OVERLAP) if one.code == "no-overlap" else one for one in error.problems
+            ) from None
         return replace(found.series[0], reading="; ".join((found.series[0].reading, *recording.doubts)))
 
 

@@ -64,6 +64,12 @@ def unit_of(table: Table, name: str) -> str:
     return table.unit(name).removeprefix("1")
 
 
+def in_words(table: Table, result: str) -> str:
+    """Result in words; the measured value of a claim as the joint, quantity and measure of the claim."""
+    claim = table.label(result).removeprefix(result)
+    return claim.strip(" ()") or style.in_words(result)
+
+
 def over_key(table: Table, result: str) -> Chart:
     """Chart of a result over a key: lines over the grid axis with the most values, or points over the most influential drawn
     key.
@@ -102,7 +108,7 @@ def over_key(table: Table, result: str) -> Chart:
     low, high = float(table[key].min()), float(table[key].max())
     room = 0.03 * (high - low)
     return Chart(
-        words=style.in_words(result),
+        words=in_words(table, result),
         unit=unit_of(table, result),
         across=style.in_words(key),
         across_unit=unit_of(table, key),
@@ -131,7 +137,7 @@ def influence_chart(table: Table, result: str) -> Chart:
     names = [f"{style.in_words(one.key)}\n{one.sobol}" if one.sobol else style.in_words(one.key) for one in found]
     return Chart(
         words="",
-        across=f"mean {style.in_words(result)}",
+        across=f"mean {in_words(table, result)}",
         across_unit=unit_of(table, result),
         lines=[*joined, *lines],
         places=names,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -117,6 +118,13 @@ class Table:
     def unit(self, name: str) -> str:
         """SI unit of a column; an empty text for counts and fractions."""
         return self._units.get(name, "")
+
+    def label(self, name: str) -> str:
+        """Name of a column; for the measured value of a claim, with the joint, quantity and measure of the claim."""
+        match, variants = re.fullmatch(r"claim_(\d+)\.measured", name), self.manifest["claims"].values()
+        titles = {one for own in variants for one in own[int(match[1]) :][:1]} if match else set()
+        # A title ends with the comparison and the number.
+        return f"{name} ({titles.pop().rsplit(' ', 2)[0]})" if len(titles) == 1 else name
 
     def statuses(self) -> dict[str, int]:
         """Number of runs with each status."""
