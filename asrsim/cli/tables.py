@@ -31,7 +31,10 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
                 _print_passive(report.robot)
                 if report.substeps is not None:
                     number, motors, rate = (report.substeps[key] for key in ("substeps", "motor_substeps", "omega_h"))
-                    say(f"{counted(number, 'substep')} per step, {motors} motor substeps in each; ω h = {rate:.2g}", "dim")
+                    say(
+                        f"{counted(number, 'substep')} per step, {counted(motors, 'motor substep')} in each; ω h = {rate:.2g}",
+                        "dim",
+                    )
         for problems, word, style in ((report.errors, "error", "bold red"), (report.warnings, "warning", "yellow")):
             for line in problem_lines(problems):
                 say(f"{styled(word, style)} {line}")

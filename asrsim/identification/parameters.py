@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem, did_you_mean, hint_of_own
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import linear_unit
 from asrsim.robot.model import INERTIAS, Robot
@@ -356,7 +356,7 @@ def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
     hint = did_you_mean(pattern, tuple(known)) or ""
     if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
-        hint = f"{hint} Your own stages and actuators need --plugin FILE".strip()
+        hint = hint_of_own(pattern, tuple(known), "stages and actuators")
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 
