@@ -76,9 +76,9 @@ def sources_of(
         elif target in ACTUATORS:
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
+            found_none = ACTUATORS.unknown(target)
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
-            message = "is not an actuator"
-            raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
+            raise InputError(replace(found_none, hint=f"{found_none.hint}. {hint}"))
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
         raise InputError("requires a robot file or a scenario", key="--joint", value=joints[0], code="no-robot")
     names = [one.name for one in found]

@@ -14,7 +14,6 @@ from asrsim.actuators.stages import STAGES
 from asrsim.engines.mujoco_build import HARD, add_shape, assemble, couple, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import Problem, ScenarioError, SimulationError, listed
-from asrsim.exports.constructs import Constructs
 from asrsim.exports.motors import (
     STAGES_OF_MUJOCO,
     TINY,
@@ -28,6 +27,7 @@ from asrsim.exports.motors import (
     springs_of,
     starts_of,
 )
+from asrsim.exports.programs.base import Program
 from asrsim.exports.springs import Spline
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
@@ -47,7 +47,6 @@ MOST_NAMES = 5
 """Largest number of joints that a remark names."""
 COUPLING_STEPS = 2.0
 """Time constant of couplings of joints, in time steps: the smallest value that MuJoCo accepts."""
-ALL = Constructs()
 STILL = 1e-9
 """Range of an adjuster's positions in the run, in their unit, below which the adjuster counts as at rest."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
@@ -80,7 +79,7 @@ def model_of(
     *,
     knots: int | None = None,
     timestep: float | None = None,
-    constructs: Constructs = ALL,
+    program: Program,
 ) -> Mjcf:
     """Model of a scenario.
 
@@ -91,13 +90,14 @@ def model_of(
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
         timestep: Time step of the model, s; None: half of the scenario's step.
-        constructs: Constructs that the model may use.
+        program: Program that the model is for; the model has only constructs that this program simulates correctly.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that needs other constructs.
         SimulationError: MuJoCo refuses the model, or is too old for DC motors.
     """
-    _check(prepared, constructs)
+    constructs = program.constructs
+    _check(prepared, program)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
         # Versions of MuJoCo before 4 interpret the gains of DC motors in volts.
@@ -159,8 +159,8 @@ def model_of(
             add_motors(spec, drive, () if moving else splines[drive.joint], delay_of(stepped), constructs)
             if moving and not constructs.stiffness_controls:
                 raise ScenarioError(
-                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which the program of --for "
-                    "does not simulate correctly",
+                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which "
+                    f"{program.title} does not simulate correctly",
                     key=drive.joint,
                     code="export-construct",
                 )
@@ -201,15 +201,15 @@ def model_of(
     return Mjcf(spec=spec, splines=splines, remarks=tuple(remarks))
 
 
-def _check(prepared: Prepared, constructs: Constructs) -> None:
-    """Raise ScenarioError if the scenario has parts that need constructs other than `constructs`."""
+def _check(prepared: Prepared, program: Program) -> None:
+    """Raise ScenarioError if the scenario has parts that the program does not simulate correctly."""
     problems = [
-        Problem(f"joint '{stepped.name}': the program of --for does not simulate the {part} correctly", code="export-construct")
+        Problem(f"joint '{stepped.name}': {program.title} does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives
-        for part in refused(stepped, constructs)
+        for part in refused(stepped, program.constructs)
     ]
-    if not constructs.contacts and not prepared.scenario.world.empty:
-        message = "the program of --for does not simulate the contacts of ground and objects correctly"
+    if not program.constructs.contacts and not prepared.scenario.world.empty:
+        message = f"{program.title} does not simulate the contacts of ground and objects correctly"
         problems.append(Problem(message, code="export-construct"))
     if problems:
         raise ScenarioError(problems)

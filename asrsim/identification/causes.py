@@ -259,7 +259,7 @@ def _rivals(found: Extended) -> Iterator[str]:
 
 
 def _last_values(found: Extended, count: int) -> list[float]:
-    """Values of the last parameters."""
+    """Values of the last `count` parameters of an extended problem."""
     return found.problem.layout.values(found.x).tolist()[-count:] if count else []
 
 

@@ -121,7 +121,9 @@ class Extension:
         return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
 
     def _released(self, entries: tuple[FitParameter, ...]) -> Iterator[FitParameter]:
-        """Entries, without the bounds of an initial position if the zero offset or the scale of its sensor becomes free."""
+        """The given entries. An initial position loses its bounds if the zero offset or the scale of its sensor becomes
+        free.
+        """
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
@@ -268,14 +270,14 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
 
 
 def _simplest(trials: Sequence[Extended]) -> list[Extended]:
-    """Trials, without each trial that frees all parameters of another trial and further ones."""
+    """The simplest trials. A trial is left out if it frees all parameters of another trial and further parameters."""
     keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
 def _best_predictions(trials: list[Extended]) -> list[Extended]:
-    """The given trials, which are equally likely and ordered by likelihood. If the best trial in the held-out parts is clearly
-    better there than the most likely trial, it comes first.
+    """The given trials in a new order. They are about equally likely, and the most likely trial comes first. If another trial
+    predicts the held-out parts clearly better than the most likely trial, the trial with the best predictions comes first.
     """
     errors = [_held_out(one) for one in trials]
     best = int(np.argmin(errors))

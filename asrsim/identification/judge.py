@@ -128,7 +128,7 @@ def missing_mode(hertz: float) -> str:
 
 
 def is_loud(left: Array, noise: float) -> bool:
-    """Whether residuals (n,) significantly exceed noise of this standard deviation, which was estimated from n samples."""
+    """Whether residuals (n,) are significantly larger than noise. noise: standard deviation, estimated from n samples."""
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 

@@ -1,6 +1,6 @@
 """Parameters that can be free, and the vector of the free parameters.
 
-All numbers of the robot can be free. Further parameters belong to the recordings: zero offsets, gains and delays of channels
+All parameters of the robot can be free. Further parameters belong to the recordings: zero offsets, gains and delays of channels
 and commands, the clock offset, and initial states.
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import InputError, Problem, did_you_mean, hint_of_own
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import linear_unit
@@ -51,10 +52,10 @@ INITIAL: prefix of the names of initial positions and velocities, which also bel
 
 @dataclass(frozen=True, kw_only=True)
 class FitParameter:
-    """A number of the robot or of a recording that a fit may estimate.
+    """A parameter of the robot or of a recording that a fit may estimate.
 
-    The search uses the number x: the logarithm of the value relative to the start value, or the change of the value relative
-    to a typical size.
+    The search uses a number x instead of the value. It is the logarithm of the value relative to the start value, or the change
+    of the value relative to a typical size.
     """
 
     key: str
@@ -356,7 +357,8 @@ def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
     hint = did_you_mean(pattern, tuple(known)) or ""
     if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
-        hint = hint_of_own(pattern, tuple(known), "stages and actuators")
+        broken = [one.message for one in STAGES.broken()]
+        hint = ". ".join([hint_of_own(pattern, tuple(known), "stages and actuators"), *broken])
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 

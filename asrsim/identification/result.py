@@ -85,9 +85,9 @@ class Estimate:
 
 
 def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[str, float]]) -> Iterator[Estimate]:
-    """Estimates, in which doubtful identified parameters become weak. All are doubtful if the model does not fit, since they
-    then absorb the missing effects. A mass or moment of inertia is doubtful if it is far from its start value, which the robot
-    file states.
+    """Estimates, in which the verdict of doubtful parameters changes from identified to weak. All parameters are doubtful if
+    the model does not fit, since they then absorb the missing effects. A mass or moment of inertia is doubtful if it is far
+    from its start value, which the robot file states.
 
     others: for each other model, such as a model with suspected causes, its estimates by parameter name. If the model does not
     fit, its intervals are widened to contain these estimates.

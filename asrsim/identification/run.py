@@ -276,7 +276,8 @@ def _judged(
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
-    # If only the correlation of the residuals contradicts the model, the residuals may be correlated noise of the sensors.
+    # `noise`: whether the residuals may be correlated noise of the sensors. Then only the correlation of the residuals
+    # contradicts the model.
     noise = not causes and misfit == of_channels and all(accepts(one.explained, accept=False) for one in fits)
     noise = noise and all(is_first_order(left) for _, left in differences(final, x))
     found = found if not misfit or noise else found.of_a_block

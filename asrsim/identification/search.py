@@ -52,7 +52,7 @@ not.
 """
 EVALUATIONS, TWICE = 10, 2
 """EVALUATIONS: largest number of evaluations of a search with an observer.
-TWICE: number of searches with new weights at each level. Both numbers are from the prototype study of `LEVELS`.
+TWICE: number of searches with new weights at each level. The two numbers are from the prototype study of `LEVELS`.
 """
 AGREES = 1.1
 """Two successive levels agree if the estimate of the faster level increases the mean square error at the slower level at most

@@ -254,7 +254,7 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     slopes = jacobian(problem, x, base=left)
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
-    # Clip outliers, as the fit does.
+    # Clip outliers, as in the fit.
     left = np.clip(left, -CLIPPED, CLIPPED) if np.mean(np.abs(left) > BEYOND) < SINGLE else left
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
-from asrsim.errors import InputError, Problem, ScenarioError, hint_of_own
+from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.metrics.asked import measure_text
 from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES
@@ -165,9 +165,8 @@ def check_expectation(expectation: Expectation, *, measurable: set[tuple[object,
     measurable: keys of claims found measurable before, which are not checked again; this claim's key is added.
     """
     if expectation.measure not in MEASURES:
-        names = MEASURES.names()
-        message = f"no measure is called '{expectation.measure}'"
-        raise _error(expectation, message, choices=names, hint=hint_of_own(expectation.measure, names, "measures"))
+        found = MEASURES.unknown(expectation.measure)
+        raise _error(expectation, found.message, choices=found.choices, hint=found.hint)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
     problems: list[Problem] = []

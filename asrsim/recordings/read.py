@@ -36,7 +36,7 @@ from asrsim.samples import Array
 _TURNS = 20.0
 """Whole numbers above this magnitude count as encoder counts or degrees, not as angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
-"""Sources of a column's meaning, in order of precedence. "" stands for a reading document."""
+"""Sources of a column's meaning, in order of precedence. "" represents the name of a reading document."""
 
 
 def read_recording(
@@ -92,6 +92,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
     findings: list[Problem] = []
     content: Content | None = None
     try:
+        findings += READERS.broken()
         content = content_of(path, reading)
         findings += content.findings
         content = with_times(content, reading, findings)
@@ -103,7 +104,7 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
         # Also report columns of text: if no time was found, the time may be in such a column, in a format that is not a date.
-        said = [*error.problems, *(one for one in findings if one.code == "text-column")]
+        said = [*error.problems, *READERS.broken(), *(one for one in findings if one.code == "text-column")]
         said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
     found = tuple(replace(one, file=one.file or path) for one in findings)
@@ -311,7 +312,7 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=order):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        message = f"is a second column for {column.meaning}, beside '{first.source}'"
+        message = f"is a second column for {column.meaning}, in addition to '{first.source}'"
         if rank(column) == rank(first) < 2:
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):

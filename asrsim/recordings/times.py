@@ -32,7 +32,8 @@ _COUNTERS = (2.0**16, 2.0**32)
 """Numbers of ticks after which counters restart."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
-"""Smallest and largest plausible time steps, s. If the time step is outside this range, a stated unit is probably wrong, and an
+"""FASTEST: smallest plausible time step, s.
+SLOWEST: largest plausible time step, s. If the time step is outside this range, a stated unit is probably wrong, and an
 unstated unit is not assumed to be s.
 """
 _DIGITS = 9
@@ -354,7 +355,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
+    leave_out(odd, "non-increasing time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
     if keep.sum() < 2:
         message = f"only {counted(int(keep.sum()), 'sample')} with increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")

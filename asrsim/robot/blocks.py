@@ -69,13 +69,15 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
     if name not in ACTUATORS:
         if not {"joint", "operation_mode"} <= given:
             return None, set()
-        actuators = ACTUATORS.names()
-        close = nearest(name, actuators)
-        hint = f"Did you mean 'lib{close}_plugin.so'?" if close else None
-        hint = hint or f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
-        choices = tuple(f"lib{actuator}_plugin.so" for actuator in actuators)
+        found = ACTUATORS.unknown(name)
+        close = nearest(name, found.choices)
+        hint = f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
+        hint = f"Did you mean 'lib{close}_plugin.so'? {hint}" if close else hint
+        choices = tuple(f"lib{actuator}_plugin.so" for actuator in found.choices)
         message = "no actuator belongs to this plugin file"
-        findings.error(message, plugin, shown, code="unknown-actuator", value=filename, choices=choices, hint=hint)
+        if not choices:  # the actuator of an installed package is broken
+            message, hint = found.message, found.hint or ""
+        findings.error(message, plugin, shown, code=found.code, value=filename, choices=choices, hint=hint)
         return None, {text_of(tag) for tag in tags if tag.tag == "joint"}
     if reference:
         message = f"this block is inside <gazebo reference='{reference}'>, where Gazebo loads no actuator; it is not simulated"

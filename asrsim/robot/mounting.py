@@ -59,18 +59,8 @@ def mounted(
     moving = {joint.name: joint for joint in robot.moving_joints}
     names = tuple(moving)
     problems = [_unmoved(robot, name, names) for name in types if name != "*" and name not in moving]
-    kinds = ACTUATORS.names()
     problems += [
-        Problem(
-            "there is no such actuator",
-            key=f"actuators.{name}",
-            value=kind,
-            choices=kinds,
-            meant=kind,
-            code="unknown-actuator",
-        )
-        for name, (kind, _) in types.items()
-        if kind not in kinds
+        replace(ACTUATORS.unknown(kind), key=f"actuators.{name}") for name, (kind, _) in types.items() if kind not in ACTUATORS
     ]
     present = {block.joint: block for block in robot.actuators}
     unread = set(robot.unread)
@@ -79,7 +69,7 @@ def mounted(
         # The drive of a joint also moves the joints that follow it, so a follower gets an actuator only by an entry with its
         # name.
         entry = types.get(name, None if name in robot.followers else types.get("*"))
-        if entry is not None and entry[0] in kinds:
+        if entry is not None and entry[0] in ACTUATORS:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
             unread.discard(name)
         elif entry is not None:

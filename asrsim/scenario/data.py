@@ -16,6 +16,7 @@ from asrsim.document.kinds import (
     Boolean,
     Choice,
     Either,
+    Entry,
     File,
     Integer,
     Key,
@@ -27,7 +28,7 @@ from asrsim.document.kinds import (
 )
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
-from asrsim.registry.engines import ENGINES, OWN_ENGINES, default_engine
+from asrsim.registry.engines import ENGINES, default_engine
 from asrsim.registry.steppings import OWN_STEPPINGS, STEPPINGS
 from asrsim.robot.model import Vector
 from asrsim.samples import Array, grid
@@ -177,7 +178,7 @@ class Scenario:
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
-        Either((Null("auto"), Choice(ENGINES.names, missing=OWN_ENGINES))),
+        Either((Null("auto"), Entry(ENGINES))),
         default=None,
         shown="auto",
         field_default=default_engine,

@@ -12,13 +12,14 @@ from asrsim.document.kinds import (
     NOT_NEGATIVE,
     NUMBER,
     Choice,
+    Entry,
     File,
     MapOf,
     Text,
 )
 from asrsim.errors import ScenarioError, hint_of_own
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.registry.engines import ENGINES, OWN_ENGINES
+from asrsim.registry.engines import ENGINES
 from asrsim.scenario.kinds import JOINT, AnyData
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
@@ -37,7 +38,7 @@ class Expectation:
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
     variant: str | None = declare(Text(text="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Choice(ENGINES.names, missing=OWN_ENGINES),
+        Entry(ENGINES),
         default=None,
         doc="the engine of the claim, since engines differ in accuracy",
         shown="all",

@@ -14,6 +14,7 @@ from asrsim.document.kinds import (
     NUMBER,
     Choice,
     Either,
+    Entry,
     Integer,
     Key,
     ListOf,
@@ -82,7 +83,7 @@ class GivenActuator:
     """Actuator that the scenario puts on a joint, in place of the actuator in the robot file, if any."""
 
     type: str = declare(
-        Choice(lambda: ACTUATORS, "name of an actuator", missing="Your own actuators need --plugin FILE"),
+        Entry(ACTUATORS, "name of an actuator"),
         doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")

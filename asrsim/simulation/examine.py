@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_plugins
 from asrsim.registry.engines import ENGINES
@@ -203,9 +204,11 @@ def findings(
         found = () if source is None else warnings_of(source)
         # The scenario has actuators for a file without them, even if one of its values is invalid.
         equipped = bool(scenario.actuators) or any(key == "actuators" for key, *_ in scenario.unread)
-        return None, tuple(errors), tuple(one for one in found if not (equipped and one.code == "no-actuators"))
+        kept = (one for one in found if not (equipped and one.code == "no-actuators"))
+        return None, tuple(errors), (*STAGES.broken(), *kept)
     model = model_of(scenario, robot)
     warnings = (
+        *STAGES.broken(),
         *map(scenario.placed, warnings_of(robot)),
         *doubts(scenario, robot),
         *loop_warnings(scenario, source, robot),

@@ -83,8 +83,8 @@ def simulate(
     # causes a page fault. Therefore free a block of slightly less than 32 MB once. Afterwards the library keeps freed blocks up
     # to this size.
     np.empty((1 << 22) - (1 << 10))
-    # Choose the loop of a live run of unknown duration as for a long run. The repetition of this run states a duration, and
-    # must use the same loop.
+    # Choose the loop (Python or compiled) of a live run of unknown duration as for a long run. The repetition of this run
+    # states a duration, and must use the same loop.
     steps = prepared.scenario.steps * alike if duration is None else 10**6
     expected = steps * prepared.resolution.substeps
     with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:

@@ -51,7 +51,7 @@ class Setups:
             self._variants[key] = prepared
         inputs, started = self.home.inputs, prepared
         if prepared is not self._prepared and command_delays(prepared.drives) != command_delays(self._prepared.drives):
-            # Make new inputs, since the commands of this world have other delays than those of the scenario.
+            # Make new inputs, since the command delays of this world differ from the delays of the scenario.
             started = prepared.with_references(start.references) if start.references else prepared
             inputs = self._inputs_of(started)
         elif start.references:

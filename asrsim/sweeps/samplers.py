@@ -38,6 +38,27 @@ class Sampler(ABC):
         """Points (draws, dimensions) from 0 to 1; each column belongs to one independent key or group of keys."""
 
 
+def block_fault(points: Array, samples: int) -> str:
+    """First way in which points (draws, dimensions) are not the blocks A, B, and for every j a copy of A with column j of B, as
+    a sentence; empty if they are these blocks.
+    """
+    if len(points) != samples * (points.shape[1] + 2):
+        return f"{samples} samples need {samples * (points.shape[1] + 2)} rows, and `draws` gives {len(points)}"
+    first, second, *mixed = np.split(points, points.shape[1] + 2)
+    if np.any(same := (first == second).all(axis=0)):
+        return f"the blocks A and B must be drawn separately, but their columns {int(np.argmax(same))} are equal"
+    for j, block in enumerate(mixed):
+        wanted = first.copy()
+        wanted[:, j] = second[:, j]
+        if wrong := np.flatnonzero((block != wanted).any(axis=1)).tolist():
+            row = samples * (j + 2) + wrong[0]
+            return (
+                f"rows {samples * (j + 2)} to {samples * (j + 3) - 1} must be A with column {j} of B; row {row} must be "
+                f"{wanted[wrong[0]].tolist()} and is {block[wrong[0]].tolist()}"
+            )
+    return ""
+
+
 class Random(Sampler):
     """Independent draws."""
 

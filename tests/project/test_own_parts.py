@@ -546,7 +546,7 @@ from asrsim.exports import PROGRAMS, Program
 class Mine(Program):
     name, title = "mine", "Mine"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         return WRITTEN
 
     def positions(self, path, model, start, controls, torques):
@@ -558,7 +558,12 @@ PROGRAMS.add("mine", Mine)
 
 @pytest.mark.parametrize(
     ("written", "rows", "said"),
-    [("None", "None", r"`write` must return the list .*mine\.py:8\)"), ("[]", "5", r"`positions` must return .*mine\.py:11\)")],
+    [
+        ("None", "None", r"`write` must return the list .*mine\.py:8\)"),
+        ("[path.with_suffix('.gone')]", "None", r"`write` must return .*there is no file .*mine\.gone \(.*mine\.py:8\)"),
+        ("remarks.append(3) or []", "None", r"`write` must add texts to `remarks`; it adds 3 .*mine\.py:8\)"),
+        ("[]", "5", r"`positions` must return .*mine\.py:11\)"),
+    ],
 )
 def test_results_that_a_program_must_not_return_are_named(written, rows, said, tiny, asrsim_command):
     (tiny.folder / "mine.py").write_text(EXPORTING.replace("WRITTEN", written).replace("ROWS", rows))
@@ -567,6 +572,7 @@ def test_results_that_a_program_must_not_return_are_named(written, rows, said, t
     )
     assert done.code == 1
     assert re.search(said, done.err), done.err
+    assert (tiny.folder / "mine.xml").exists() is ("positions" in said), "an unfinished export leaves no model"
 
 
 TABLE = """
@@ -575,12 +581,13 @@ from asrsim.exports import PROGRAMS, Program
 class Table(Program):
     name, title = "table", "a table of joints"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         lines = [f"{prepared.scenario.duration} {timestep} {ranges}"]
         for drive in prepared.drives:
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
             lines.append(f"{drive.name} {drive.joint.kind} {drive.joint.child} {drive.actuator.name} {drive.mode.number}")
             lines += [f"{name} {value} {units[name]}" for name, value in drive.values.items()]
+        remarks.append("the table has no gravity")
         (beside := path.with_suffix(".txt")).write_text("\\n".join(lines))
         return [beside]
 
@@ -595,6 +602,7 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
     assert done.code == 0, done.err
     assert "Replayed in MuJoCo" in done.out
     assert "not in table: asrsim has no replay in a table of joints." in done.out
+    assert "the table has no gravity" in done.out.partition("Not in the file:")[2]
     assert (tiny.folder / "mine.xml").read_text().startswith("<mujoco")
     first, joint, *lines = (tiny.folder / "mine.txt").read_text().splitlines()
     assert first == "0.2 0.0005 None"
@@ -605,7 +613,9 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
-    code = EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges", "path")
+    code = (
+        EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges, remarks", "path")
+    )
     (tiny.folder / "mine.py").write_text(code)
     done = asrsim_command(
         "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
@@ -741,11 +751,17 @@ def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path
     assert "### A stepping of your own\n" in (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
+CLAIM = "expect: [{{joint: elbow, quantity: {}, measure: {}, value: 1}}]"
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
         ("engine: mine", "choose from auto, bullet, mujoco, bench.* Your own engines need --plugin FILE"),
         ("references: {elbow: {equilibrium_position: {tremor: 1}}}", "choose from .* Your own signals need --plugin FILE"),
+        ("parameters: {elbow: {spring_kk: 1}}", r"Did you mean '.*'\? Your own actuators and stages need --plugin FILE"),
+        (CLAIM.format("tremor", "final"), "Your own stages and their quantities need --plugin FILE"),
+        (CLAIM.format("link_position", "finall"), r"Did you mean 'final'\? Your own measures need --plugin FILE"),
         ("stepping: rk4", r"docs/architecture\.md, 'A stepping of your own'"),
         ("substeps: 1.5", r"must be a whole number >= 1 \(got 1\.5\)\. Or write `auto`"),
     ],
@@ -753,6 +769,65 @@ def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path
 def test_a_name_of_a_users_own_part_is_refused_with_the_way_to_give_it(line, said, tiny, asrsim_command):
     tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{line}\n")
     assert re.search(said, asrsim_command("check", tiny.scenario).out)
+
+
+def test_an_unknown_actuator_is_the_only_finding(tiny, asrsim_command):
+    """The robot's file has no actuator, which is no fault: the scenario names one."""
+    tiny.robot.write_text(re.sub("<gazebo>.*</gazebo>", "", tiny.robot.read_text(), flags=re.DOTALL))
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\nactuators: mine\n")
+    assert "1 file: 1 error, 0 warnings" in asrsim_command("check", tiny.scenario).out
+
+
+def test_a_module_beside_a_plugin_is_refused_with_the_reason(tmp_path):
+    (tmp_path / "beside.py").write_text("GAIN = 1.0\n")
+    (tmp_path / "mine.py").write_text("\nfrom beside import GAIN\n")
+    with pytest.raises(ActuatorError, match=r"mine\.py:2: .*'beside'\. A plugin is one file: it can import installed packages"):
+        load_plugin_file(tmp_path / "mine.py")
+
+
+PULSE = """
+from dataclasses import dataclass
+import numpy as np
+from asrsim.document.block import declare
+from asrsim.document.kinds import Number
+from asrsim.errors import ScenarioError
+from asrsim.signals import SIGNALS, Signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pulse(Signal):
+    kind = "own_pulse"
+    begin: float = declare(Number(), unit="s", doc="begin")
+    end: float = declare(Number(), unit="s", doc="end")
+
+    def __post_init__(self):
+        if self.end <= self.begin:
+            raise ScenarioError("the pulse ends before it begins")
+
+    def values(self, time):
+        return np.where((time >= self.begin) & (time < self.end), 0.1, 0.0)
+
+
+SIGNALS.add("own_pulse", Pulse)
+"""
+
+
+def test_a_value_of_set_that_contradicts_the_file_is_named_without_a_line(tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(PULSE)
+    signal = "references: {elbow: {equilibrium_position: {own_pulse: {begin: 0.02, end: 0.05}}}}"
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{signal}\n")
+    key = "references.elbow.equilibrium_position.own_pulse"
+    run = ("run", tiny.scenario, "--plugin", "mine.py", "--no-plot", "--out", "out", "--set")
+    assert asrsim_command(*run, f"{key}.end=0.01").err == f"asrsim: {key}.end: the pulse ends before it begins\n"
+    two = asrsim_command(*run, f"{key}.end=0.3", "--set", f"{key}.begin=0.4").err
+    assert two == f"asrsim: {key}: the pulse ends before it begins. Overrides set begin, end\n"
+
+
+def test_a_stage_keeps_its_name_in_a_warning(tiny, asrsim_command):
+    stated = "parameters: {elbow: {thermal_resistance: 2}}"  # in mode 3, whose motors have no winding
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{stated}\n")
+    (stage,) = (one for one in STAGES.loaded() if one.parameters[0].name == "thermal_resistance")
+    assert f"the stage '{stage.title}' does not act" in asrsim_command("check", tiny.scenario).out
 
 
 def test_quantities_of_a_stage_share_axes_only_with_those_of_their_unit(tiny, asrsim_command, tmp_path):

@@ -54,9 +54,10 @@ class Program:
         """
         raise NotImplementedError
 
-    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
+    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None, remarks: list[str]) -> list[Path]:
         """Write the files that the program needs in addition to the model at `path`, and return their paths. timestep: time
-        step of the model, s; ranges: file of the ranges of a fit, if there is one.
+        step of the model, s; ranges: file of the ranges of a fit, if there is one; remarks: sentences about parts of the
+        scenario that the model lacks (`Not in the file`), to which the method may add.
         """
         return []
 

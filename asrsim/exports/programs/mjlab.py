@@ -36,7 +36,7 @@ class Mjlab(Program):
     constructs = Constructs(dc_motors=False, delays=False, contacts=False, stiffness_controls=False)
     longest = 1000
 
-    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
+    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None, remarks: list[str]) -> list[Path]:
         """Write the package. See `Program`."""
         import yaml
 
