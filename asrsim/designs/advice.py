@@ -77,7 +77,7 @@ def advice(result: FitResult) -> Iterator[str]:
         return
     longer = {one.name: (one.margin / CLOSE) ** 2 for one in wide if one.verdict == WEAK}
     if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
-        yield f"{', '.join(near)}: a recording that is {max(near.values()):.1f} times as long brings the interval to 5 %"
+        yield f"{', '.join(near)}: a recording that is {max(near.values()):.1f} times as long reduces the interval to 5 %"
 
 
 def _movement(name: str, joint: str, was: _Motion) -> str:

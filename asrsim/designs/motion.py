@@ -27,7 +27,9 @@ CHANCES: probabilities with which a variation changes each of these parts.
 WINDOWS = 8
 """Number of windows of a piece. In each window, the motion is scaled separately so that it keeps the limits."""
 SLOWEST, FASTEST = 0.3, 16.0
-"""Lowest and highest frequency of the sines, Hz."""
+"""SLOWEST: lowest frequency of the sines, Hz.
+FASTEST: highest frequency of the sines, Hz.
+"""
 QUICKEST, LONGEST = 0.01, 0.25
 """QUICKEST: shortest duration of a change of level, s.
 LONGEST: longest duration of such a change, as a fraction of the piece's duration.

@@ -217,7 +217,7 @@ def _probe(search: Search) -> None:
         raise InputError("the simulation of the resting robot diverges", key="limits", code="start-limit")
     if resting.use.max(initial=0.0) > 1.0:
         bound = plant.bounds[int(np.argmax(resting.use))]
-        message = "the robot exceeds this limit while its references stand still: "
+        message = "the robot exceeds this limit while its references are constant: "
         message += f"{bound.quantity} reaches {resting.use.max():.3g} times its limit"
         hint = None if plant.scenario.initial_equilibrium else "Let it begin at rest: `initial: equilibrium` in the scenario"
         raise InputError(message, key=f"limits.{bound.joint}.{bound.quantity}", hint=hint, code="start-limit")

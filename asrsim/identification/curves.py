@@ -90,7 +90,9 @@ def channel_curves(one: ChannelFit, end: float) -> ChannelCurves:
 
 
 def _density(time: Array, values: Array) -> tuple[Array, Array]:
-    """Frequencies and amplitude spectral density of a series, by Welch's method; both empty for a short series."""
+    """Frequencies and amplitude spectral density of a series, by Welch's method. The two arrays are empty for a short
+    series.
+    """
     from scipy.signal import welch
 
     if len(values) < 16:

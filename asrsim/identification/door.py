@@ -31,7 +31,7 @@ SOURCES = ("link_position", *each_motor("motor_{}_position"))
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities computed from motor and link positions."""
 OFTEN = 10**7
-"""Expected number of substeps of all simulations of a fit. It is so large that compiling the kernel pays."""
+"""Expected number of substeps of all simulations of a fit. With so many substeps, compiling the kernel saves time."""
 ENGINES_KEPT = 3
 """Number of settings (substeps and recorded quantities) whose engines stay open. A fit alternates between settings."""
 THREADED = 3

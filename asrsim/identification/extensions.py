@@ -48,11 +48,7 @@ above the default.
 """
 MUCH = 0.5
 """Largest fraction of the squared misfit beyond the noise that may remain with an effect that a model lacks. Causes are named
-only below this limit. In a badly fitting model, pre-sliding friction and staircases are adopted only below this limit.
-"""
-STAIRS = 0.9
-"""A command is played as a staircase if at most this fraction of the mean square error then remains, so that the RMS error
-falls by 5 %.
+only below this limit. In a badly fitting model, pre-sliding friction is adopted only below this limit.
 """
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause, so that the RMS error
@@ -74,7 +70,7 @@ that the RMS error falls by 37 %. Smooth residuals count as few independent samp
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+    """Parameters that become free, and ties that are added or removed.
 
     Attributes:
         text: Words that name the effect as a cause of a misfit. Empty: the extension is never reported as a cause.
@@ -88,7 +84,6 @@ class Extension:
         untied: Tie that is removed.
         elastic: Joint whose link becomes elastic, and the frequency of the link's second mode, rad/s. `parameters` then belong
             to the second body.
-        staircase: Key of the command whose samples are held.
         restepped: Whether the extension changes the required number of substeps.
         share: Largest fraction of the mean square error that may remain with the extension. If a larger fraction remains, the
             extension is refused.
@@ -103,15 +98,12 @@ class Extension:
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
     elastic: tuple[str, float] | None = None
-    staircase: str = ""
     restepped: bool = False
     share: float = FURTHER
     excess: float = 1.0
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
-        if self.staircase:
-            return problem.played(problem.playing.staircases | {self.staircase})
         if self.elastic is not None:
             tracks = [track.elastic(*self.elastic) for track in problem.tracks]
             problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
@@ -121,7 +113,9 @@ class Extension:
         return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
 
     def _released(self, entries: tuple[FitParameter, ...]) -> Iterator[FitParameter]:
-        """Entries, without the bounds of an initial position if the zero offset or the scale of its sensor becomes free."""
+        """The given entries. An initial position loses its bounds if the zero offset or the scale of its sensor becomes
+        free.
+        """
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
@@ -268,14 +262,14 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
 
 
 def _simplest(trials: Sequence[Extended]) -> list[Extended]:
-    """Trials, without each trial that frees all parameters of another trial and further ones."""
+    """The simplest trials. A trial is left out if it frees all parameters of another trial and further parameters."""
     keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
 def _best_predictions(trials: list[Extended]) -> list[Extended]:
-    """The given trials, which are equally likely and ordered by likelihood. If the best trial in the held-out parts is clearly
-    better there than the most likely trial, it comes first.
+    """The given trials in a new order. They are about equally likely, and the most likely trial comes first. If another trial
+    predicts the held-out parts clearly better than the most likely trial, the trial with the best predictions comes first.
     """
     errors = [_held_out(one) for one in trials]
     best = int(np.argmin(errors))
@@ -317,14 +311,6 @@ def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -
         if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
             found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
-
-
-def stairs(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions in which each sample of a command is held until the next sample, as in a digital controller."""
-    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
-    for key in smooth:
-        if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
 
 
 def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:

@@ -54,7 +54,7 @@ class ChannelFit:
     key: str
     unit: str
     noise: float
-    """Standard deviation of the noise. The user states it, or it is estimated from third differences."""
+    """Standard deviation of the noise. The user states it, or it is estimated from differences of the samples."""
     before: float
     """RMS of predicted minus recorded values in the training part, before the fit."""
     after: float
@@ -128,7 +128,7 @@ def missing_mode(hertz: float) -> str:
 
 
 def is_loud(left: Array, noise: float) -> bool:
-    """Whether residuals (n,) significantly exceed noise of this standard deviation, which was estimated from n samples."""
+    """Whether residuals (n,) are significantly larger than noise. noise: standard deviation, estimated from n samples."""
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 

@@ -1,6 +1,6 @@
 """Parameters that can be free, and the vector of the free parameters.
 
-All numbers of the robot can be free. Further parameters belong to the recordings: zero offsets, gains and delays of channels
+All parameters of the robot can be free. Further parameters belong to the recordings: zero offsets, gains and delays of channels
 and commands, the clock offset, and initial states.
 """
 
@@ -52,10 +52,10 @@ INITIAL: prefix of the names of initial positions and velocities, which also bel
 
 @dataclass(frozen=True, kw_only=True)
 class FitParameter:
-    """A number of the robot or of a recording that a fit may estimate.
+    """A parameter of the robot or of a recording that a fit may estimate.
 
-    The search uses the number x: the logarithm of the value relative to the start value, or the change of the value relative
-    to a typical size.
+    The search uses a number x instead of the value. It is the logarithm of the value relative to the start value, or the change
+    of the value relative to a typical size.
     """
 
     key: str

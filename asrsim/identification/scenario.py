@@ -1,5 +1,5 @@
-"""The scenario that a fit writes. It repeats the first recording with the fitted robot, and claims that the error is about the
-error of the fit.
+"""The scenario that a fit writes. It repeats the first recording with the fitted robot, and claims that the error is not much
+larger than the error of the fit.
 """
 
 from __future__ import annotations

@@ -129,8 +129,8 @@ class PreparedLearning:
         if not beyond:
             # Friction or the initial state may cause the error. More trials may reduce such errors.
             return (
-                f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may "
-                "cause it"
+                f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the initial "
+                "state may cause it"
             )
         return f"out of reach: {error}; {'; '.join(beyond)}"
 

@@ -22,8 +22,8 @@ from asrsim.samples import Array, JointInfo, Samples, is_staircase
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
 """Quantities for automatic alignment, in order of preference. The first quantity that moves in both records is used. The
-reference is preferred since it is equal in both records. A response also has a lag, but this lag is part of the difference that
-a comparison measures.
+reference is preferred since it is equal in the two records. A response also has a lag, but this lag is part of the difference
+that a comparison measures.
 """
 
 SampleReader = Callable[[Sequence[str], Sequence[str]], Samples]

@@ -346,7 +346,7 @@ def _tables_of(
         if len(group.received) > 1:
             series.append(group)
         else:
-            message = "the topic has one message only; a time series needs more"
+            message = "the topic has only one message; a time series needs more"
             if count > 1:
                 message = f"only one message has {listed([label for label, _ in group.labels], 4)}; a time series needs more"
             findings.append(Problem(message, key=topic.name, code="too-short"))

@@ -73,7 +73,7 @@ def _taken(kind: str, unit: Unit | None, measured: str) -> str:
         raise CommandDoubtError("it commands a stiffness; mode 6 takes a preset, in rad", "reference_2 [rad]")
     if kind not in TAKEN:
         what = f"of {one_of([kind])}" if unit is None or unit.si in UNIT_KINDS else f"in {unit.symbol}"
-        raise CommandDoubtError(f"it is a command {what}, which no operation mode takes")
+        raise CommandDoubtError(f"it is a command {what}, which no operation mode accepts")
     return measured or kind
 
 

@@ -15,8 +15,10 @@ _APART = re.compile(r"-?\d{1,3}(?:['\u2019\u00a0\u202f]\d{3})+(?:[.,]\d*)?")
 _MINUS = str.maketrans("\u2212\u2013", "--")
 """Minus signs that word processors and Unicode locales write instead of a hyphen."""
 GROUPS, POINT, EITHER = "groups", "point", "either"
-"""Uses of the other mark in a number, if the decimal mark is a comma. GROUPS: it separates groups of digits (`1.234,5`). POINT:
-it is a decimal mark (`0.5`). EITHER: it may be one or the other (`1.234`).
+"""Uses of the other mark in a number if the decimal mark is a comma.
+GROUPS: the point separates groups of digits (`1.234,5`).
+POINT: the point is a decimal mark (`0.5`).
+EITHER: the point may be one or the other (`1.234`).
 """
 
 

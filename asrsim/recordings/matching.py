@@ -35,8 +35,8 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
     """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if the unit fits.
 
-    mode: operation mode of the joint in the run, by which the reference is a position or a torque; None: the reference is not
-    checked.
+    mode: operation mode of the joint in the run, which determines whether the reference is a position or a torque; None: the
+    reference is not checked.
     """
     quantity = str(column.quantity)
     if quantity == "reference_1" and column.unit:
@@ -45,7 +45,7 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
         wanted = UNIT_KINDS[MODES[mode].units[0]] if mode in MODES else ""
         how = "is" if column.stated else "is, by its name,"
         if kind == "force" or kind not in TAKEN:
-            why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode takes it"
+            why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode accepts it"
             hint = f"State the quantity in this column: --map '{column.source}={joint}.reference_1 [unit]', or =ignore"
             return Problem(f"{how} a command of {one_of([kind])}, but {why}", key=column.source, hint=hint, code="wrong-unit")
         if wanted and kind != wanted:

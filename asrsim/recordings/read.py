@@ -36,7 +36,7 @@ from asrsim.samples import Array
 _TURNS = 20.0
 """Whole numbers above this magnitude count as encoder counts or degrees, not as angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
-"""Sources of a column's meaning, in order of precedence. "" stands for a reading document."""
+"""Sources of a column's meaning, in order of precedence. "" represents the name of a reading document."""
 
 
 def read_recording(
@@ -107,7 +107,8 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         said = [*error.problems, *READERS.broken(), *(one for one in findings if one.code == "text-column")]
         said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
-    found = tuple(replace(one, file=one.file or path) for one in findings)
+    # Tables with the same clock have the same findings about it.
+    found = tuple({str(one): replace(one, file=one.file or path) for one in findings}.values())
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 
 
@@ -312,7 +313,7 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=order):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        message = f"is a second column for {column.meaning}, beside '{first.source}'"
+        message = f"is a second column for {column.meaning}, in addition to '{first.source}'"
         if rank(column) == rank(first) < 2:
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):

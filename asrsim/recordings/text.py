@@ -185,7 +185,7 @@ class TableLayout:
         while block := [*itertools.islice(waiting, _BLOCK)]:
             whole = block
             if not _are_plain(block, len(columns)):
-                # A power failure may leave zero bytes at the end of a file.
+                # A power failure may leave null bytes at the end of a file.
                 filled = [row for row in block if "".join(row[1]).strip("\0 \t") and not row[1][0].startswith(COMMENTS)]
                 whole = [row for row in filled if len(row[1]) == len(columns)]
                 ragged += [row for row in filled if len(row[1]) != len(columns)]
@@ -214,7 +214,7 @@ class TableLayout:
             findings.append(Problem("text is not read", key=listed(unread, 6), code="text-column"))
         if not self.header and self.names[0] != "column_1":
             arrays = [*dict.fromkeys(name.partition("[")[0] for name in self.names)]
-            message = f"has no header; its rows are those of a JointState message: {', '.join(arrays)}"
+            message = f"has no header; its rows are the arrays of a JointState message: {', '.join(arrays)}"
             hint = "If other arrays were recorded, name the columns: --map 'velocity[0]=elbow.link_torque'"
             findings.append(Problem(message, hint=hint, code="no-header"))
         elif not self.header:

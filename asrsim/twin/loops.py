@@ -115,8 +115,8 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
 
     positions: measured positions (n,), rad, which are changed to positions that the twin can follow; links: link positions (w,
     n) in the simulations, rad; coupled: whether each joint is coupled to another joint, (n,); stops: lowest and highest
-    positions (2, n) of the joints, rad; error: receives the position errors (w, n), rad. Returns the sum of those of the
-    numbers `JUMPED`, `LOST` and `MISSING` that apply to at least one joint.
+    positions (2, n) of the joints, rad; error: receives the position errors (w, n), rad. Returns the sum of the numbers
+    `JUMPED`, `LOST` and `MISSING` whose meaning applies to at least one joint.
     """
     simulations, joints = links.shape
     jumped = lost = missing = 0
