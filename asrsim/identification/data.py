@@ -64,7 +64,7 @@ class Channel(RecordedSignal):
     """A measured quantity of a joint."""
 
     noise: float
-    """Standard deviation of the channel's noise. The user states it, or it is estimated from third differences."""
+    """Standard deviation of the channel's noise. The user states it, or it is estimated from differences of its samples."""
     quantum: float
     """Quantisation step of the sensor; 0: the channel is not quantised."""
     column: Column | None = None
@@ -90,6 +90,11 @@ class PlayedCommand(RecordedSignal):
     column: Column | None = None
     """Recorded column; None for values without a file."""
 
+    @property
+    def is_motion(self) -> bool:
+        """Whether the command is a recorded motion of a motor, which is smooth, and not what a controller sent."""
+        return self.column is not None and str(self.column.quantity).startswith("motor")
+
     @cached_property
     def curve(self) -> CubicCurve:
         """Curve of the command through the recorded samples."""
@@ -98,7 +103,7 @@ class PlayedCommand(RecordedSignal):
     @cached_property
     def noise(self) -> float:
         """Standard deviation of the command's noise; 0 if the noise is negligible."""
-        noise = fine_noise(self.values) if not self.hold and len(self.values) > 8 else 0.0
+        noise = fine_noise(self.values, time=self.time) if not self.hold and len(self.values) > 8 else 0.0
         return noise if noise > 2e-6 * np.ptp(self.values) else 0.0
 
 
@@ -240,7 +245,7 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             quantum, prismatic = quantum_of(values), plan.robot.joint(joint).kind == "prismatic"
             yield Channel(
                 joint=joint, quantity=quantity, unit=unit_of(quantity, prismatic=prismatic) or column.unit, time=time,
-                values=values, noise=task.noise.get(key) or fine_noise(values, quantum), quantum=quantum, column=column,
+                values=values, noise=task.noise.get(key) or fine_noise(values, quantum, time), quantum=quantum, column=column,
             )  # fmt: skip
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 

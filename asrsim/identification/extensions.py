@@ -48,11 +48,7 @@ above the default.
 """
 MUCH = 0.5
 """Largest fraction of the squared misfit beyond the noise that may remain with an effect that a model lacks. Causes are named
-only below this limit. In a badly fitting model, pre-sliding friction and staircases are adopted only below this limit.
-"""
-STAIRS = 0.9
-"""A command is played as a staircase if at most this fraction of the mean square error then remains, so that the RMS error
-falls by 5 %.
+only below this limit. In a badly fitting model, pre-sliding friction is adopted only below this limit.
 """
 FURTHER = 0.8
 """A further cause is suspected if at most this fraction of the mean square error remains with this cause, so that the RMS error
@@ -74,7 +70,7 @@ that the RMS error falls by 37 %. Smooth residuals count as few independent samp
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+    """Parameters that become free, and ties that are added or removed.
 
     Attributes:
         text: Words that name the effect as a cause of a misfit. Empty: the extension is never reported as a cause.
@@ -88,7 +84,6 @@ class Extension:
         untied: Tie that is removed.
         elastic: Joint whose link becomes elastic, and the frequency of the link's second mode, rad/s. `parameters` then belong
             to the second body.
-        staircase: Key of the command whose samples are held.
         restepped: Whether the extension changes the required number of substeps.
         share: Largest fraction of the mean square error that may remain with the extension. If a larger fraction remains, the
             extension is refused.
@@ -103,15 +98,12 @@ class Extension:
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
     elastic: tuple[str, float] | None = None
-    staircase: str = ""
     restepped: bool = False
     share: float = FURTHER
     excess: float = 1.0
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
-        if self.staircase:
-            return problem.played(problem.playing.staircases | {self.staircase})
         if self.elastic is not None:
             tracks = [track.elastic(*self.elastic) for track in problem.tracks]
             problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
@@ -319,14 +311,6 @@ def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -
         if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
             found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
-
-
-def stairs(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions in which each sample of a command is held until the next sample, as in a digital controller."""
-    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
-    for key in smooth:
-        if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
 
 
 def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:

@@ -54,7 +54,7 @@ class ChannelFit:
     key: str
     unit: str
     noise: float
-    """Standard deviation of the noise. The user states it, or it is estimated from third differences."""
+    """Standard deviation of the noise. The user states it, or it is estimated from differences of the samples."""
     before: float
     """RMS of predicted minus recorded values in the training part, before the fit."""
     after: float

@@ -89,17 +89,21 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
     the model does not fit, since they then absorb the missing effects. A mass or moment of inertia is doubtful if it is far
     from its start value, which the robot file states.
 
-    others: for each other model, such as a model with suspected causes, its estimates by parameter name. If the model does not
-    fit, its intervals are widened to contain these estimates.
+    others: for each other model, such as a model with suspected causes, its estimates by parameter name. The intervals are
+    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zeros
+    and positions then differ by convention, and do not count.
     """
     for one in known:
         ratio = one.value / one.start if one.start else 1.0
         reason, values = "", [values[one.name] for values in others if one.name in values]
+        values = values if not (fits and one.is_place) else []
+        one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
+        far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
+        span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
         if not fits:
-            one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
-            far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
-            span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
             reason = f"models that explain the recording better estimate {span}" if far else "the model is not shown to fit"
+        elif far:
+            reason = f"with commands that are held between samples, which explains the recording as well, it is {span}"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = (
                 f"it is {ratio:.3g} times its start value; if this is plausible, start there (--free {one.key}={one.value:.4g})"

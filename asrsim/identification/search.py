@@ -22,19 +22,22 @@ show mostly noise.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from asrsim.identification.extensions import extended, jumps, presliding, stairs
+from asrsim.identification.extensions import DECISIVE, extended, jumps, presliding
 from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, explains, fits, is_explained
-from asrsim.identification.parameters import JUMP
+from asrsim.identification.noise import independent_samples
+from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.problem import (
     FitProblem,
     differences,
     huber,
+    jacobian,
+    mean_square,
     residuals,
     slopes_along,
     solve,
@@ -74,6 +77,10 @@ one and two decades down and up. Start values of stiffnesses have the largest er
 """
 SPRINGS = ("stiffness", "spring_k")
 """Words in the names of stiffnesses."""
+DELAYS = ("delay", CLOCK)
+"""Endings of the names of delays."""
+SLIGHT = 0.25
+"""Change of an estimate, in standard deviations, that does not matter: it widens an interval of 95 % by a thirtieth."""
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
@@ -96,6 +103,8 @@ class Best:
     slow levels. They are the free simulation or, if it does not follow the channels, the levels that follow the channels,
     slowest first.
     """
+    rivals: tuple[Mapping[str, float], ...] = ()
+    """Estimates, by name, with commands that are held between samples, if these explain the recordings as well."""
 
     def take(self, problem: FitProblem, x: Array) -> None:
         """Replace the fit."""
@@ -130,7 +139,9 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
             problem, x = _solved(problem, x, times=1)
         found.append((problem, x))
         best.take(problem, x)
-    free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
+    if not fits(problem, x):
+        _hold(best)
+    free = extended(best.problem, best.x, (jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
     most, followed = _followed(free.problem, free.x), follows(free.problem, free.x)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
@@ -266,8 +277,14 @@ def refined(problem: FitProblem, x: Array) -> Array:
 
 
 def settle(best: Best) -> None:
-    """Adapt substeps and weights to the estimates. Add instants of jumps and pre-sliding friction if they are significant."""
+    """Adapt substeps and weights to the estimates. Add staircases, instants of jumps and pre-sliding friction if they are
+    significant.
+    """
     _resolve(best)
+    smooth = best.problem.playing
+    _hold(best)
+    if best.problem.playing != smooth:
+        _resolve(best)
     # Try these effects unless the residuals are negligible. If the recording has many samples, jumps and pre-sliding friction
     # may be significant although the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
@@ -277,6 +294,54 @@ def settle(best: Best) -> None:
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
     best.x = _timed(best.problem, best.x)
+
+
+def _hold(best: Best) -> None:
+    """Play the commands as staircases if that explains the recordings decisively better. A delay of half a sampling interval
+    imitates a staircase, and the motions of the training part may be too slow to tell them apart: held-out parts decide, too.
+    """
+    problem, x, data = best.problem, best.x, [best.problem.tracks[i].data for i in best.problem.fitted]
+    smooth = {one.key for own in data for one in own.commands if not one.hold and not one.is_motion}
+    held = problem.played(problem.playing.staircases | smooth)
+    if held.playing == problem.playing:
+        return
+    start = _sooner(problem, x)
+    left, after, slopes = residuals(problem, x), residuals(held, start), jacobian(problem, x)
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    move = -inverse @ (slopes.T @ after)
+    linear, samples = float(np.mean((after + slopes @ move) ** 2)), max(independent_samples(left), 2.0)
+    gain = samples * float(np.log(np.mean(left**2) / max(linear, 1e-300)))
+    moved = np.abs(move) > SLIGHT * np.sqrt(np.diag(inverse))
+    estimated = [one.track is None and not one.key.endswith(DELAYS) for one in problem.layout.entries]
+    if gain < -DECISIVE or _acts_early(problem, start + move) or (gain < DECISIVE and not (moved & estimated).any()):
+        return
+    there = refined(held, np.clip(start + move, *problem.layout.bounds))
+    if abs(gain) < DECISIVE:
+        wholes = [(one.whole, refined(one.whole, y)) for one, y in ((problem, x), (held, there))]
+        smoothly, stepwise = (mean_square(*whole) for whole in wholes)
+        gain = samples * len(residuals(*wholes[0])) / len(left) * float(np.log(smoothly / stepwise))
+    if gain > DECISIVE:
+        best.take(held, there)
+    best.rivals = (held.layout.named(there),) if abs(gain) <= DECISIVE else ()
+
+
+def _acts_early(problem: FitProblem, x: Array) -> bool:
+    """Whether a command acts earlier than it was recorded, by more than half of the difference between held and smooth ones."""
+    delays = {f"{one.key}.delay": track.sampling for track in problem.tracks for one in track.data.commands}
+    entries = zip(problem.layout.entries, x.tolist(), strict=True)
+    return any(one.value(place) < -0.25 * delays[one.key] for one, place in entries if one.key in delays)
+
+
+def _sooner(problem: FitProblem, x: Array) -> Array:
+    """Vector with delays of the commands that are shorter by half a sampling interval; a clock delays all commands."""
+    delays = {f"{one.key}.delay" for track in problem.tracks for one in track.data.commands}
+    free = {one.key for one in problem.layout.entries} & delays or {CLOCK}
+    shorter = x.copy()
+    for i, entry in enumerate(problem.layout.entries):
+        if entry.key in free:
+            track = problem.tracks[problem.fitted[0] if entry.track is None else entry.track]
+            shorter[i] -= 0.5 * track.sampling / entry.size
+    return shorter
 
 
 def _timed(problem: FitProblem, x: Array) -> Array:
