@@ -183,6 +183,11 @@ def did_you_mean(name: str, choices: Sequence[str]) -> str | None:
     return f"Did you mean '{found}'?" if found else None
 
 
+def hint_of_own(name: str, choices: Sequence[str], own: str) -> str:
+    """Hint for an unknown name: the choice most similar to it, and that `own` parts of a user need a plugin file."""
+    return f"{did_you_mean(name, choices) or ''} Your own {own} need --plugin FILE".strip()
+
+
 def folded(names: Sequence[str], most: int = 20) -> list[str]:
     """The names. If there are more than `most`, names that differ only in a number become one: `motor_{1..8}_torque`."""
     if len(names) <= most:

@@ -27,6 +27,8 @@ _MISFIT_CALL = re.compile(r"([\w.]+)\(\) (?:takes|missing|got) ")
 """Beginning of Python's message about a call with arguments that the function does not take."""
 MODULES = "asrsim_plugin_"
 """Prefix of the names under which plugin files are imported as modules."""
+ONE_FILE = "A plugin is one file: it can import installed packages, but no file beside it"
+"""Hint for a plugin file that imports a module that is not installed."""
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
@@ -215,5 +217,6 @@ def _run(path: Path) -> ModuleType:
         del sys.modules[name]
         lines = [error.lineno] if isinstance(error, SyntaxError) else [line for _, line in _plugin_frames(error)]
         message = f"the plugin file raised {type(error).__name__}: {error}"
-        raise ActuatorError(message, file=path, line=next(iter(lines), None), code="plugin-raised") from error
+        hint = ONE_FILE if isinstance(error, ModuleNotFoundError) else None
+        raise ActuatorError(message, file=path, line=next(iter(lines), None), hint=hint, code="plugin-raised") from error
     return module

@@ -10,7 +10,7 @@ from asrsim.cli.command import Done, command
 from asrsim.cli.console import say, say_table, say_written
 from asrsim.cli.interrupt import INTERRUPTED, Interruption
 from asrsim.cli.options import ColumnMap, Files, Overrides, Plot, Rate, Texts, Variant, argument, into_folder, option
-from asrsim.errors import InputError
+from asrsim.errors import InputError, counted
 
 if TYPE_CHECKING:
     from asrsim.identification import FitResult, Task
@@ -242,5 +242,5 @@ def _say(result: FitResult, files: list[Path], said: list[str]) -> None:
         say("to identify more parameters:", "bold")
     for text in (*(f"  {text}" for text in advices), *said):
         say(text)
-    say(f"{result.evaluations} evaluations, {result.seconds:.1f} s", "dim")
+    say(f"{counted(result.evaluations, 'evaluation')}, {result.seconds:.1f} s", "dim")
     say_written(files)

@@ -8,7 +8,7 @@ import time as clock
 from typing import TYPE_CHECKING, Any, Self
 
 from asrsim.cli.console import complain, is_terminal
-from asrsim.errors import printable
+from asrsim.errors import counted, printable
 
 if TYPE_CHECKING:
     from asrsim.identification import FitProgress
@@ -119,7 +119,7 @@ class FitBar(Bar):
         """Show the current stage of the fit, its cost, its number of evaluations, and the remaining time."""
         cost = f"cost {progress.cost:.4g}, " if math.isfinite(progress.cost) else ""
         left = f", about {progress.remaining:.0f} s left" if math.isfinite(progress.remaining) else ""
-        self.draw(None, f"{progress.task}: {cost}{progress.evaluations} evaluations{left}")
+        self.draw(None, f"{progress.task}: {cost}{counted(progress.evaluations, 'evaluation')}{left}")
 
 
 class SweepBar(Bar):

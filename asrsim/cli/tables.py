@@ -31,7 +31,8 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
                 _print_passive(report.robot)
                 if report.substeps is not None:
                     number, motors, rate = (report.substeps[key] for key in ("substeps", "motor_substeps", "omega_h"))
-                    say(f"{counted(number, 'substep')} per step, {motors} motor substeps in each; ω h = {rate:.2g}", "dim")
+                    counts = f"{counted(number, 'substep')} per step, {counted(motors, 'motor substep')} in each"
+                    say(f"{counts}; ω h = {rate:.2g}", "dim")
         print_problems(report.errors, "error")
         print_problems(report.warnings, "warning")
     if quiet:

@@ -148,6 +148,12 @@ class Block(Kind[T], Generic[T]):
                     item, place = dict(item.items()).get(name, item), (*place, name)
                 inner_key = problem.key if elsewhere else None
                 message = str(dataclasses.replace(problem, key=inner_key, choices=(), hint=None, value=None))
+                if item is node and (overridden := [*node.overridden()]):
+                    # The values of a block contradict each other, and overrides have set some of them: no line has the fault.
+                    (names, item), several = overridden[0], len(overridden) > 1
+                    place = path if several else (*path, *names)
+                    hint = f"Overrides set {', '.join('.'.join(one) for one, _ in overridden)}" if several else None
+                    problem = dataclasses.replace(problem, value=None, hint=hint)
                 key = ".".join(place) or None
                 reading.problems.append(dataclasses.replace(problem, message=message, file=item.file, line=item.line, key=key))
             raise Rejected from None

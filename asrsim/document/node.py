@@ -34,6 +34,14 @@ class Node:
             return [(str(index), node) for index, node in enumerate(self.value)]
         return list(self.value.items()) if isinstance(self.value, dict) else []
 
+    def overridden(self) -> Iterator[tuple[tuple[str, ...], Node]]:
+        """Paths and nodes of the values in a node of a file that are not from a file."""
+        for name, item in self.items() if self.file is not None else ():
+            if item.file is None:
+                yield (name,), item
+            else:
+                yield from (((name, *path), inner) for path, inner in item.overridden())
+
     def lines(self, file: Path | None, key: str = "") -> Iterator[tuple[str, int]]:
         """Pairs (dotted key, line) of all values in the node that come from `file`. key: prefix of the dotted keys."""
         for name, item in self.items():

@@ -262,7 +262,7 @@ def _lacks(
         yield f"its effort limit of {joint.most_effort:g} does not limit its springs, which reach {largest:.3g}"
     if drive is None:
         return
-    yield from (f"{STAGES.get(name).title.lower()}: left out" for name in drive.stages if name not in STAGES_OF_MUJOCO)
+    yield from (f"the stage '{STAGES.get(name).title}' is left out" for name in drive.stages if name not in STAGES_OF_MUJOCO)
     lacks = LACKS if drive.mode.command not in ("voltage", "current") else LACKS | DIRECT_LACKS
     for name, value in drive.values.items():
         used = drive.mode.controller if name.startswith("controller") else drive.mode.spring

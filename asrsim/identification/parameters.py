@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS
 from asrsim.actuators.stages import STAGES
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem, did_you_mean, hint_of_own
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import linear_unit
 from asrsim.robot.model import INERTIAS, Robot
@@ -358,7 +358,7 @@ def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     hint = did_you_mean(pattern, tuple(known)) or ""
     if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
         broken = [one.message for one in STAGES.broken()]
-        hint = ". ".join([f"{hint} Your own stages and actuators need --plugin FILE".strip(), *broken])
+        hint = ". ".join([hint_of_own(pattern, tuple(known), "stages and actuators"), *broken])
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 

@@ -52,13 +52,13 @@ def legend(
 
 def _named(quantity: str) -> str:
     """Name of a quantity, and its symbol if a stage declares one."""
-    name, symbol = fill(style.plain(style.name(quantity)), LETTERS), style.symbol(quantity)
+    name, symbol = fill(style.plain(style.name(quantity)), LETTERS - 1), style.symbol(quantity)
     apart = " " if len(name.rpartition("\n")[2]) + SYMBOL <= LETTERS else "\n"
     return f"{name}{apart}{symbol}" if symbol else name
 
 
 LETTERS = 17
-"""Number of letters of a line that fits at the right of the axes; longer names take several lines."""
+"""Number of usual letters of a line that fits at the right of the axes. Names have one letter less, since m and w are wide."""
 SYMBOL = 4
 """Width of a symbol and of the space before it, in letters."""
 LIMIT = "limit"

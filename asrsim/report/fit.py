@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from asrsim.errors import counted
 from asrsim.identification.curves import channel_charts, spectrum_chart
 from asrsim.identification.folder import FitFolder, read_fit
 from asrsim.identification.profiles import WIDTHS, Profile
@@ -57,7 +58,7 @@ def fit_page(folder: Path) -> str:
     recordings = ", ".join(Path(one).name for one in fit.experiments)
     head = (
         f"<p>{_badge(words, grade)} {escape(fit.status)}: {escape(Path(fit.scenario).name)} fitted to {escape(recordings)}, "
-        f"{fit.evaluations} simulations in {fit.seconds:.0f} s</p>"
+        f"{counted(fit.evaluations, 'simulation')} in {fit.seconds:.0f} s</p>"
     )
     return page_html(f"Fit {fit.name}", sections, head=head, data=page_data(groups))
 

@@ -232,7 +232,7 @@ def _idle_stages(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
         given = block.parameters[first.name]
         acts = mode.spring and any(stage.constants(values, i, mode) is not None for i in range(1, motors + 1))
         if given.origin in ("tag", "scenario") and given.value != first.default and not acts:
-            message = f"has no effect: {stage.title.lower()} does not act in mode {mode.number} with these values"
+            message = f"has no effect: the stage '{stage.title}' does not act in mode {mode.number} with these values"
             yield Problem(message, key=first.name, code="idle-stage", value=f"{given.value:g}")
 
 

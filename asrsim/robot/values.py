@@ -10,7 +10,7 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
-from asrsim.errors import Problem, ScenarioError
+from asrsim.errors import Problem, ScenarioError, hint_of_own
 from asrsim.robot.findings import LARGEST_NUMBER, SMALLEST
 from asrsim.robot.model import UNREAD, ActuatorBlock, Origin, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
@@ -90,7 +90,8 @@ def _unknown_parameter(place: str, key: str, known: Collection[str]) -> Problem:
     names.
     """
     names = tuple(sorted(known))
-    return Problem("no such parameter", key=place, meant=key, choices=names, code="unknown-parameter")
+    hint = hint_of_own(key, names, "actuators and stages")
+    return Problem("no such parameter", key=place, hint=hint, choices=names, code="unknown-parameter")
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.actuators.stages import STAGES
-from asrsim.errors import Problem, RobotError
+from asrsim.errors import Problem, RobotError, hint_of_own
 from asrsim.robot.inertia import principal_moments
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.values import parameter_fault, together_faults
@@ -70,7 +70,8 @@ def varied_robot(robot: Robot, parameters: Mapping[str, Mapping[str, float]]) ->
             else:
                 known = names_of(owner, blocks, joints, links)
                 message, key = "no parameter has this name", f"{owner}.{name}"
-                problems.append(Problem(message, key=key, meant=name, choices=known, code="unknown-parameter"))
+                hint = hint_of_own(name, known, "actuators and stages")
+                problems.append(Problem(message, key=key, hint=hint, choices=known, code="unknown-parameter"))
             if fault:
                 problems.append(Problem(fault, key=f"{owner}.{name}", value=f"{value:g}", code="parameter-range"))
         # Copy each joint or link only once, since every evaluation of a fit calls this function.

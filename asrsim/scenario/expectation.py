@@ -17,7 +17,7 @@ from asrsim.document.kinds import (
     MapOf,
     Text,
 )
-from asrsim.errors import ScenarioError
+from asrsim.errors import ScenarioError, hint_of_own
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.registry.engines import ENGINES
 from asrsim.scenario.kinds import JOINT, AnyData
@@ -65,7 +65,8 @@ class Expectation:
         known = (*QUANTITIES, *DERIVED)
         for key, name in (("quantity", self.quantity), ("reference", self.reference)):
             if self.joint is not None and name is not None and name not in known:
-                raise ScenarioError("no such quantity", key=key, choices=known, meant=name, code="unknown-quantity")
+                hint = hint_of_own(name, known, "stages and their quantities")
+                raise ScenarioError("no such quantity", key=key, choices=known, hint=hint, code="unknown-quantity")
         if self.reference is not None and (self.body is not None or self.against is not None):
             raise ScenarioError(
                 "requires the key `joint`, and is not allowed with the key `against`", key="reference", code="expect"

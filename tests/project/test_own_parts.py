@@ -754,11 +754,17 @@ def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path
     assert "### A stepping of your own\n" in (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
 
 
+CLAIM = "expect: [{{joint: elbow, quantity: {}, measure: {}, value: 1}}]"
+
+
 @pytest.mark.parametrize(
     ("line", "said"),
     [
         ("engine: mine", "choose from auto, bullet, mujoco, bench.* Your own engines need --plugin FILE"),
         ("references: {elbow: {equilibrium_position: {tremor: 1}}}", "choose from .* Your own signals need --plugin FILE"),
+        ("parameters: {elbow: {spring_kk: 1}}", r"Did you mean '.*'\? Your own actuators and stages need --plugin FILE"),
+        (CLAIM.format("tremor", "final"), "Your own stages and their quantities need --plugin FILE"),
+        (CLAIM.format("link_position", "finall"), r"Did you mean 'final'\? Your own measures need --plugin FILE"),
         ("stepping: rk4", r"docs/architecture\.md, 'A stepping of your own'"),
         ("substeps: 1.5", r"must be a whole number >= 1 \(got 1\.5\)\. Or write `auto`"),
     ],
@@ -766,6 +772,65 @@ def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path
 def test_a_name_of_a_users_own_part_is_refused_with_the_way_to_give_it(line, said, tiny, asrsim_command):
     tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{line}\n")
     assert re.search(said, asrsim_command("check", tiny.scenario).out)
+
+
+def test_an_unknown_actuator_is_the_only_finding(tiny, asrsim_command):
+    """The robot's file has no actuator, which is no fault: the scenario names one."""
+    tiny.robot.write_text(re.sub("<gazebo>.*</gazebo>", "", tiny.robot.read_text(), flags=re.DOTALL))
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\nactuators: mine\n")
+    assert "1 file: 1 error, 0 warnings" in asrsim_command("check", tiny.scenario).out
+
+
+def test_a_module_beside_a_plugin_is_refused_with_the_reason(tmp_path):
+    (tmp_path / "beside.py").write_text("GAIN = 1.0\n")
+    (tmp_path / "mine.py").write_text("\nfrom beside import GAIN\n")
+    with pytest.raises(ActuatorError, match=r"mine\.py:2: .*'beside'\. A plugin is one file: it can import installed packages"):
+        load_plugin_file(tmp_path / "mine.py")
+
+
+PULSE = """
+from dataclasses import dataclass
+import numpy as np
+from asrsim.document.block import declare
+from asrsim.document.kinds import Number
+from asrsim.errors import ScenarioError
+from asrsim.signals import SIGNALS, Signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pulse(Signal):
+    kind = "own_pulse"
+    begin: float = declare(Number(), unit="s", doc="begin")
+    end: float = declare(Number(), unit="s", doc="end")
+
+    def __post_init__(self):
+        if self.end <= self.begin:
+            raise ScenarioError("the pulse ends before it begins")
+
+    def values(self, time):
+        return np.where((time >= self.begin) & (time < self.end), 0.1, 0.0)
+
+
+SIGNALS.add("own_pulse", Pulse)
+"""
+
+
+def test_a_value_of_set_that_contradicts_the_file_is_named_without_a_line(tiny, asrsim_command):
+    (tiny.folder / "mine.py").write_text(PULSE)
+    signal = "references: {elbow: {equilibrium_position: {own_pulse: {begin: 0.02, end: 0.05}}}}"
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{signal}\n")
+    key = "references.elbow.equilibrium_position.own_pulse"
+    run = ("run", tiny.scenario, "--plugin", "mine.py", "--no-plot", "--out", "out", "--set")
+    assert asrsim_command(*run, f"{key}.end=0.01").err == f"asrsim: {key}.end: the pulse ends before it begins\n"
+    two = asrsim_command(*run, f"{key}.end=0.3", "--set", f"{key}.begin=0.4").err
+    assert two == f"asrsim: {key}: the pulse ends before it begins. Overrides set begin, end\n"
+
+
+def test_a_stage_keeps_its_name_in_a_warning(tiny, asrsim_command):
+    stated = "parameters: {elbow: {thermal_resistance: 2}}"  # in mode 3, whose motors have no winding
+    tiny.scenario.write_text(f"robot: {tiny.robot}\nduration: 0.1\n{stated}\n")
+    (stage,) = (one for one in STAGES.loaded() if one.parameters[0].name == "thermal_resistance")
+    assert f"the stage '{stage.title}' does not act" in asrsim_command("check", tiny.scenario).out
 
 
 def test_quantities_of_a_stage_share_axes_only_with_those_of_their_unit(tiny, asrsim_command, tmp_path):
