@@ -51,13 +51,14 @@ MARKS = {
 }
 """Mark at the start or end of each kind of file, by which asrsim recognises the files that it wrote."""
 ABANDONED = 60.0
-"""Age in s from which an unfinished file that no process has locked counts as left by a killed process."""
+"""Age in s above which an unfinished file that no process has locked counts as the file of a killed process."""
 _LOOKED_AT = 1 << 16
 """Number of bytes at the start and the end of a file that are searched for the mark."""
 
 
 def is_ours(path: Path, kind: str) -> bool:
-    """Whether the mark of this file says that asrsim wrote it. An empty file counts as asrsim's: nothing can be lost."""
+    """Whether the mark of this file says that asrsim wrote it. An empty file counts as a file of asrsim, since nothing can be
+    lost."""
     mark = MARKS[kind]
     if path.is_symlink() or not path.is_file():
         return False
@@ -94,7 +95,7 @@ def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace:
 
 
 def is_special(path: Path) -> bool:
-    """Whether the path is a device or a pipe: these are written to directly, not replaced."""
+    """Whether the path is a device or a pipe. Devices and pipes are written to directly and are not replaced."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 

@@ -30,7 +30,7 @@ MODULES = "asrsim_plugin_"
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError if `file` lists plugins that the user has not named: a data file must not run code without
+    """Raise ActuatorError if `file` lists plugins that the user has not named, since a data file must not run code without
     consent."""
     known = {Path(one).resolve() for one in named}
     problems = [
@@ -113,7 +113,7 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
 
 
 def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: Path) -> list[Problem]:
-    """Problems of classes of a plugin file whose names are taken: by another file, or by an earlier class of the same file."""
+    """Problems of classes of a plugin file whose names are taken by another file, or by an earlier class of the same file."""
     names = [one.name for one in found]
     taken = {name for name in names if name in registry and file_of(registry.get(name)) != path.resolve()}
     return [
@@ -182,7 +182,7 @@ def _call_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _law_hint(frame: FrameType) -> str:
-    """Hint with the command that checks the law whose code a frame runs; empty if the code is not that of a law."""
+    """Hint with the command that checks the law whose code a frame runs; empty if the code is not the code of a law."""
     for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
         for one in registry.loaded():
             law = inspect.getattr_static(one, frame.f_code.co_name, None)

@@ -11,7 +11,7 @@ from asrsim.actuators.parameters import Parameter
 class AwasII(Actuator):
     """tau = g(sigma) sin(d) cos(d), d = sat(theta - q), g = 2 Ks ((L / r_t) sigma / (L - sigma))^2.
 
-    The second reference is sigma in m, the position of the adjuster, which has no dynamics (section 2.3 of the paper).
+    The second reference is sigma, the position of the adjuster in m. The adjuster has no dynamics (section 2.3 of the paper).
     """
 
     name = "awas_ii"
@@ -34,7 +34,7 @@ class AwasII(Actuator):
         ),
         Parameter(
             name="spring_rest_length", default=1.0, unit="m", doc="rest length l_0",
-            unused="no term of the law contains it; the released code reads it without using it",
+            unused="no term of the law contains this length; the released code reads the length without using it",
         ),
         max_deflection(0.3),
     )  # fmt: skip

@@ -23,14 +23,15 @@ from asrsim.errors import Problem
 FREE_RANGE = 0.5
 """Range of the sampled deflections for an actuator without the parameter `max_deflection`, rad."""
 SAMPLES, VARIED = 200, 1000
-"""Numbers of points at which each law is evaluated: with the default parameters, and with parameters changed by up to 30 %."""
+"""SAMPLES: number of points at which each law is evaluated with the default parameters; VARIED: number of points with
+parameters that are changed by up to 30 %."""
 FAR = 4.0
 """Multiple of the deflection limit up to which torques must be finite."""
 INSIDE = 0.95
-"""Multiple of the deflection limit up to which slopes are measured: at the limit itself, the slope of a torque jumps."""
+"""Multiple of the deflection limit up to which slopes are measured, since the slope of a torque jumps at the limit itself."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
-"""Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error: near a
-corner of a law the smaller steps are accurate."""
+"""Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error, since
+only the smaller steps are accurate near a corner of a law."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,8 +148,8 @@ class Points:
         return self.apply(self.actuator.stiffness)
 
     def slopes(self, values: Callable[[Array], Array]) -> Array:
-        """Derivatives (steps, moving, ..., n) by the positions: fourth-order differences with each of the steps `DIFFERENCES`.
-        values: function of a shift of the positions."""
+        """Derivatives (steps, moving, ..., n) with respect to the positions, by fourth-order differences with each step in
+        `DIFFERENCES`. values: function of a shift of the positions."""
         rows = []
         for h in np.outer(DIFFERENCES, self.limit):
             for shift in np.eye(len(self.positions))[: self.moving, :, None] * h:
@@ -240,5 +241,5 @@ CHECKS = (
         INSIDE,
     ),
 )
-"""Name, condition, largest allowed value and function of each check, and the largest deflection of its points as a fraction of
-the limit."""
+"""Name, condition, largest allowed value and function of each check, and the largest deflection of the check's points as a
+fraction of the limit."""

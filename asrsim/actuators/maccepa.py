@@ -11,16 +11,16 @@ from asrsim.actuators.parameters import Parameter
 _POSITIVE: dict[str, Any] = {
     "minimum": 0.0,
     "exclusive_minimum": True,
-    "source": "chosen by asrsim for an arm of some N m; the paper's law holds for any values",
+    "source": "chosen by asrsim for an arm with torques of some N m; the paper's law holds for any values",
 }
 
 
 class Maccepa(Actuator):
     """tau = k B C sin(d) (1 + (P - |C - B|) / A), A = sqrt(B^2 + C^2 - 2 B C cos(d)), d = sat(theta - q).
 
-    A is the length of the cable between the tip of the lever (length B, turned by the motor) and its hole in the link (at the
-    distance C). The cable pulls a spring that is tensed by P at d = 0. The second reference is P in m; its motor has no
-    dynamics here, as it carries no torque of the joint.
+    The motor turns a lever of length B. A is the length of the cable between the tip of the lever and a hole in the link, which
+    is at the distance C from the axis. The cable pulls a spring that is tensed by P at d = 0. The second reference is P, in m.
+    The motor that sets P has no dynamics in this model, since no joint torque acts on it.
     """
 
     name = "maccepa"

@@ -27,7 +27,8 @@ LONGEST = 0.2
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 NEAR = 1e-3
-"""Largest step of the motors in rad after which they need no further step: the remaining error is of second order in it."""
+"""Largest step of the motors in rad after which no further step is needed, since the remaining error is of second order in the
+step."""
 ROUNDING = 1e-12
 """Distance in rad beyond the border of a controller's range at which a step that crosses this border ends."""
 INTEGRATING = 1e9
@@ -77,7 +78,7 @@ class MotorsAtRest:
         self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
 
         def numbers(name: str, *several: int) -> Array:
-            """Values (..., motors, joints, 1) of an attribute of the drives. several: how many values the attribute has per
+            """Values (..., motors, joints, 1) of an attribute of the drives. several: number of values of the attribute per
             motor."""
             found = np.array([getattr(drive, name)[: self._motors] for drive in drives])
             return found.reshape(len(drives), self._motors, *several).T[..., None]
@@ -113,8 +114,8 @@ class MotorsAtRest:
             holding = pulls(trial)[:motors][own] if integrating else np.zeros(())
 
             def missing(theta: Array) -> Array:
-                """Torques of the springs minus the torques of the controllers, with the motors `own` at `theta` and the others
-                at `resting`."""
+                """Torques of the springs minus the torques of the controllers, with the motors `own` at `theta` and the other
+                motors at `resting`."""
                 trial[own] = theta
                 torque = gain * (wanted[own] - theta)
                 if integrating:
@@ -140,7 +141,8 @@ class MotorsAtRest:
 
     def follow(self, position: Array) -> tuple[Array, Array]:
         """Torques (joints, n) in N m on the links at `position` (joints, n) in rad with the motors at rest, and the changes of
-        these torques per displacement of the links. A search of the links' positions by Newton's method needs both.
+        these torques per displacement of the links. A search of the links' positions by Newton's method needs the torques and
+        the changes.
 
         The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
         steps if that step was long. Torques and changes are linearised about the last step.
@@ -230,9 +232,9 @@ def increasing_roots(
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
     third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
-    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a search of its
-    own, whose roots do not depend on the other entries; else all searches end together. tolerance: smallest step, relative for
-    values above 1.
+    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a separate
+    search, whose roots do not depend on the other entries; if not, all searches end together. tolerance: smallest step,
+    relative for values above 1.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)

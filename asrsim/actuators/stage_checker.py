@@ -1,6 +1,7 @@
 """Checks that a stage is declared as `Stage` requires, and that its laws agree with each other and with physics.
 
-The laws run along random motions of a motor and of its spring, as in a simulation: torque, then memory, then energy and loss.
+The laws are evaluated along random motions of a motor and its spring. In each kick they are evaluated in the order of a
+simulation: torque, then memory, then energy and loss.
 """
 
 from __future__ import annotations
@@ -27,20 +28,21 @@ from asrsim.records import declared
 BOUNDS = ("stiffness_bound", "damping_bound", "ground_stiffness_bound", "ground_damping_bound")
 LAWS = ("place", "torque", "ground", "limit", "remember", "energy", "loss", *BOUNDS)
 SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
-"""Relative size of each random motion: a law may differ between small and large deflections."""
+"""Relative size of each random motion. The sizes differ, since a law may differ between small and large deflections."""
 STEPS, STEP = 4000, 1e-4
-"""Number of kicks of a motion, and the largest time between them in s."""
+"""STEPS: number of kicks of a motion; STEP: largest time between two kicks in s."""
 REACH, HERTZ = 0.3, 4.0
-"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. A motion is larger or faster than
-this if the parameters of the stage make it act only on larger or faster motions."""
+"""REACH: largest deflection of a motion of relative size 1, rad; HERTZ: largest frequency of the deflection, Hz. A motion is
+larger or faster than these values if the parameters of the stage make it act only on larger or faster motions."""
 BEYOND = 2.0
 """Factor by which the deflection and the speed of a motion exceed the stage's largest parameter in rad and in rad/s."""
 LARGEST = 5.0
-"""Torque limit, and largest torques of motor and spring in a motion, N m."""
+"""Largest torque of the motor and of the spring in a motion, N m. It is also the motor's torque limit before the stage reduces
+it."""
 SPRING = 10.0
-"""Stiffness of the spring behind a stage in series, N m/rad, as of the default SEA."""
+"""Stiffness of the spring behind a stage in series, N m/rad. The default SEA has the same stiffness."""
 MOTOR = 0.7
-"""Frequencies of the motor's motion, relative to those of the deflection."""
+"""Ratio of the frequencies of the motor's motion to the frequencies of the deflection."""
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
 SAMPLE = Kick(
@@ -109,7 +111,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
     for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):
         missing = [name for name in names if name not in known]
         if missing:
-            several = "; asrsim.quantities.of_motors makes it for all motors" if len(names) > 1 else ""
+            several = "; asrsim.quantities.of_motors makes this quantity for all motors" if len(names) > 1 else ""
             yield "quantities", f"must have the quantity '{missing[0]}', which the stage logs{several}", "bad-declaration"
     if stage.has("loss") != bool(stage.lost):
         yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
@@ -156,7 +158,7 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
                 return
     except (Exception, SystemExit) as error:
         arguments = ", ".join(inspect.signature(getattr(Stage, law)).parameters)
-        yield law, raised_text(error) + (f"; it must take {arguments}" if isinstance(error, TypeError) else ""), "bad-law"
+        yield law, raised_text(error) + (f"; the law must take {arguments}" if isinstance(error, TypeError) else ""), "bad-law"
 
 
 def _is_number(found: object) -> bool:
@@ -192,7 +194,7 @@ def _run(
 
 
 class StageTrial:
-    """A stage with random parameters, and a random motion of its motor and of the deflection there."""
+    """A stage with random parameters, a random motion of its motor, and a random deflection between this motor and the link."""
 
     def __init__(self, stage: type[Stage], seed: int) -> None:
         source = np.random.default_rng([seed, 48])
@@ -250,12 +252,13 @@ class StageTrial:
         return self.stage.place(memory, self.own, kick.deflection)
 
     def torque(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
-        """Torque between motor and link, where deflection and velocity differ from those of the kick by `way` and `speed`."""
+        """Torque between motor and link in N m, at the deflection and velocity of the kick plus `way` (rad) and `speed`
+        (rad/s)."""
         return self.stage.torque(memory, self.own, kick.deflection + way, kick.velocity + speed)
 
     def ground(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
-        """Torque between motor and ground, where position and velocity of the motor differ from those of the kick by `way` and
-        `speed`."""
+        """Torque between motor and ground in N m, at the motor position and velocity of the kick plus `way` (rad) and `speed`
+        (rad/s)."""
         place, velocity = kick.motor_position + way, kick.motor_velocity + speed
         return self.stage.ground(memory, self.own, place, velocity, kick.elastic_torque)
 
@@ -303,8 +306,8 @@ def _ground_damping(trial: StageTrial) -> Iterator[float]:
 def _excess(
     trial: StageTrial, law: Callable[..., float], bound: float, *, way: float = 0.0, speed: float = 0.0
 ) -> Iterator[float]:
-    """Relative amount by which the slope of a torque of the trial exceeds its bound, at each kick. way or speed: displacement
-    in rad or rad/s to both sides of the kick, from which the slope follows."""
+    """Relative amount by which the slope of a torque of the trial exceeds `bound`, at each kick. The slope is computed from two
+    points, at distances of plus and minus `way` (rad) or `speed` (rad/s) from the kick."""
     for memory, _, kick in trial.kicks:
         slope = abs(law(memory, kick, way, speed) - law(memory, kick, -way, -speed)) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)

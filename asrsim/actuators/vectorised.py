@@ -44,7 +44,7 @@ _COUNTERPARTS: dict[Any, Any] = {
 
 
 def _with_arrays(value: Any) -> Any:
-    """Replacement for arrays of a global variable of a law; the variable's own value if it needs no replacement."""
+    """Replacement of a law's global variable, for arrays; the variable's own value if no replacement is needed."""
     if value is math:
         return _MATH
     return _COUNTERPARTS.get(value, value) if isinstance(value, (types.FunctionType, types.BuiltinFunctionType)) else value
@@ -56,8 +56,8 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     numbers, the result has an additional first axis.
 
     The last argument of a spring law is the tuple of its parameters: each is a number, or a column (joints, 1) with one value
-    for each joint. A law with branches is evaluated sample by sample. This is slower. It gives the same results, but NaN where
-    Python's mathematics raises an error.
+    for each joint. A law with branches is evaluated sample by sample. This evaluation is slower. Its results are the same,
+    except for NaN where Python's `math` raises an error.
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 

@@ -38,7 +38,7 @@ def declare(
         shown: Description of the default in tables, as in `Key`.
         spread: Whether the key sets several constructor arguments, as in `Key`.
         field_default: Default of the dataclass field, if it differs; REQUIRED: no default; a function: its result is the
-        default.
+            default.
     """
     if not isinstance(kind, Kind):
         raise TypeError(f"declare(...) takes a kind of asrsim.document.kinds, such as Number(), not {kind!r}")

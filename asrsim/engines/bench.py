@@ -93,7 +93,7 @@ class BenchEngine(Engine):
         self._state[:] = values
 
     def vary(self, robot: Robot) -> bool:
-        """True without any change: the inertials of the robot have no effect on a prescribed motion."""
+        """Return True and change nothing, since the inertials of the robot have no effect on a prescribed motion."""
         return True
 
     @property

@@ -5,10 +5,10 @@ the step (`BulletContacts`). The MuJoCo engine and the PyBullet engine share onl
 `asrsim.engines.exact_friction`, which contain no data of the robot.
 
 Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates torques that depend
-on velocity half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias,
-correct the first two. Before a first kick that is shorter than a full kick, the velocities are set back. The damping torque is
-computed from the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick
-acts.
+on velocity half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias, supply
+the implicit damping and correct the late torques. If the first kick is shorter than a full kick, the velocities before it are
+chosen so that a full kick ends with the right velocities. The damping torque is computed from the change of velocity that the
+joints would have without contacts. If an input jumps, its mean over the kick acts.
 """
 
 from __future__ import annotations
@@ -54,25 +54,25 @@ from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""Limits of the contact solver: iterations, and residual at which it ends. With Bullet's defaults (50 iterations, 1e-7), bodies
-and joints that should stick creep by 1e-4 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. They cost little,
-since most steps converge sooner."""
+"""SOLVER_ITERATIONS: largest number of iterations of the contact solver; SOLVER_RESIDUAL: residual at which the solver ends.
+With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4 m/s and 1e-3 rad/s; with these
+limits they creep by 1e-9 m/s and 1e-5 rad/s. The limits cost little time, since most steps converge sooner."""
 NO_LIMIT = 1e9
 """Position in rad or m of a stop that a joint lacks, and speed in rad/s at which Bullet clips the velocities of joints (by
-default 100): so large that it never acts."""
+default 100). It is so large that neither the stop nor the clipping ever acts."""
 BEYOND = 1e-9
-"""Distance in rad or m beyond its stop at which a joint at its stop rests."""
+"""Distance in rad or m beyond a stop at which a joint rests that is at this stop."""
 ARREST = 1e9
-"""Largest torque in N m of the motor that stops a joint at its stop: more than any impact needs."""
+"""Largest torque in N m of the motor that stops a joint at its stop. No impact needs a larger torque."""
 PARTS = (9, 7), (10, 11), (12, 13)
-"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of the two friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
 """Arguments that switch off Bullet's damping of a body."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Set `push` (v,) to the torques in N m of wrenches and joints, including damping, in a kick of one piece. Set
-    `room.change` to the change of velocity in this kick if there were no contacts.
+    `room.change` to the change of velocity that this kick would cause without contacts.
 
     This function runs as Python or compiled.
     """
@@ -87,8 +87,8 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
 
 class _Saved:
-    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: another
-    client may then have the same number."""
+    """A saved state in Bullet's memory. Deleting this object removes the state. If the physics client has ended, the state is
+    not removed, since another client may have the same number."""
 
     def __init__(self, client: Client) -> None:
         self.number, self._client = client.saveState(), client
@@ -197,7 +197,7 @@ class BulletContacts(BulletEngine):
     # -- stepping ---------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Set Bullet's bodies to their start."""
+        """Set Bullet's bodies to their initial states."""
         first, size = len(self._room.qpos), len(self._before)
         self._p.setTimeStep(self._room.scheme[STEP])
         for body, pose in self._poses.items():
@@ -300,11 +300,11 @@ class BulletContacts(BulletEngine):
 
     def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
         """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With the target 0, a motor acts as
-        Coulomb friction. If a joint would pass its stop in this step, its motor stops it there: Bullet's stops act only on
-        joints that are already beyond a stop.
+        Coulomb friction. If a joint would pass its stop in this step, its motor stops it at the stop, since Bullet's own stops
+        act only on joints that are already beyond a stop.
 
-        ends: velocities of the joints at the end of the step if there were no contacts. With these velocities, a joint reaches
-        its stop at most.
+        ends: velocities that the joints would have at the end of the step without contacts. With these velocities, no joint
+        passes its stop.
         """
         room, step = self._room, float(self._room.scheme[STEP])
         speeds = np.array([ends, room.velocity[self._dynamics.free :]])
@@ -331,7 +331,7 @@ class BulletContacts(BulletEngine):
     # -- surroundings -----------------------------------------------------------------------------------------------
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base link if it floats; contact forces."""
+        """Poses of the world's objects, and of the base link if the base floats; and contact forces."""
         p, world, poses = self._p, self._scenario.world, dict(super().scene().bodies)
         for item in world.objects:
             position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
@@ -346,13 +346,13 @@ class BulletContacts(BulletEngine):
         return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
-        """Disconnect both physics clients, that of the step and that of mass matrix and bias."""
+        """Disconnect the two physics clients: the client of the step, and the client of mass matrix and bias."""
         self._p.close()
         super().close()
 
 
 def _refuse_in_contacts(robot: Robot) -> None:
-    """Raise RobotError for coupled joints and rotors, which Bullet's own step does not know."""
+    """Raise RobotError for coupled joints and rotors, which Bullet's own step cannot simulate."""
     hint = "engine: mujoco simulates it; a world without ground and objects also works in PyBullet"
     problems = [
         Problem(

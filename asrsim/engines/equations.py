@@ -24,13 +24,14 @@ ROUNDING = 1e-8
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS
-"""Points and weights of Gauss's quadrature from 0 to 1."""
+"""NODES: points of Gauss's quadrature from 0 to 1; WEIGHTS: weights of these points."""
 CONTRACT = "docs/architecture.md, 'An engine of your own', states what mass matrix and bias contain"
 """Hint for equations that contradict each other."""
 NUDGE = 1e-6
-"""Displacement of the finite differences of the equations, rad (m)."""
+"""Displacement of the joints for finite differences of the equations, rad (m)."""
 REACH = {"prismatic": 1.0}
-"""Distance in m from the start up to which the equations are tested, unless a stop is nearer. Other joints: half a turn."""
+"""Distance in m from the initial position up to which the equations are tested, unless a stop is nearer. For other joints, this
+distance is half a turn."""
 
 
 class EquationEngine(RigidEngine):
@@ -38,7 +39,7 @@ class EquationEngine(RigidEngine):
 
     A derived class defines `version`, `mass_matrix` and `bias`. The step has friction, stops, damping and wrenches as in all
     engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Write `mass_matrix` and `bias`
-    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds both.
+    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -66,7 +67,8 @@ class EquationEngine(RigidEngine):
         """
 
     def test(self, scenario: Scenario) -> None:
-        """Test the equations at the start and at random positions between the stops. Raises RobotError with the fault."""
+        """Test the equations at the initial positions and at random positions between the stops. Raises RobotError with the
+        fault."""
         start = np.array([*start_positions(scenario, self.robot).values()])
         self.checked(start, np.zeros_like(start))
         reach = np.array([REACH.get(joint.kind, math.pi) for joint in self.robot.moving_joints])
@@ -77,8 +79,8 @@ class EquationEngine(RigidEngine):
             raise RobotError([replace(fault, key=f"engine '{scenario.engine}' ({type(self).__name__})", hint=CONTRACT)])
 
     def checked(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
-        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they do not
-        have these shapes or are not valid numbers.
+        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if mass matrix
+        or bias has another shape or is not valid.
         """
         matrix, bias, fault = self._equations(positions, velocities)
         if fault:
@@ -120,7 +122,7 @@ class EquationEngine(RigidEngine):
 
 
 class EquationModel(RobotModel):
-    """Model of a robot whose masses and forces come from the equations of an engine. Only its kinematics come from the robot's
+    """Model of a robot whose masses and forces come from the equations of an engine. Only the kinematics come from the robot's
     file.
     """
 
@@ -131,12 +133,12 @@ class EquationModel(RobotModel):
         self._engine, self._scenario = engine, scenario
 
     def varied(self, robot: Robot) -> EquationModel:
-        """Model of a robot whose links have other inertias; it gets an engine of its own."""
+        """Model of a robot whose links have other inertias. The new model gets a separate engine."""
         engine, _ = ENGINES.get(self._scenario.engine).make(self._scenario, robot)
         return EquationModel(engine, self._scenario, robot)
 
     def chain(self) -> None:
-        """None: the equations are not derived from the chain of the links."""
+        """None, since the equations are not derived from the chain of the links."""
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg)."""
@@ -175,7 +177,7 @@ class EquationModel(RobotModel):
         return np.asarray(0.5 * v @ matrix @ v), np.asarray(potential)
 
     def _equations(self, q: Array, v: Array | None = None) -> tuple[Array, Array]:
-        """Mass matrices (..., n, n) with rotors, and biases (..., n), both without couplings. v: velocities (..., n); None: at
+        """Mass matrices (..., n, n) with rotors, and biases (..., n), without couplings. v: velocities (..., n); None: at
         rest."""
         n = q.shape[-1]
         rows = zip(q.reshape(-1, n), np.zeros_like(q).reshape(-1, n) if v is None else v.reshape(-1, n), strict=True)

@@ -21,7 +21,7 @@ PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
 
 
 def load() -> Any:
-    """The module `mujoco`, whose warnings are ignored from now on. Raises SimulationError if it cannot be imported."""
+    """The module `mujoco`. Its warnings are ignored after this call. Raises SimulationError if it cannot be imported."""
     try:
         import mujoco
     except ImportError as error:

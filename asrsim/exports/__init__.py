@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 __all__ = ["PROGRAMS", "Export", "Program", "Replay", "export"]
 
 APART = 1.0
-"""Largest difference in mrad (mm) between a program and MuJoCo on the same file with which the export counts as good."""
+"""Largest difference in mrad (mm) between a program and MuJoCo on the same file for which the export counts as good."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,12 +96,13 @@ def export(
         scenario: Scenario whose joints have modes that MuJoCo can represent (all but 2 and 3).
         out: Path of the model; meshes, picture of the error, and ranges are written into the folder of the model.
         variant, overrides: As in `asrsim.run`.
-        program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`: the file has only
-            constructs that this program simulates correctly. The replay is in this program if it is installed, else in MuJoCo.
-        knots: Number of knots on each side of the spline of a spring's law; None: as many as keep its error below 0.1 mrad.
+        program: Name of the program that the file is made for, in `asrsim.exports.PROGRAMS`. The file has only constructs that
+            this program simulates correctly. The replay runs in this program if it is installed, else in MuJoCo.
+        knots: Number of knots on each side of the spline of a spring's law; None: the number that keeps the error of the spline
+            below 0.1 mrad.
         step: Time step of the model, s; None: half of the scenario's step.
-        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges
-            for domain randomisation.
+        fit: `fit.json` of `asrsim identify`: the model gets the fitted values, and the intervals of the fit become ranges for
+            domain randomisation.
         plot: Whether to draw the error of each joint.
         plugins: Python files with the user's actuators, programs and so on, which are loaded first.
 

@@ -1,4 +1,4 @@
-"""A scenario's robot as MJCF: motors are bodies with armature, springs are tendons with polynomial stiffness."""
+"""A scenario's robot as MJCF: motors are bodies with armature, and springs are tendons with polynomial stiffness."""
 
 from __future__ import annotations
 
@@ -39,16 +39,18 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Range of deflections over which springs are fitted: a multiple of the largest deflection in the scenario's run, but at least
-`LEAST_REACH` rad."""
+"""Range of deflections over which springs are fitted. It is `MARGIN` times the largest deflection in the scenario's run, but at
+least `LEAST_REACH` rad."""
 VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
-"""Groups of the model's visuals, collision shapes and sites; MuJoCo's viewers show the groups 0 to 2."""
+"""VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP: groups of the model's visuals, collision shapes and sites. MuJoCo's viewers show
+the groups 0 to 2."""
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
 COUPLING_STEPS = 2.0
-"""Time constant of couplings of joints, in time steps: the smallest value that MuJoCo accepts."""
+"""Time constant of couplings of joints, in time steps. It is the smallest value that MuJoCo accepts."""
 STILL = 1e-9
-"""Range of an adjuster's positions in the run, in their unit, below which the adjuster counts as at rest."""
+"""Range of an adjuster's positions in the run, in the unit of the positions, below which the adjuster counts as being at
+rest."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
     "_load_friction": "the friction of its motors does not depend on load",
@@ -85,7 +87,7 @@ def model_of(
 
     Args:
         prepared: The scenario.
-        run: Results of the scenario's run in asrsim; springs are fitted over its deflections.
+        run: Results of the scenario's run in asrsim; springs are fitted over the deflections in this run.
         path: Path of the file that the model is for.
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
@@ -232,7 +234,7 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
 
 
 def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
-    """Add the start of the scenario to the model as a keyframe. model: the compiled model, as MjModel."""
+    """Add the initial state of the scenario to the model as a keyframe. model: the compiled model, as MjModel."""
     positions, velocities = model.qpos0.copy(), np.zeros(model.nv)
     for name, position, velocity in starts_of(prepared):
         joint = model.joint(name)
@@ -246,8 +248,8 @@ def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
 def _lacks(
     prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], positions: Array, speeds: Array
 ) -> Iterator[str]:
-    """Sentences about the parts of a joint that the model lacks. positions, speeds: of the joint's motors in the run, (motors,
-    n)."""
+    """Sentences about the parts of a joint that the model lacks. positions, speeds: positions and speeds (motors, n) of the
+    joint's motors in the run."""
     joint, drive = stepped.joint, stepped.drive
     largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)
     if joint.friction_varies:

@@ -12,9 +12,10 @@ from asrsim.samples import Array
 POINTS = 1001
 """Number of deflections on each side of 0 at which a spring law is evaluated."""
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
-"""Numbers of knots that are tried in turn; the first one with an error of the spline below `ERROR` rad is taken."""
+"""KNOTS: numbers of knots that are tried in turn. The first number for which the error of the spline is below `ERROR` rad is
+taken."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
-"""`KNOTS` and `ERROR` for springs that are made of linear pieces."""
+"""LINE_KNOTS, LINE_ERROR: as `KNOTS` and `ERROR`, for springs that are made of linear pieces."""
 FAR = 1e6
 """End of a dead band that no motion reaches, rad; also the rest position of a weak spring, which gives a nearly constant
 torque.
@@ -48,8 +49,8 @@ class Spline:
 def spline_of(
     law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None, curved: bool = True
 ) -> Spline:
-    """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first of `KNOTS` with an
-    error below `ERROR`. curved: whether the pieces are cubic; False: they are linear.
+    """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first number in `KNOTS`
+    with an error below `ERROR`. curved: whether the pieces are cubic; False: they are linear.
 
     The error of the torque is divided by the stiffness, so that it is a difference of positions under equal torques. limit:
     deflection beyond which the law is constant, rad. If the law is odd, its pieces act for positive and negative deflections.

@@ -6,14 +6,15 @@ a plugin file, or an entry point in the group "asrsim.causes".
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
+from typing import Any
 
 import numpy as np
 
-from asrsim.errors import InputError
+from asrsim.errors import AsrsimError, InputError
 from asrsim.identification.combinations import percent
 from asrsim.identification.data import RecordedSignal
 from asrsim.identification.door import SteppedJoint
@@ -36,7 +37,9 @@ from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
 from asrsim.identification.result import CLOSE
+from asrsim.identification.search import Stopped
 from asrsim.identification.task import Tie
+from asrsim.plugins import plugin_fault
 from asrsim.registry import Registry, result_fault
 from asrsim.samples import Array
 
@@ -142,6 +145,8 @@ class Suspicion:
     """Names of the parameters of the suspected effects."""
     rivals: tuple[Mapping[str, float], ...] = ()
     """For each model with equally likely effects: its estimates, by parameter name."""
+    remarks: tuple[str, ...] = ()
+    """Sentences on causes of a user or of an installed package that could not be tried."""
 
 
 def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
@@ -157,12 +162,12 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, least), list[Extended]()
-    alone = found
+    alone, faults = found, {f"{one}. It was not tried": None for one in CAUSES.broken()}
     # The fit without the causes may have moved parameters to values at which they have no effect. Therefore search from the
     # start values, too.
     for begin in (x, start):
         there = extended(
-            problem, begin, [partial(_proposed, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,
+            problem, begin, [partial(_tried, faults, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         trials += there.trials
@@ -170,12 +175,13 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         found = min((found, there), key=lambda one: mean_square(one.problem, one.x))
         if mean_square(found.problem, found.x) < NOISE:
             break
+    found = _with_either_command(found)
     explained, rest = (problem, x), mean_square(found.problem, found.x)
     if found.chosen and rest <= base - MUCH * excess:
         more = "" if rest <= target else "; the model lacks further effects"
         explained = found.problem, found.x
         yield Suspicion(
-            text=_suspected(found, percent((rest / base) ** 0.5)) + more,
+            text=_suspected(found, percent((rest / base) ** 0.5), faults) + more,
             trials=(*(one.estimates for one in trials), found.estimates),
             model=None if any(cause.elastic for cause in found.chosen) else explained,
             added=tuple(one.name for cause in found.chosen for one in cause.parameters),
@@ -186,6 +192,45 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         yield Suspicion(trials=tuple(likely))
     for text in chain(_oscillations(*explained), _varying_springs(*explained)):
         yield Suspicion(text=text)
+    if faults:
+        yield Suspicion(remarks=tuple(faults))
+
+
+def _with_either_command(found: Extended) -> Extended:
+    """The extended problem, or the same problem with commands that are not held, if its error is then smaller. A command that
+    is played as a staircase may have imitated the effects that the problem now has.
+    """
+    if not found.chosen or not found.problem.playing.staircases:
+        return found
+    smooth = found.problem.played(frozenset())
+    x = solve(smooth, found.x, rounds=ROUNDS)
+    other = replace(found, problem=smooth, x=x, cost=huber(residuals(smooth, x)))
+    return min((found, other), key=lambda one: mean_square(one.problem, one.x))
+
+
+def _of_asrsim(function: Callable[..., Any]) -> bool:
+    return str(getattr(function, "__module__", "")).partition(".")[0] == "asrsim"
+
+
+def _fault_of(function: Callable[..., Any], error: Exception) -> str:
+    """Message of an exception that a function of a user raised, with file and line."""
+    if isinstance(error, AsrsimError):
+        return str(error)
+    return str(plugin_fault(error) or result_fault(function, f"raised {type(error).__name__}: {error}"))
+
+
+def _tried(faults: dict[str, None], name: str, problem: FitProblem, x: Array) -> list[Extension]:
+    """Extensions that a cause proposes. A user's cause that fails proposes none, and a sentence on it is added to `faults`."""
+    function = CAUSES.get(name).extensions
+    try:
+        return [*_proposed(name, problem, x)]
+    except Stopped:
+        raise
+    except Exception as error:
+        if _of_asrsim(function):
+            raise
+        faults[f"the cause '{name}' was not tried: {_fault_of(function, error)}"] = None
+        return []
 
 
 def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
@@ -205,6 +250,25 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
             raise result_fault(function, message)
         if not one.text and (one.parameters or one.ties):
             raise result_fault(function, f"the cause '{name}' must give each extension a `text` that names it")
+        free = {own.key for own in (*problem.layout.entries, *one.parameters)}
+        for field, is_valid, form in (
+            ("text", isinstance(one.text, str), "a text"),
+            ("size", one.size is None or callable(one.size), "a function of the parameters' values that returns a text"),
+            ("begins", isinstance(one.begins, Sequence) and not isinstance(one.begins, str), "a tuple of start values"),
+            (
+                "ties",
+                isinstance(one.ties, tuple)
+                and all(isinstance(tie, Tie) and tie.to in free and tie.key in problem.known for tie in one.ties),
+                "a tuple of asrsim.identification.task.Tie to free parameters",
+            ),
+            ("untied", one.untied is None or one.untied in problem.layout.ties, "a tie of `problem.layout.ties`"),
+            ("elastic", one.elastic is None or _is_mode(one.elastic, problem), "a joint and a frequency in rad/s"),
+            ("share", isinstance(one.share, int | float) and 0.0 < one.share <= 1.0, "a number above 0 and up to 1"),
+            ("excess", isinstance(one.excess, int | float) and 0.0 < one.excess <= 1.0, "a number above 0 and up to 1"),
+        ):
+            if not is_valid:
+                told = f"the cause '{name}' must give `{field}` as {form}; it gives {getattr(one, field)!r}"
+                raise result_fault(function, told)
         for parameter in one.parameters if one.elastic is None else ():
             if parameter.key not in problem.known:
                 message = f"the cause '{name}' frees a parameter that neither the robot nor a recording has"
@@ -221,14 +285,19 @@ def _proposed(name: str, problem: FitProblem, x: Array) -> Iterator[Extension]:
         yield one
 
 
-def _suspected(found: Extended, rest: str) -> str:
+def _is_mode(elastic: Any, problem: FitProblem) -> bool:
+    joints = problem.tracks[0].door.joints
+    return isinstance(elastic, tuple) and len(elastic) == 2 and elastic[0] in joints and isinstance(elastic[1], int | float)
+
+
+def _suspected(found: Extended, rest: str, faults: dict[str, None]) -> str:
     """Sentence on suspected causes. It states their sizes, and the options of `asrsim identify` that add them to the problem.
     rest: words for the error that remains if the causes are added.
     """
     texts, options, links = [], list[str](), []
     values = iter(_last_values(found, sum(len(cause.parameters) for cause in found.chosen)))
     for cause in found.chosen:
-        texts.append(_with_size(cause, values))
+        texts.append(_with_size(cause, values, faults))
         options += _options(found, cause)
         links += [cause.elastic[0]] if cause.elastic is not None else []
     verb = "is suspected: it would reduce" if len(texts) == 1 else "are suspected: together they would reduce"
@@ -240,10 +309,10 @@ def _suspected(found: Extended, rest: str) -> str:
         for joint in links
     ]
     added = f" ({'; '.join(ways)})" if ways else ""
-    return f"{' and '.join(texts)} {verb} the error to {rest}{added}{''.join(_rivals(found))}"
+    return f"{' and '.join(texts)} {verb} the error to {rest}{added}{''.join(_rivals(found, faults))}"
 
 
-def _rivals(found: Extended) -> Iterator[str]:
+def _rivals(found: Extended, faults: dict[str, None]) -> Iterator[str]:
     """Ends of the sentence on suspected causes: for each suspected cause, the other causes that explain the recordings equally
     well.
     """
@@ -253,7 +322,9 @@ def _rivals(found: Extended) -> Iterator[str]:
         for one in likely:
             other = one.chosen[-1]
             ways = " ".join(dict.fromkeys(_options(one, other)))
-            names.append(_with_size(other, iter(_last_values(one, len(other.parameters)))) + (f" ({ways})" if ways else ""))
+            names.append(
+                _with_size(other, iter(_last_values(one, len(other.parameters))), faults) + (f" ({ways})" if ways else "")
+            )
         if names:
             yield f"; equally likely instead of {cause.text}: {', or '.join(names)}"
 
@@ -263,14 +334,21 @@ def _last_values(found: Extended, count: int) -> list[float]:
     return found.problem.layout.values(found.x).tolist()[-count:] if count else []
 
 
-def _with_size(cause: Extension, values: Iterator[float]) -> str:
+def _with_size(cause: Extension, values: Iterator[float], faults: dict[str, None]) -> str:
     """Text of a cause with the size of its effect. The function `size` of the cause gives the size; without this function, the
     size is the value of the cause's last parameter. values: iterator over the values of the cause's parameters, followed by the
     values of the parameters of later causes.
     """
     text, own = cause.text, [next(values) for _ in cause.parameters]
     if cause.size is not None:
-        return f"{text} ({cause.size(*own)})"
+        try:
+            if isinstance(words := cause.size(*own), str):
+                return f"{text} ({words})"
+            raise result_fault(cause.size, f"it must return a text; it returns {words!r}")
+        except Exception as error:
+            if _of_asrsim(cause.size):
+                raise
+            faults[f"`size` of the cause '{text}' was not used: {_fault_of(cause.size, error)}"] = None
     for one, value in zip(cause.parameters, own, strict=True):
         # Show small delays and offsets in ms and mrad.
         unit, small = one.unit.removeprefix("1"), abs(value) < 0.1 and one.key.endswith((".delay", ".offset"))

@@ -168,6 +168,7 @@ def frequency(time: Array, residuals: Array) -> float:
     The power of a line is compared with the median power at the frequencies around the line, so that coloured noise has no
     lines.
     """
+    from scipy.ndimage import median_filter
     from scipy.special import gammaincc
 
     n = len(residuals)
@@ -177,9 +178,9 @@ def frequency(time: Array, residuals: Array) -> float:
     # An autoregression of order 1 whitens the noise. The first sample becomes 0, since no sample precedes it.
     white = np.append(0.0, centred[1:] - lag_correlation(centred) * centred[:-1])
     power = np.abs(np.fft.rfft(white))[1:] ** 2
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
+    around = median_filter(power, 2 * AROUND + 1, mode="mirror")
     # The power of noise at a frequency is exponentially distributed, so its median is log 2 times its mean.
-    height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
+    height = power * np.log(2.0) / np.maximum(around, 1e-300)
     band = np.convolve(height, np.ones(WIDTH), "same")
     most = int(np.argmax(band))
     fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)

@@ -108,6 +108,8 @@ class Slopes:
         same = (problem.tracks, problem.playing, problem.ends) == (own.tracks, own.playing, own.ends)
         if not same or problem.layout is not own.layout:
             return None
+        if problem.weights == own.weights:
+            return self
         left, matrix = self.left.copy(), self.matrix.copy()
         for part, was in zip(problem.parts, own.parts, strict=True):
             if part.noise == was.noise:

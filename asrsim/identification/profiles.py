@@ -24,6 +24,11 @@ FARTHEST = 1.0
 """Largest change of a parameter along a profile, in the vector's units. For a logarithm it is the factor e, over which
 derivatives still hold approximately.
 """
+STRAIGHT = 0.1
+"""Largest error with which the derivatives may predict a move along all directions together, so that profiles count as
+parabolas. It is relative to the change along one direction. If the whole error belongs to one direction, an interval is wrong
+by a tenth.
+"""
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,8 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     Along a profile, the other parameters follow the valley of smallest misfit to first order. The direction of the valley is
     column i of the inverse of J'J, divided by its diagonal element. A parabola approximates the residuals along the valley. Its
     slope at the estimate is the derivative, and it passes through the residuals of one simulation. The misfit has its minimum
-    at the estimate.
+    at the estimate. If the derivatives predict moves along all directions together, all profiles are parabolas, and no
+    parameter is simulated alone.
     """
     low, high = problem.layout.bounds
     known, points, squares = [], [], []
@@ -65,7 +71,8 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
     base = residuals(problem, x)
     moves = np.array(points) - x
     slopes = moves @ found.jacobian.T
-    bends = residuals_at(problem, points) - base - slopes
+    straight = len(known) > 2 and _are_straight(problem, x, found, base)
+    bends = np.zeros_like(slopes) if straight else residuals_at(problem, points) - base - slopes
     result = []
     for i, move, slope, bend, square in zip(known, moves, slopes, bends, squares, strict=True):
         entry = problem.layout.entries[i]
@@ -76,3 +83,18 @@ def profiles(problem: FitProblem, x: Array, found: Uncertainty, names: tuple[str
         values = np.array([entry.value(float(x[i] + step)) for step in steps])
         result.append(Profile(names[i], values, rise / square))
     return tuple(result)
+
+
+def _are_straight(problem: FitProblem, x: Array, found: Uncertainty, base: Array) -> bool:
+    """Whether the derivatives predict the residuals as far from the estimate as profiles are simulated. Two moves along all
+    principal directions of the covariance show this: one with equal signs, and one with alternating signs. base: residuals
+    (m,) at x.
+    """
+    squares, directions = np.linalg.eigh(found.inverse)
+    widths = SIMULATED * np.sqrt(np.maximum(squares, 0.0))
+    moves = np.array([directions @ (sign * widths) for sign in (1.0, (-1.0) ** np.arange(len(x)))])
+    low, high = problem.layout.bounds
+    if np.abs(moves).max() > FARTHEST or not ((x + moves >= low) & (x + moves <= high)).all():
+        return False
+    bends = residuals_at(problem, [*(x + moves)]) - base - moves @ found.jacobian.T
+    return bool(np.linalg.norm(bends, axis=1).max() < STRAIGHT * SIMULATED)

@@ -243,7 +243,7 @@ def _judged(
     fits = channel_fits(free, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
     of_channels = [*misfit]
-    others, suspected = list[Mapping[str, float]](), list[Suspicion]()
+    others, suspected, untried = list[Mapping[str, float]](), list[Suspicion](), dict[str, None]()
     if complete and observed:
         misfit.append(
             "errors of the model accumulate in a simulation of the recording: estimates are from short predictions of "
@@ -261,6 +261,7 @@ def _judged(
         with watch.in_time(), suppress(OutOfTime):
             for level in slow if read else ():
                 for one in _causes(*level):
+                    untried |= dict.fromkeys(one.remarks)
                     # Causes that are found without a trial fit are equal at all levels. Report each of them once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
@@ -293,7 +294,7 @@ def _judged(
     result = FitResult(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
-        remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
+        remarks=(*untried, *_remarks(setup, problem, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
@@ -335,8 +336,10 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
     return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
-    """Sentences on the reading of recordings, and on parameters that were freed automatically."""
+def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
+    """Sentences on the reading of recordings, and on parameters that were freed automatically. suspected: effects that the
+    model may lack; fits: whether the model fits.
+    """
     added = [one for one in problem.layout.entries[len(setup.problem.layout) :] if one.name not in setup.adopted]
     if setup.adopted:
         yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
@@ -345,10 +348,13 @@ def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
     for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:
-        yield (
-            f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held "
-            "until the next (`interpolation: hold` of the scenario's playback)"
-        )
+        smooth = any(one.model is not None and not one.model[0].playing.staircases for one in suspected)
+        why = "since the recording shows that each sample was held until the next"
+        why += " (`interpolation: hold` of the scenario's playback)"
+        if not fits:
+            why = "which has a smaller error; since the model does not fit, this does not show that each sample was held"
+            why += ", and with the suspected effects, smooth interpolation has a smaller error" if smooth else ""
+        yield f"{', '.join(sorted(staircases))}: played as a staircase, {why}"
     for track in problem.tracks:
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
         for key in track.uncertain:

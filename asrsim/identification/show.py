@@ -85,7 +85,7 @@ def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     if result.accepted:
         yield "  accepted: the robot is written with all estimates, since only together they explain the recording", "yellow"
     if not result.causes:
-        yield "  no missing effect was found; look at the residuals in the picture", "red"
+        yield "  no missing effect was found among those that were tried; look at the residuals in the picture", "red"
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:

@@ -111,7 +111,7 @@ LONGEST = 4.0
 cannot follow a whole period.
 """
 KEPT = 6
-"""Number of predictions that a track caches, and number of sets of played commands."""
+"""Number of predictions that a track caches, of sets of played commands, and of sets of sampling times of each channel."""
 
 
 TrackSettings = tuple[tuple[str, float], ...]
@@ -151,6 +151,7 @@ class Track:
         """
         self._references = lru_cache(KEPT)(self._play)
         self._predicted = lru_cache(KEPT)(self._predict)
+        self._places = lru_cache(KEPT * len(self.channels))(self._places_of)
         self.initial: dict[str, float] = {}
         """Positions and velocities of links at time 0, by key. Motors are included if they do not start as the scenario states.
         """
@@ -315,11 +316,18 @@ class Track:
             return [np.full(channel.until(until), np.nan) for channel in self.channels]
         clock, predicted = values.get(CLOCK, 0.0), []
         for channel, exact in zip(self.channels, series, strict=True):
-            count, key = channel.until(until), channel.key
-            shift = clock + values.get(f"{key}.delay", 0.0)
-            sensed = interpolate(exact, (channel.time[:count] - shift) / self.scenario.step)
+            key = channel.key
+            sensed = interpolate(exact, self._places(channel, until, clock + values.get(f"{key}.delay", 0.0), len(exact)))
             predicted.append(sensed / values.get(f"{key}.gain", 1.0) + values.get(f"{key}.offset", 0.0))
         return predicted
+
+    def _places_of(self, channel: Channel, until: float, shift: float, rows: int) -> Array:
+        """Positions of a channel's samples up to `until` s in a series of `rows` whole steps, in steps; whole numbers if all
+        samples lie at whole steps. shift: delay of the channel, s.
+        """
+        place = np.clip((channel.time[: channel.until(until)] - shift) / self.scenario.step, 0.0, rows - 1)
+        nearest = np.round(place)
+        return nearest.astype(np.intp) if np.abs(place - nearest).max(initial=0.0) < 1e-6 else place
 
     def _world(self, values: Mapping[str, float], playing: Playing) -> Start:
         starts = {drive.name: self.start(drive.name, values) for drive in self.door.drives}
@@ -399,16 +407,12 @@ def _scenario(scenario: Scenario, data: Data) -> Scenario:
 
 
 def interpolate(series: Array, place: Array) -> Array:
-    """Values (m,) of a series (n,) between its samples, by a cubic spline. Beyond the ends the series is constant. place:
-    positions (m,) in the series, in samples.
+    """Values (m,) of a series (n,) between its samples, by a cubic spline; whole numbers select samples. place: positions (m,)
+    in the series, in samples.
     """
     from scipy.interpolate import CubicSpline
 
-    place = np.clip(place, 0.0, len(series) - 1)
-    nearest = np.round(place)
-    if np.abs(place - nearest).max(initial=0.0) < 1e-6:
-        return np.asarray(series[nearest.astype(np.intp)])
-    return np.asarray(CubicSpline(np.arange(len(series)), series)(place))
+    return np.asarray(series[place] if place.dtype == np.intp else CubicSpline(np.arange(len(series)), series)(place))
 
 
 def motion_of(channel: Channel) -> float:

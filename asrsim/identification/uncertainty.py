@@ -144,12 +144,10 @@ class _Noise:
     """
 
     @cached_property
-    def _model(self) -> tuple[Array, float]:
-        """Power spectrum of the noise at the frequencies of the Fourier transform of `_length` samples, and degrees of freedom
-        of its level at low frequencies.
+    def _model(self) -> tuple[Array, float, float]:
+        """Coefficients of the autoregression, variance of its white noise, and degrees of freedom of the noise's spectral level
+        at low frequencies.
         """
-        from scipy.fft import rfft
-
         covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
@@ -159,46 +157,42 @@ class _Noise:
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
         relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
-        gain = np.maximum(np.abs(rfft(np.append(1.0, -model), self._length)), STATIONARY)
-        return power / gain**2, 2.0 / relative
-
-    @cached_property
-    def _length(self) -> int:
-        """Number of samples of the Fourier transforms. It is at least 2 n, and has no large prime factors, since these make the
-        transforms slow.
-        """
-        from scipy.fft import next_fast_len
-
-        return int(next_fast_len(2 * len(self.basis), real=True))
+        return model, power, 2.0 / relative
 
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the estimated spectral level at low frequencies."""
-        return self._model[1]
-
-    def times(self, columns: Array) -> Array:
-        """Product (n, k) of C and columns (n, k)."""
-        from scipy.fft import irfft, rfft
-
-        n, power = len(columns), self._model[0]
-        waves = power * rfft(columns.T, self._length)
-        return np.asarray(irfft(waves, self._length)[:, :n].T)
+        return self._model[2]
 
     @cached_property
-    def spread(self) -> Array:
-        """C times the basis, (n, k)."""
-        return self.times(self.basis)
+    def _spread(self) -> tuple[Array, Array]:
+        """C times the basis, (n, k), and autocovariance (lags,) of the noise."""
+        from scipy.fft import irfft, next_fast_len, rfft
+
+        (model, power, _), n, lags = self._model, len(self.basis), len(self.shown)
+        if not len(model):
+            # White noise needs no Fourier transform.
+            return power * self.basis, power * (np.arange(lags) == 0)
+        # The transforms have at least 2 n samples. A number of samples with large prime factors would make them slow.
+        length = int(next_fast_len(2 * n, real=True))
+        gain = np.maximum(np.abs(rfft(np.append(1.0, -model), length)), STATIONARY)
+        spectrum = power / gain**2
+        spread = irfft(spectrum * rfft(self.basis.T, length), length)[:, :n]
+        return np.ascontiguousarray(spread.T), irfft(spectrum, length)[:lags]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (k, k) of the products of the basis' columns with the noise."""
+        return np.asarray(self.basis.T @ self._spread[0])
 
     def corrected(self, taken: Array) -> _Noise:
-        """Noise with an autocovariance that is corrected for the fitted parameters. taken: product basis' C basis (k, k),
-        summed over the channels.
+        """Noise with an autocovariance that is corrected for the fitted parameters. taken: sum of the channels' `covariance`
+        (k, k).
         """
-        from scipy.fft import irfft
-
-        n, basis, own = len(self.basis), self.basis, irfft(self._model[0], self._length)
-        crossed = 2.0 * self.spread - basis @ taken
+        n, basis, (spread, own) = len(self.basis), self.basis, self._spread
+        crossed = 2.0 * spread - basis @ taken
         lost = [
-            lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
+            lag * own[lag] + 0.5 * float(np.vdot(basis[: n - lag], crossed[lag:]) + np.vdot(crossed[: n - lag], basis[lag:]))
             for lag in range(len(self.shown))
         ]
         return replace(self, lost=np.array(lost) / n)
@@ -211,20 +205,19 @@ def noise_of(problem: FitProblem, left: Array, slopes: Array) -> tuple[Array, fl
     autocovariances of the residuals are corrected for the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left:
     residuals (m,); slopes: Jacobian (m, n).
     """
-    parts, basis = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)[0]
+    parts, (basis, root) = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)
     shown = [autocovariances(left[part.rows]) for part in parts]
     noises = [_Noise(basis[part.rows], own, np.zeros(len(own))) for part, own in zip(parts, shown, strict=True)]
     for _ in range(CORRECTIONS):
-        taken = sum((noise.basis.T @ noise.spread for noise in noises), np.zeros((1, 1)))
+        taken = sum((noise.covariance for noise in noises), np.zeros((1, 1)))
         noises = [noise.corrected(taken) for noise in noises]
     total = np.zeros((slopes.shape[1],) * 2)
     for part, noise in zip(parts, noises, strict=True):
-        own = slopes[part.rows]
         if part.channel.quantum:
-            scores = own.T @ _encoder_noise(part, left[part.rows])
+            scores = slopes[part.rows].T @ _encoder_noise(part, left[part.rows])
             total += scores @ scores.T / DRAWS
         else:
-            total += own.T @ noise.times(own)
+            total += root.T @ noise.covariance @ root
     return total, max(sum(noise.freedom for noise in noises) - slopes.shape[1], 1.0)
 
 

@@ -33,7 +33,8 @@ velocity jumps at the poses."""
 
 @dataclass(frozen=True, kw_only=True)
 class PoseTrajectory:
-    """Straight segments between poses, each turning about one axis; constant before the first and after the last pose."""
+    """Straight segments between poses, in each of which the orientation turns about one axis. The pose is constant before the
+    first and after the last pose."""
 
     times: Array
     """Ascending times (m,) at which the poses are reached, s."""
@@ -49,7 +50,8 @@ class PoseTrajectory:
     ) -> PoseTrajectory:
         """Trajectory through the poses of a task.
 
-        start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose is later than time 0.
+        start: position (3,) and rotation (3, 3) at time 0, at which the trajectory begins if the first pose is later than time
+        0.
         """
         times = [pose.time for pose in poses]
         positions = [np.asarray(pose.position, dtype=float) for pose in poses]

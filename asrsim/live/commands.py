@@ -1,5 +1,5 @@
-"""Checks of commands from other programs. A message is accepted if its values are finite, of the right number and for known
-joints; all other messages are refused and counted.
+"""Checks of commands from other programs. A message is accepted if its values are finite, if their number is right, and if
+their joints are known; all other messages are refused and counted.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class CommandInput:
     def __init__(
         self, joints: Sequence[JointInfo], ranges: Ranges, tell: TellUser = lambda text: None, *, prefix: str = ""
     ) -> None:
-        """tell: receives one sentence for each kind of refusal."""
+        """tell: function that receives one sentence for each kind of refusal."""
         self._ranges, self._tell = ranges, tell
         self._inputs = tuple(_inputs(joints, ranges, prefix))
         self.inlets = tuple(topic for topic, _ in self._inputs)

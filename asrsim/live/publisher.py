@@ -76,7 +76,7 @@ class Publisher:
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
         """Messages of the outlets that are not latched, in order; empty for an outlet that has no subscribers or is not due.
 
-        time: time of the last step, ns; wanted: for each transport, see `asrsim.live.transport.Transport.wanted`.
+        time: time of the last step, ns; wanted: `asrsim.live.transport.Transport.wanted` of each transport.
         """
         listened = [any(each) for each in zip(*wanted, strict=True)]
         if not any(listened):

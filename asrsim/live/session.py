@@ -1,4 +1,5 @@
-"""Live run: ticks in real time; every tick reads commands and publishes messages. The log is written during the run."""
+"""Live run, which consists of ticks in real time. Every tick reads commands, simulates and publishes messages. The log is
+written during the run."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ TICK = 1e-3
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
-"""Fraction of the working time that topics take, above which a lower publishing rate lets the run keep up."""
+"""Fraction of the working time that topics take, above which the publishing rate is lowered so that the run can keep up."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 IDLE = 0.02
@@ -50,9 +51,9 @@ class Settings:
     """Settings of a live run."""
 
     speed: float = 1.0
-    """Simulated seconds per wall-clock second; infinite: run without waiting."""
+    """Simulated seconds per wall-clock second; infinite: the run does not wait."""
     duration: float | None = None
-    """Simulated time after which the run ends, s; None: the run ends when stopped."""
+    """Simulated time after which the run ends, s; None: the run ends when it is stopped."""
     rate: float = 1000.0
     """Highest rate of the topics, Hz of simulated time."""
     namespace: str = ""
@@ -65,11 +66,12 @@ class Settings:
 
 
 class Operator(Protocol):
-    """Person who operates a live run, for example in `asrsim view`: sees the samples, and sets references by hand."""
+    """Person who operates a live run, for example in `asrsim view`. The operator sees the samples, and sets references by
+    hand."""
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """References to set at this tick; None: the scenario's signal acts again. Called in each tick, also while the run is
-        paused, in the run's thread; the method may pause, step or end the session.
+        """References to set at this tick; None: the scenario's signal acts again. This method is called in each tick, also
+        while the run is paused, in the run's thread. It may pause, step or end the session.
         """
 
     def write(self, samples: Samples) -> None:
@@ -82,8 +84,8 @@ class Session:
     def __init__(
         self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: TellUser = lambda text: None
     ) -> None:
-        """plan: the examined scenario. If the plan replaces the scenario's robot, the text of the new robot must describe it
-        completely.
+        """plan: the examined scenario. If the plan replaces the scenario's robot, the text of the new robot must describe this
+        robot completely.
         """
         self.settings, self._tell = settings, tell
         self.operator: Operator | None = None
@@ -95,7 +97,7 @@ class Session:
         self.paused = False
         """Whether the simulation waits; commands are still read."""
         self._singles = 0
-        """Number of single steps that a paused run still has to do."""
+        """Number of single steps that a paused run must still execute."""
         self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
@@ -119,13 +121,14 @@ class Session:
         self._publishing = 0.0
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time spent on all work, and of it on topics, from the start of the run to the latest check of its pace, s."""
+        """Time spent on all work, and the part of this time spent on topics, from the start of the run to the latest check of
+        its pace, s."""
         self._said_slow = False
 
     def run(self, *, stop: Stop) -> RunSummary:
         """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
 
-        stop: called in each tick. Raises AsrsimError; files written so far stay readable.
+        stop: function that is called in each tick. Raises AsrsimError; files written so far stay readable.
         """
         began, error = clock.perf_counter(), None
         with ExitStack() as stack:
@@ -168,7 +171,7 @@ class Session:
         return 1.0 / (self._publish_steps * self._step)
 
     def _turn(self) -> bool:
-        """Do a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
+        """Execute a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
         left = round(self._duration / self._step) - self._steps_done
         if self.paused:
             return self._wait(left) < left
@@ -182,8 +185,8 @@ class Session:
         return late is None or steps < left
 
     def _wait(self, left: int) -> int:
-        """Do the single steps that were asked for in a paused run, at most `left`; if there are none, wait a moment. Returns
-        the number of steps done.
+        """Execute the single steps that the user requested in a paused run, at most `left`. Without such a request, wait a
+        moment. Returns the number of executed steps.
         """
         self._listen()
         steps, self._singles = min(self._singles, left), 0
@@ -202,7 +205,7 @@ class Session:
         self._tick_steps = max(1, round(self.settings.tick * (1.0 if math.isinf(speed) else speed) / self._step))
 
     def single_step(self, steps: int = 1) -> None:
-        """Do some steps of a paused run in its next tick."""
+        """Execute some steps of a paused run in its next tick."""
         self._singles += steps
 
     def _ease(self) -> None:
@@ -213,7 +216,7 @@ class Session:
         self._work = self.pace.busy, self._publishing
         if publishing >= TOPICS_SHARE * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
-            self._tell(f"this machine is too slow for the topics: from now on their rate is {self.rate:g} Hz")
+            self._tell(f"this machine is too slow for the topics: their rate is now {self.rate:g} Hz")
         elif not self._said_slow:
             self._said_slow = True
             substeps = self.simulation.substeps
@@ -248,8 +251,8 @@ class Session:
                 self._overrides[target] = value
 
     def hold(self, wrench: HeldWrench) -> None:
-        """Let a wrench act on a body until the next wrench for this body. To be called in the run's thread, by an operator's
-        `ask`. Raises InputError as `Simulation.set_wrench`.
+        """Let a wrench act on a body until the next wrench for this body. An operator's `ask` calls this method, in the run's
+        thread. Raises InputError in the same cases as `Simulation.set_wrench`.
         """
         if self._wrenches.get(wrench.body) != wrench:
             self._obey(WrenchCommand(self.simulation.substep, wrench))

@@ -98,8 +98,8 @@ class McapStorage:
             self._file = -1
 
     def _commit(self, trailer: bytes, head: bytes, *rest: bytes | memoryview) -> None:
-        """Write records (`head` and `rest`), and after them a trailer, so that a kill at any instant leaves a readable file:
-        the trailer is written first and the head last. Until then, the old trailer stands in the place of the head.
+        """Write records (`head` and `rest`), and after them a trailer, so that a kill at any instant leaves a readable file.
+        The trailer is written first and `head` last. Until `head` is written, the old trailer stands in its place.
         """
         end = self.size + sum(map(len, (head, *rest)))
         try:

@@ -113,7 +113,7 @@ class LogReader:
             joints: Names of the joints, in this order; None: all.
             start: First time, s, included.
             end: Last time, s, included.
-            stride: Read every n-th of these samples.
+            stride: Number n, if only every n-th of these samples is read.
 
         Raises:
             LogError: Unknown name, or damaged chunk.

@@ -19,8 +19,8 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Header before a message's data in a chunk: opcode, length, channel, sequence, log time, publish time."""
 
 _HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr", f"V{len(ENCAPSULATION)}"), ("stamp", "<u8")])
-"""Fields of a message's header that change from row to row, and the time stamp with which most messages begin: one copy of all
-these fields is faster than a copy of each."""
+"""Fields of a message's header that change from row to row, and the time stamp with which most messages begin. One copy of all
+these fields is faster than a copy of each field."""
 _HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
 _HEAD_PLACE = 11
 """Offset of the fields of `_HEAD` in a message's header, bytes."""
@@ -57,7 +57,7 @@ class RowBuffer:
         # Write only to views of the variable numbers, since the constant bytes of the rows are the same in all chunks.
         self._heads: list[NDArray[Any]] = []
         self._short_heads: list[NDArray[Any]] = []
-        """Heads of messages that begin with something other than a time stamp."""
+        """Headers of messages that begin with something other than a time stamp."""
         self._stamps: list[NDArray[Any]] = []
         """Time stamps that are not at the beginning of a message."""
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
@@ -74,7 +74,7 @@ class RowBuffer:
         self._sources = tuple(dict.fromkeys((column.kind, column.name) for _, column in self._floats))
 
     def append(self, samples: Samples, start: int, sequence: int) -> int:
-        """Copy samples from row `start` on into the buffer until it is full. Returns the number of copied samples.
+        """Copy the samples that begin with row `start` into the buffer until it is full. Returns the number of copied samples.
 
         sequence: Number of the first copied sample, counted from the start of the log.
         """

@@ -15,19 +15,20 @@ _FLANK = 0.35
 chirp has a quarter of its full power at its first frequency.
 """
 _REACH = 16
-"""Number of frequency bins further inside the band; the power of a bin is compared with their median power."""
+"""Number of frequency bins further inside the band, with whose median power the power of a bin is compared."""
 _OUTSIDE = 8
-"""Number of frequency bins further outside the band whose median power must be low too: a single weak bin of noise is not an
-edge.
+"""Number of frequency bins further outside the band whose median power must also be low, since a single weak bin of noise is
+not an edge.
 """
 _LINE = 1e-3
 """Fraction of the strongest line's power (-30 dB) above which a line counts as excited."""
 
 
 def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, NDArray[np.intp] | None]:
-    """Lowest and highest excited frequency in Hz, and the bins of the lines if the excitation consists of lines, else None.
+    """Lowest and highest excited frequency in Hz, and the bins of the lines; None in place of the bins if the excitation does
+    not consist of lines.
 
-    Raises RecordingError if nothing is excited.
+    Raises RecordingError if no frequency is excited.
     """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal.windows import tukey

@@ -27,7 +27,8 @@ from asrsim.samples import Array
 CONFIDENCE = 0.95
 """Confidence level of the confidence bands of gain and phase."""
 _STILL, _NOTHING = 1e-7, 1e-12
-"""Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
+"""Variation up to which an output counts as not moving. _STILL: relative to the size of the output; _NOTHING: absolute, in SI
+units."""
 _TRUSTED = 0.5
 """Coherence below which a point of the frequency response is unreliable, and is not used to find resonance and bandwidth."""
 
@@ -75,7 +76,7 @@ def frequency_response(
         band: Lowest and highest frequency, Hz; None: the band with more than -20 dB of the input's largest power.
 
     Raises:
-        RecordingError: The record is too short, the input constant, or no frequency of the band excited.
+        RecordingError: The record is too short, the input is constant, or no frequency of the band is excited.
     """
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
@@ -148,8 +149,8 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
 
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
-    """Frequency and gain of the highest peak inside the band, refined by a parabola. Its gain is at least 5 % above that of the
-    low end.
+    """Frequency and gain of the highest peak inside the band, refined by a parabola. The gain at the peak is at least 5 % above
+    the gain at the low end of the band.
     """
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))

@@ -109,8 +109,8 @@ for _function, _unit, _needs in (
     MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""Measures that a comparison of run and recording reports once, of their difference. It reports all other measures for the run
-and for the recording.
+"""Measures of the difference between run and recording, which a comparison reports once. It reports all other measures for the
+run and for the recording.
 """
 AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
 """Measures that are undefined unless the series is at rest at its end."""
@@ -173,7 +173,7 @@ def unrest(
     **options: Any,
 ) -> float:
     """Motion that remains at the end of the series, in the unit of the series. 0 if the series is at rest, or if the measure
-    does not require rest. The arguments are those of `measure`.
+    does not require rest. The arguments are the arguments of `measure`.
     """
     if name not in AT_REST or np.ndim(series) != 1:
         return 0.0
@@ -187,7 +187,7 @@ def unrest(
 
 
 def rest_of(time: Array, series: Array) -> tuple[float, float]:
-    """Steady state of a series (n,), and the motion that is left at its end; see `measure` and `unrest`."""
+    """Steady state of a series (n,), and the motion that is left at the end of the series; see `measure` and `unrest`."""
     _, time, (values,) = _chosen("steady_state", time, series, None, None, None, {})
     if not len(time):
         return math.nan, 0.0
@@ -264,7 +264,7 @@ def trial_problems(
         options: Options of the measure, `start` and `end` among them, and further options.
         kinds: Kinds of value of the further options.
         poses: Whether the series are the poses of a body; None: as the measure needs.
-        compared: Whether there is a reference.
+        compared: Whether a reference is given.
     """
     found, own = MEASURES.get(name), {key: value for key, value in options.items() if key not in kinds}
     start, end = own.pop("start", None), own.pop("end", None)

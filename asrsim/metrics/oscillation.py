@@ -1,4 +1,4 @@
-"""Dominant oscillation of a series: a decaying oscillation after a step, or a sustained one."""
+"""Dominant oscillation of a series: a decaying oscillation after a step, or a sustained oscillation."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ STILL = 1e-12
 def frequency(time: Array, values: Array) -> float:
     """Frequency in Hz of the dominant oscillation about the steady state; undefined without an oscillation.
 
-    While the oscillation exceeds the residual motion at the end: slope of a straight line through the times of the
-    interpolated zero crossings (least squares, both directions together), exact for a damped oscillation with even crossings.
-    For uneven crossings (several modes, noise): peak of the Hann-windowed Fourier transform, refined between bins. Fewer than
-    two crossings in a direction count as no oscillation.
+    The frequency follows from the slope of a straight line through the times of the interpolated zero crossings, while the
+    oscillation exceeds the residual motion at the end (least squares, both directions together). This is exact for a damped
+    oscillation with even crossings. For uneven crossings (several modes, noise), the frequency is the peak of the Hann-windowed
+    Fourier transform, refined between bins. Fewer than two crossings in a direction count as no oscillation.
     """
     largest, smallest = float(np.max(values)), float(np.min(values))
     if len(time) < 8 or not largest - smallest > STILL:
@@ -65,8 +65,8 @@ def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[f
 def _even(up: list[float], down: list[float]) -> float | None:
     """Frequency of evenly spaced crossings, None for unevenly spaced crossings.
 
-    Upward and downward crossings have one period but separate first times: a wrong mean value shifts the first times, not the
-    period.
+    Upward and downward crossings have one period but separate first times, since a wrong mean value shifts the first times and
+    not the period.
     """
     rows = [(count, 1.0, 0.0) for count in range(len(up))] + [(count, 0.0, 1.0) for count in range(len(down))]
     matrix, targets = np.array(rows), np.array(up + down)

@@ -34,7 +34,8 @@ def gain(
 
 
 def _of_response(pick: Callable[[FrequencyResponse], float | None]) -> Callable[..., float]:
-    """Measure of time, output and input that a function of their frequency response defines; None: undefined."""
+    """Measure of time, output and input, defined by a function of the frequency response. If the function returns None, the
+    measure is undefined."""
 
     def measured(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
         found = _response(time, values, reference, low, high)
@@ -66,6 +67,6 @@ def bandwidth(found: FrequencyResponse) -> float | None:
 
 @_of_response
 def coherence(found: FrequencyResponse) -> float | None:
-    """Smallest coherence of reference and values in the excited frequency band: 1 if the reference explains the values fully, 0
-    if it explains nothing."""
+    """Smallest coherence of reference and values in the excited frequency band. It is 1 if the reference explains the values
+    fully, and 0 if the reference explains nothing."""
     return float(np.min(found.coherence))

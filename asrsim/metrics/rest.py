@@ -1,4 +1,4 @@
-"""Rest at the end of a series: measures of the steady state are undefined while the series still moves.
+"""Rest at the end of a series. Measures of the steady state are undefined while the series still moves.
 
 A series that ends near an extremum of a swing is slow there, but not at rest. Therefore the motion is observed for at least as
 long as its last swing took. A creep that slows down exponentially is extrapolated.
@@ -15,9 +15,9 @@ from asrsim.samples import Array
 SHARE = 0.1
 """Last fraction of the duration over which the steady state is averaged."""
 BAND = 0.01
-"""Largest motion that is left at rest, as a fraction of the range of the whole series: half of the settling band."""
+"""Largest motion that is left at rest, as a fraction of the range of the whole series. It is half of the settling band."""
 STILL = 1e-6
-"""Motion that counts as rest whatever the range of the series is, in the unit of the series."""
+"""Motion that counts as rest for any range of the series, in the unit of the series."""
 _NOISE = 8.0
 """Range of a thousand samples of white noise in standard deviations, rounded up."""
 _DECAY = 0.25
@@ -27,10 +27,10 @@ _SLOWEST = 0.99
 
 
 def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: float = 0.0) -> float:
-    """Motion that is left at the end of a series (n,), in its unit; 0 at rest.
+    """Motion that is left at the end of a series (n,), in the unit of the series; 0 at rest.
 
-    The motion is the larger of the amplitude after the last swing and the distance of an exponential creep from its limit. It
-    counts as rest up to 1 % of the range of the series, or of `extent` if this is larger.
+    The motion is the larger of the amplitude after the last swing and the distance of an exponential creep from its limit. A
+    motion counts as rest up to 1 % of the range of the series, or of `extent` if this is larger.
     """
     noise = _noise(values)
     extent = max(float(np.ptp(values)), extent)
@@ -44,7 +44,7 @@ def motion_left(time: Array, values: Array, *, share: float = SHARE, extent: flo
     if len(second):
         # The amplitude was measured at the middle of the last swing. Reduce it by the decay in the half swing until the end.
         amplitude *= math.sqrt(min(way / max(float(np.ptp(second)), way, STILL), 1.0))
-    # A swing does not change the mean of a whole period.
+    # Use windows of whole periods, since an oscillation does not change the mean over a whole period.
     length = period * math.ceil(tenth / period) if period else max(tenth, swing)
     # Report at most the range of the series, since the extrapolation is meaningless for a motion that has hardly slowed down.
     left = min(max(amplitude, _creep_left(_last_windows(time, values, length, 3), noise)), float(np.ptp(values)))
@@ -64,7 +64,7 @@ def _creep_left(windows: list[Array], noise: float) -> float:
         return 0.0
     before, now = (float(np.mean(b) - np.mean(a)) for a, b in ((third, second), (second, last)))
     way = float(np.ptp(last))
-    # A swing whose amplitude decays changes the means, too.
+    # An oscillation whose amplitude decays also changes the means. `swinging` is the size of this change.
     swinging = _DECAY * 0.5 * abs(float(np.ptp(second)) - way)
     if before * now <= 0.0 or abs(now) <= max(_NOISE * noise / math.sqrt(len(last)), swinging):
         return 0.0
@@ -74,11 +74,11 @@ def _creep_left(windows: list[Array], noise: float) -> float:
 
 
 def _last_swing(time: Array, values: Array, least: float) -> tuple[float, float]:
-    """Durations of the last complete swing, a motion between turning points, and of the last complete period, s. Swings below
-    `least` do not count.
+    """Durations of the last complete swing and of the last complete period, s.
 
-    A motion without a turning point counts from 10 % to 90 % of its way, since its beginning and its end may be slow. A motion
-    of fewer than three swings has no period: it is 0.
+    A swing is a motion between two turning points. Swings below `least` are ignored. For a motion without a turning point, the
+    swing lasts from 10 % to 90 % of the way, since the beginning and the end may be slow. A motion of fewer than three swings
+    has no period, and 0 is returned for the period.
     """
     turns = _turning_points(values, least)
     if len(turns) < 2:

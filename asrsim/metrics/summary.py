@@ -44,14 +44,14 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         columns: Values (n,) by quantity: `link_position`, and if available `position_error` and `deflection` (derived, see
           `asrsim.log.derived`); measures of missing quantities are NaN.
         step: Sample at which the step begins, for overshoot and settling; None: there is no step, and overshoot and settling
-        time are NaN.
+            time are NaN.
     """
 
     def of(name: str, quantity: str = "link_position", reference: Array | None = None, **options: float) -> float:
         return measure(name, time, columns[quantity], reference, **options) if quantity in columns else math.nan
 
     steady, left = rest_of(time, columns["link_position"]) if "link_position" in columns else (math.nan, math.nan)
-    # This test of rest decides on all measures that need rest.
+    # All measures that require rest use this test of rest.
     rests = left == 0.0
     error, overshoot, settling = math.nan, math.nan, math.nan
     if rests and "position_error" in columns:

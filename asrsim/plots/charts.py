@@ -24,8 +24,8 @@ HEIGHT = 1.5
 LETTER = 0.068
 """Width of a letter of a tick label, inch."""
 MANY = 2e3
-"""Ratio of the ends of a logarithmic axis beyond which only powers of ten are labelled: labels at 2 and 5 would touch in a low
-chart.
+"""Ratio of the ends of a logarithmic axis beyond which only powers of ten are labelled, since labels at 2 and 5 would touch in
+a low chart.
 """
 
 
@@ -131,13 +131,13 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
 
 
 def _counts(chart: Chart) -> bool:
-    """Whether the horizontal axis counts something, such as iterations: whole numbers without a unit."""
+    """Whether the horizontal axis counts something, such as iterations, so that it has whole numbers without a unit."""
     places = [np.asarray(line.x, dtype=float) for line in chart.lines]
     return not chart.across_unit and all(np.array_equal(x, np.round(x)) for x in places)
 
 
 def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool, counts: bool) -> None:
-    """Scale an axis, with few tick labels that are plain numbers. counts: the horizontal axis has whole numbers."""
+    """Scale an axis, with few tick labels that are plain numbers. counts: whether the horizontal axis has whole numbers."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     from asrsim.plots.ticks import TICKS

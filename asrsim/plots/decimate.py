@@ -75,8 +75,8 @@ class Envelope:
     def pairs(self, j: int) -> Array:
         """Smallest and largest value of every interval of series j, in order of time, as an array (2 * intervals,).
 
-        For several series on a common time axis: the values of interval k are drawn at 1/4 and 3/4 of the interval. NaN where
-        an interval has no sample.
+        Several series can thus share a time axis, on which the two values of interval k are drawn at 1/4 and 3/4 of the
+        interval. The values are NaN where an interval has no sample.
         """
         times, values = self.column(j)
         interval = self._interval(times)

@@ -1,4 +1,4 @@
-"""Assignment of recordings to runs, and their comparison."""
+"""Assignment of recordings to runs, and comparison of runs with their recordings."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def compare_run(
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: lag of each recording, by its path. measures: further
-    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError (no common joint or
-    quantity, no overlap in time) and LogError.
+    joints, quantities: names; None: all. lags: lag of each recording, by its path. measures: further
+    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError if log and recordings have no common joint or quantity, or do
+    not overlap in time; and LogError.
     """
     reader = open_log(path)
     infos = reader.info.joints
@@ -141,7 +141,7 @@ def _in_both(
     joints: Sequence[str] | None,
     quantities: Sequence[str] | None,
 ) -> tuple[list[str], list[str]]:
-    """Joints and quantities that the log and at least one recording have. Raises RecordingError if there are none."""
+    """Joints and quantities that the log and at least one recording have. Raises RecordingError if they have none in common."""
     wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
     paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}

@@ -151,6 +151,16 @@ def compare(
     records = [_records(one, found[one.joint, one.quantity], samples, every, infos, alignment.lag) for one in series]
     series = tuple(replace(one, each=_each(further, *own)) for one, own in zip(series, records, strict=True))
     findings += alignment.findings
+    findings += condense(
+        Problem(
+            f"is not compared: the simulation has no joint {column.joint}",
+            key=column.source,
+            file=recording.path,
+            code="no-such-joint",
+        )
+        for column in recording.channels.values()
+        if column.quantity and column.joint is not None and column.joint not in pairing
+    )
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
     for quantity in {one.quantity: None for one in series}:

@@ -24,7 +24,7 @@ LARGEST = 1e30
 
 
 _LOST = ("wrapped", "unsigned", "missing-numbers", "not-a-number", "ragged-row", "dropped-samples", "falling-time",
-         "repeated-time", "bad-time", "restarted-clock", "two-time-bases", "truncated", "broken-message",
+         "repeated-time", "bad-time", "two-time-bases", "truncated", "broken-message",
          "repeated-name")  # fmt: skip
 """Codes of findings about samples that were changed, are missing, or contradict each other."""
 

@@ -71,6 +71,8 @@ def _is_suffix(ending: object) -> bool:
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
 """Classes that the answer of the child process may contain, by name."""
+OWN_READER = "A reader of your own needs --plugin FILE"
+"""Hint for a file that no reader of asrsim can read."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 _OURS = {
     "text": Reader(suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
@@ -135,7 +137,7 @@ def with_reader_hint(problem: Problem, path: Path) -> Problem:
     if path.suffix.lower() in ("", *known, *DOCUMENTS) or not path.is_file():
         return problem
     before = f"{problem.hint}{'' if problem.hint.endswith('?') else '.'} " if problem.hint else ""
-    return replace(problem, hint=f"{before}A reader of your own needs --plugin FILE")
+    return problem if OWN_READER in before else replace(problem, hint=f"{before}{OWN_READER}")
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
@@ -179,7 +181,7 @@ def answer_of(request: dict[str, str]) -> bytes:
     except Exception as error:  # for damaged files, libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
-        answer = [Problem(message + _place_in_plugin(request["plugin"], error), code="damaged")]
+        answer = [Problem(message + _place_in_plugin(request["reader"], request["plugin"], error), code="damaged")]
     return pack(answer)
 
 
@@ -224,9 +226,12 @@ def checked(name: str, found: Any, reading: Reading) -> Content:
     return replace(found, tables=tuple(tables))
 
 
-def _place_in_plugin(plugin: str, error: Exception) -> str:
+def _place_in_plugin(name: str, plugin: str, error: Exception) -> str:
     """File and line at which a user's reader raised an error, as text; empty for readers of asrsim."""
     lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if plugin and one.filename == plugin]
+    code = getattr(READERS.get(name).read, "__code__", None) if plugin else None
+    if not lines and code is not None:  # Python refused to call the reader, since it takes other arguments
+        return f" ({plugin}:{code.co_firstlineno})"
     return f" ({plugin}:{lines[-1]})" if lines else ""
 
 

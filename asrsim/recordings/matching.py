@@ -35,8 +35,8 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
     """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if the unit fits.
 
-    mode: operation mode of the joint in the run, by which the reference is a position or a torque; None: the reference is not
-    checked.
+    mode: operation mode of the joint in the run, which determines whether the reference is a position or a torque; None: the
+    reference is not checked.
     """
     quantity = str(column.quantity)
     if quantity == "reference_1" and column.unit:

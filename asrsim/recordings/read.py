@@ -107,7 +107,8 @@ def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = Non
         said = [*error.problems, *READERS.broken(), *(one for one in findings if one.code == "text-column")]
         said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
-    found = tuple(replace(one, file=one.file or path) for one in findings)
+    # Tables with the same clock have the same findings about it.
+    found = tuple({str(one): replace(one, file=one.file or path) for one in findings}.values())
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 
 

@@ -207,7 +207,7 @@ READING = block_of(Reading, "reading")
 
 
 def reading_file(path: Path) -> Path | None:
-    """Path of the reading document beside a recording; None if it does not exist."""
+    """Path of the reading document of a recording, in the same folder; None if it does not exist."""
     beside = path.with_name(path.name + ENDING)
     return beside if beside.is_file() else None
 

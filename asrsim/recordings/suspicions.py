@@ -236,7 +236,8 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
     if len(time) < _FEWEST or min(np.ptp(angle), np.ptp(speed)) < 1e-9 * max(1.0, float(np.max(np.abs(angle)))):
         return
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
-    # Remove a straight line from both, since the integral of a small velocity offset is a straight line.
+    # Remove a straight line from the position and from the integral, since the integral of a small velocity offset is a
+    # straight line.
     line = np.column_stack([np.ones_like(time), time - time[0]])
     angle, integral = (values - line @ np.linalg.lstsq(line, values, rcond=None)[0] for values in (angle, integral))
     correlation = _correlation(angle, integral)

@@ -172,9 +172,9 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """Index of the time column: the first column whose name means a time. If this column and the next one contain the seconds
-    and the fraction of a second of one stamp, both indices. A column with at most two different values is a flag, and is only
-    used if no other column has more values.
+    """Index of the time column: the first column whose name means a time. If this column contains the seconds of a stamp and
+    the next column contains the fraction of a second, the result is both indices. A column with at most two different values is
+    a flag, and is only used if no other column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
@@ -218,7 +218,7 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     """
     name, values = column.name, np.where(np.abs(column.values) < LARGEST, column.values, np.nan)
     if column.zero is not None:
-        return _continued(values, (_DAY,), name, findings) if alone else values, column.zero, ""
+        return _continued(values, (_DAY,), name, "s", findings) if alone else values, column.zero, ""
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
     unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
@@ -232,7 +232,7 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
         _check_steps(values, unit, name=name, findings=findings)
     unit = unit or UNITS["s"]
     if alone:
-        values = _continued(values, (_DAY / unit.factor, *_COUNTERS), name, findings)
+        values = _continued(values, (_DAY / unit.factor, *_COUNTERS), name, unit.symbol, findings)
     size = _median(values)
     if size * unit.factor <= EPOCH:
         return values * unit.factor, 0, unit.symbol
@@ -243,7 +243,7 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
     return np.round((values - zero) * unit.factor, digits), round(zero * unit.factor * 1e9), unit.symbol
 
 
-def _continued(values: Array, periods: Sequence[float], name: str, findings: list[Problem]) -> Array:
+def _continued(values: Array, periods: Sequence[float], name: str, unit: str, findings: list[Problem]) -> Array:
     """Times to which a period is added after each restart, so that they increase when a clock passes midnight or a counter
     restarts. The restarts are reported. Times without restarts are unchanged.
 
@@ -258,9 +258,8 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     period = next((one for one in periods if np.all((falls + one > 0.0) & (falls + one <= near)) and near < 0.1 * one), None)
     if period is None:
         return values
-    message = (
-        f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight, or a counter when it is full"
-    )
+    again = f"restarts {counted(len(falls), 'time')} after {period:g} {unit}"
+    message = f"{again}, as a clock does at midnight, or a counter when it is full"
     findings.append(
         Problem(f"{message}; this period is added to the times after each restart", key=name, code="restarted-clock")
     )

@@ -177,8 +177,8 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 
 
 def fits(unit: str, quantity_unit: str) -> bool:
-    """Whether a column's SI unit fits a quantity. It must be the quantity's unit for a revolute or a prismatic joint; no unit
-    fits, too.
+    """Whether a column's SI unit fits a quantity. It fits if it is the quantity's unit for a revolute or a prismatic joint, or
+    if the column has no unit.
     """
     if quantity_unit == "":
         return unit in ("", "1", "V", "A", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())

@@ -98,7 +98,7 @@ class Registry(Generic[T]):
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
         """Register `entry`; raises InputError if the registry refuses it, or if the name is taken and `replace` is not set."""
         if fault := self._fault(name, entry):
-            raise InputError(f"the {self.noun} '{name}' {fault}", code=f"broken-{self.noun}")
+            raise InputError(f"the {self.noun} '{name}' {fault}", code="broken-entry")
         again = bool(Registry.file) and self._files.get(name) == Registry.file
         if name in self._entries and not replace and not again:
             by = f" by {self._files[name]}" if self._files.get(name) else ""
@@ -164,7 +164,7 @@ class Registry(Generic[T]):
             f"no {self.noun} is called '{name}'",
             choices=known,
             hint=" ".join(filter(None, hints)) or None,
-            code=f"unknown-{self.noun}",
+            code="unknown-name",
         )
 
     def broken(self) -> tuple[Problem, ...]:
@@ -222,7 +222,7 @@ class Registry(Generic[T]):
                 self._broken[point.name] = Problem(
                     f"the {self.noun} '{point.name}' of {package} cannot be used: {point.value} {fault}",
                     hint="Correct this entry point of the package, or uninstall the package",
-                    code=f"broken-{self.noun}",
+                    code="broken-entry",
                 )
             else:
                 self._take(point.name, entry)

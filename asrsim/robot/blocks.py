@@ -58,7 +58,7 @@ def read_blocks(
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown one."""
+    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown actuator."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""
@@ -77,7 +77,7 @@ def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[
         message = "no actuator belongs to this plugin file"
         if not choices:  # the actuator of an installed package is broken
             message, hint = found.message, found.hint or ""
-        findings.error(message, plugin, shown, code=found.code, value=filename, choices=choices, hint=hint)
+        findings.error(message, plugin, shown, code="unknown-actuator", value=filename, choices=choices, hint=hint)
         return None, {text_of(tag) for tag in tags if tag.tag == "joint"}
     if reference:
         message = f"this block is inside <gazebo reference='{reference}'>, where Gazebo loads no actuator; it is not simulated"

@@ -82,7 +82,7 @@ def _together(robot: Robot, number: int) -> Sequence[int]:
 
 
 def _loop_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure]:
-    """Closures by `<loop_joint>`, with the joint's pose in the frames of both links."""
+    """Closures by `<loop_joint>`, with the joint's pose in the frames of the two links."""
     for element in elements(root, "loop_joint"):
         ends = [tag for tag in elements(element) if tag.tag in ("link1", "link2")]
         name = name_of(element) or "loop_joint"
@@ -104,7 +104,8 @@ def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure
             tags = {tag.tag: tag for tag in elements(element)}
             name = name_of(element) or "joint"
             if not {"parent", "child"} <= set(tags):
-                findings.warn("<gazebo> changes it by elements of SDF; this has no effect here", element, name, code="left-out")
+                message = "<gazebo> changes it by elements of SDF; this has no effect in asrsim"
+                findings.warn(message, element, name, code="left-out")
                 continue
             parent, child = (text_of(tags[key]) or name_of(tags[key], "link") for key in ("parent", "child"))
             # A joint to the world only carries the root of the robot. The scenario states whether the base is fixed.

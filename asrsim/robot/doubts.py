@@ -28,7 +28,7 @@ DENSITY = 100.0
 AWAY = 2.0
 """Largest plausible distance of a centre of mass from its link's frame, in addition to twice the size of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
+"""Range of limits of a revolute joint, in rad, that were probably stated in degrees."""
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
@@ -38,7 +38,8 @@ ROTORS = 0.05
 values contradict each other.
 """
 EXCHANGED = 1.5
-"""Two parameters may have been exchanged if each differs from its default by at least this number of powers of ten."""
+"""Smallest difference of each of two parameters from its default, in powers of ten, for which the two may have been
+exchanged."""
 GAINS = ("proportional", "integral", "derivative")
 
 
@@ -103,7 +104,8 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
 
 
 def _no_inertial(robot: Robot) -> Iterator[Problem]:
-    """Warnings about links without `<inertial>`, except the root: PyBullet would assume a mass of 1 kg."""
+    """Warnings about links without `<inertial>`, except the root, since PyBullet would assume that such a link has a mass of 1
+    kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
             message = "link has no <inertial>: taken as massless (PyBullet alone would assume 1 kg)"
@@ -153,7 +155,7 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (_no_inertial, 
 def _block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
     """Warnings about one actuator. The key of a warning names its parameters, separated by commas; None: the whole actuator.
 
-    Parameters with the same warning, such as those of two motors, share it.
+    Parameters with the same warning, such as the parameters of two motors, share this warning.
     """
     merged: dict[tuple[str, str], Problem] = {}
     for check in BLOCK_CHECKS:

@@ -1,6 +1,6 @@
 """Kinematics and dynamics of a robot without its world, in NumPy, at one posture or at many postures at once.
 
-The equations are those of Legnani et al. (1996), Mechanism and Machine Theory 31(5), with matrices (4, 4):
+The equations follow Legnani et al. (1996), Mechanism and Machine Theory 31(5), with matrices (4, 4):
 
     pose T      homogeneous matrix: rotation, and position of the origin
     twist V     velocity of a body along its own axes: T' = T V
@@ -68,11 +68,12 @@ class RobotModel:
     postures.
 
     Coupled joints follow their masters; entries of the arrays for coupled joints are ignored. Torques, Jacobians and mass
-    matrices refer to the masters: entries of coupled joints are 0, and rows of the identity matrix in the mass matrix.
+    matrices refer to the masters. Entries of coupled joints are 0; in the mass matrix, their rows are rows of the identity
+    matrix.
     """
 
     of_file: ClassVar[bool] = True
-    """Whether masses and forces are those of the robot's file; if not, they are those of an engine."""
+    """Whether masses and forces come from the robot's file; if not, they come from an engine."""
 
     def __init__(
         self,
@@ -125,7 +126,8 @@ class RobotModel:
         """Take the robot and its inertias."""
         self.robot = robot
         self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
-        """Pseudo-inertias of the bodies, and of the masses without gravity; of the latter only mass and first moments count."""
+        """_inertias: pseudo-inertias of the bodies; _floats: pseudo-inertias of the masses on which gravity does not act, of
+        which only mass and first moments are used."""
         for link in merge_fixed(robot).robot.links:
             (mass, centre), body = link.weightless, self._numbers[link.name]
             self._inertias[body] = _pseudo_inertia(link)
@@ -134,7 +136,7 @@ class RobotModel:
         self._armature[self._at] = [joint.armature for joint in robot.moving_joints]
 
     def poses(self, positions: ArrayLike, base: Array | None = None) -> dict[str, Array]:
-        """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the start."""
+        """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the initial pose."""
         bodies = self._bodies(positions, base)
         return {name: bodies[body] @ place for name, (body, place) in self._places.items()}
 
@@ -192,7 +194,7 @@ class RobotModel:
         return self.couplings.fold(torques[..., self._at], q)
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
-        """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
+        """Joint torques (..., n) in N m that hold the robot at rest against gravity. This is G(q) of the paper's equation 1."""
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
@@ -202,8 +204,8 @@ class RobotModel:
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
 
     def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
-        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n): the second derivative of the
-        potential energy, N m/rad. For robots without coupled joints.
+        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n), N m/rad. This change is the
+        second derivative of the potential energy. For robots without coupled joints.
         """
         bodies = np.stack(self._bodies(positions)[1:], axis=-3)
         twists = bodies @ self._twists @ np.linalg.inv(bodies)

@@ -45,11 +45,11 @@ def springable_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
-    """Robot in which joints that move no mass are fixed, since their motion is undefined: the motion of the other joints does
-    not depend on them.
+    """Robot in which joints that move no mass are fixed, since their motion is undefined. The motion of the other joints does
+    not depend on these joints.
 
-    Such a joint is an error if it has an actuator, or if no other joint moves. A rotor gives a joint inertia, and so do the
-    joints that follow it; a joint that follows another joint moves with it.
+    Such a joint is an error if it has an actuator, or if no other joint moves. A rotor gives inertia to a joint, and so do the
+    joints that follow this joint. A joint that follows another joint moves with it.
     """
     driven = {block.joint for block in robot.actuators}
     light = [joint for joint in robot.moving_joints if not (joint.rotor_inertia > 0.0 or carries_mass(robot, joint))]
@@ -85,9 +85,9 @@ def _fixed(robot: Robot, held: Collection[Joint]) -> Robot:
 
 
 def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
-    """Joints without an actuator that must be fixed so that the mass matrix is positive at the start, each with the reason.
-    These are joints with a point mass on their axis. If joints move against each other without mass between them, those with
-    the smallest range are fixed.
+    """Joints without an actuator that must be fixed so that the mass matrix is positive at the initial positions, each with the
+    reason. These are joints with a point mass on their axis. If joints move against each other without mass between them, the
+    joints with the smallest range are fixed.
     """
     joints, couplings = robot.moving_joints, robot.couplings
     mass = RobotModel(with_rotors(robot, {})).mass_matrix([joint.start or 0.0 for joint in joints])

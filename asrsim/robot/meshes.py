@@ -132,7 +132,7 @@ def mesh_parts(path: Path) -> list[Trimesh]:
 
 
 def mesh_unit(path: Path) -> float:
-    """Unit of length of a mesh file, m: that of a COLLADA file; the numbers of other files are in m."""
+    """Unit of length of a mesh file, m. A COLLADA file states its unit; the numbers of other files are in m."""
     if path.suffix.lower() != ".dae":
         return 1.0
     unit = parse_xml(read_bytes(path), path, large=True).find("{*}asset/{*}unit")

@@ -41,8 +41,8 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
     """Robot with actuators (type, mode) on joints. `"*"` stands for all moving joints; a joint's own entry takes precedence.
 
-    The actuators replace those of the file. Raises ScenarioError with keys that begin with `actuators`. `with_overrides` checks
-    later whether parameters and modes fit together.
+    The actuators replace the actuators of the file. Raises ScenarioError with keys that begin with `actuators`.
+    `with_overrides` checks later whether parameters and modes fit together.
     """
     changed, problems = mounted(robot, types, parameters)
     if problems:
@@ -142,9 +142,9 @@ def sprung_joints(robot: Robot) -> frozenset[str]:
 
 
 def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
-    """Robot with the rotor inertias that move with the links: those of the file, except behind a spring, where the motors of
-    the actuator have separate inertias. armature: inertias in kg m^2 (kg) that replace those of the file, by joint; `"*"`
-    stands for all joints.
+    """Robot with the rotor inertias that move with the links. They are the rotor inertias of the file, except behind a spring,
+    where the motors of the actuator have separate inertias. armature: inertias in kg m^2 (kg) that replace the inertias of the
+    file, by joint; `"*"` stands for all joints.
     """
     sprung = sprung_joints(robot)
     common = armature.get("*")

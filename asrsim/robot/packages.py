@@ -1,4 +1,4 @@
-"""Files that a robot file may read: those in its own folder, its ROS package, and packages named by the user.
+"""Files that a robot file may read: files in its own folder, in its ROS package, and in packages that the user names.
 
 A hostile file may name any path. All paths outside these folders are refused.
 """

@@ -88,7 +88,8 @@ def _colour_of(element: Any, colours: Mapping[str, Rgba]) -> Rgba | None:
 
 
 def _colour(material: Any) -> Rgba | None:
-    """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid, as colours do not affect the motion."""
+    """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid. An invalid colour is no error, since
+    colours do not affect the motion."""
     for colour in elements(material, "color"):
         try:
             numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.get("rgba") or "")]

@@ -29,8 +29,8 @@ EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or
 ROUNDING = 1e-15
 """Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
-"""Largest magnitude of a negative moment of inertia that counts as a rounding error, as a fraction of the largest moment of the
-link (ROUNDED) or of the robot (NEGLIGIBLE).
+"""ROUNDED, NEGLIGIBLE: largest magnitude of a negative moment of inertia that counts as a rounding error, as a fraction of the
+largest moment of the link (ROUNDED) or of the robot (NEGLIGIBLE).
 """
 X_AXIS: Vector = (1.0, 0.0, 0.0)
 WORLD = "world"
@@ -50,7 +50,7 @@ def declare_world(findings: Findings, root: Any) -> bool:
 
 
 def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
-    """All links with a name, in file order; of two links with one name, only the first."""
+    """All links with a name, in file order; of two links with the same name, only the first is returned."""
     colours, largest = read_colours(root), _largest_moment(root)
     if not elements(root, "link"):
         findings.error("has no link", None, "robot", code="no-links")
@@ -99,7 +99,7 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Rgb
     )
     inertials = elements(element, "inertial")
     if len(inertials) > 1:
-        message = "has more than one <inertial>; only the first counts, as in other readers"
+        message = "has more than one <inertial>; only the first is read, as in other readers"
         findings.warn(message, inertials[1], name, code="duplicate-tag")
     if not inertials:
         return link
@@ -210,7 +210,7 @@ def _listed(moments: np.ndarray) -> str:
 
 
 def _largest_moment(root: Any) -> float:
-    """Largest moment of inertia in the file, kg m^2; 0 if there is none."""
+    """Largest moment of inertia in the file, kg m^2; 0 if the file states no moment."""
     found = [0.0]
     for value in (tag.get(key, "0") for tag in root.iter("inertia") for key in ("ixx", "iyy", "izz")):
         try:
@@ -335,7 +335,8 @@ _SIGNED = ("spring_stiffness", "spring_reference")
 
 
 def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Joints with the passive springs and friction of `<gazebo reference>`. Of two equal tags the last counts, as in Gazebo."""
+    """Joints with the passive springs and friction of `<gazebo reference>`. Of two equal tags, the last one is used, as in
+    Gazebo."""
     found = {joint.name: joint for joint in joints}
     for gazebo in elements(root, "gazebo"):
         name = name_of(gazebo, "reference")

@@ -82,7 +82,8 @@ def _parsed(data: bytes, path: Path, *, large: bool) -> Any:
 
 
 def _without_default_space(root: Any, path: Path) -> list[Problem]:
-    """Remove the names of a robot's elements from the default name space. Returns a warning if there is one."""
+    """Remove the names of a robot's elements from the default name space. Returns a warning if the file has a default name
+    space."""
     space = root.nsmap.get(None)
     if space is None or root.tag != f"{{{space}}}robot":
         return []

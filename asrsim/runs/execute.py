@@ -1,4 +1,5 @@
-"""Simulates a scenario, evaluates its claims, and writes log and summary into a folder. Neither prints nor plots."""
+"""Simulates a scenario, evaluates its claims, and writes log and summary into a folder. This module neither prints nor
+plots."""
 
 from __future__ import annotations
 
@@ -66,11 +67,11 @@ def execute(
     Args:
         plan: The variant, examined for problems.
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
-        overwrite: Replace results of another scenario or variant in the folder.
-        keep: Also keep all samples in memory, in `.run.samples` of the result.
-        certify: Estimate the numerical error by runs with finer steps, and by a run in `accuracy.other_engine`.
-        cross_check: Also run in another engine, and state the differences in the summary.
-        started: Called with the description of the run when the run is built.
+        overwrite: Whether results of another scenario or variant in the folder are replaced.
+        keep: Whether all samples are also kept in memory, in `.run.samples` of the result.
+        certify: Whether the numerical error is estimated by runs with finer steps, and by a run in `accuracy.other_engine`.
+        cross_check: Whether the run is repeated in another engine; the summary states the differences.
+        started: Function that is called with the description of the run when the run is built.
         progress: As in `asrsim.simulation.run.simulate`; the progress of additional runs has a `task`.
         stop: As in `asrsim.simulation.run.simulate`.
 

@@ -105,7 +105,8 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
 
 
 def _faults(log: Path) -> Iterator[Problem]:
-    """A problem if the log is unreadable, or if it has no samples because its run was stopped before the first was written."""
+    """A problem if the log is unreadable, or if it has no samples because its run was stopped before the first sample was
+    written."""
     from asrsim.log import open_log
 
     try:
@@ -139,7 +140,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[P
     """Files of an earlier run in the folder, which `new_log` will remove.
 
     Raises OutputError if the folder contains results of another scenario or variant and `overwrite` is not given. Also raises
-    it if a file with a name that the run needs is foreign, or is an input file of this run.
+    OutputError if a file whose name the run needs was not written by asrsim, or is an input file of this run.
     """
     there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
     files = {path: kind for path in there if (kind := _kind(path.name))}
@@ -167,7 +168,7 @@ def folder_problems(scenarios: Sequence[Scenario], folder_of: Callable[[Scenario
 
 
 def clear(files: Iterable[Path]) -> None:
-    """Remove the files of an earlier run, so that they are not mixed with those of the new run."""
+    """Remove the files of an earlier run, so that they are not mixed with the files of the new run."""
     for path in files:
         remove_ours(path, _kind(path.name))
 
@@ -202,7 +203,7 @@ def _kind(name: str) -> str:
 
 
 def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
-    """Scenario file and variant of the results in the folder (None if unknown), and why they are unknown."""
+    """Scenario file and variant of the results in the folder (None if unknown), and the reason why they are unknown."""
     from asrsim.log import read_origin
 
     if (folder / LOG).is_file() and (folder / LOG).stat().st_size:

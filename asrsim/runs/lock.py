@@ -59,7 +59,8 @@ def _locked(path: Path) -> int:
 
 
 def _still_there(path: Path, file: int) -> bool:
-    """Whether this path still leads to the locked file. If not, the previous owner removed it before it was locked here."""
+    """Whether this path still leads to the locked file. If not, the previous owner removed the file before this process locked
+    it."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file))
     except FileNotFoundError:

@@ -49,7 +49,8 @@ class Repetition:
     partial: bool
     """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
-    """By library whose version has changed since the run: the version at the time of the run, and the installed version."""
+    """Version at the time of the run and installed version of each library whose version has changed since the run, by
+    library."""
     changed: tuple[str, ...] = ()
     """Files of meshes that have changed since the run. All other inputs cannot change, since they are in the log."""
 
@@ -83,14 +84,14 @@ def rerun(
     """Repeat the run of a log, and compare every sample.
 
     Scenario, robot and attached files are read from the log; only meshes are read from their files. The log of an interrupted,
-    killed or diverged run is compared up to its last sample. The memory needed does not grow with the length of the log.
+    killed or diverged run is compared up to its last sample. The required memory does not grow with the length of the log.
 
     Args:
-        path: The log.
-        plugins: Python files with users' actuators, to be run instead of those in the log.
-        trust_plugins: Run the Python files that the log contains.
-        progress: Called with the progress of the repeated run.
-        stop: Called often; the comparison ends early when it returns True.
+        path: Path of the log.
+        plugins: Python files with users' actuators, which are run instead of the files in the log.
+        trust_plugins: Whether the Python files that the log contains are run.
+        progress: Function that is called with the progress of the repeated run.
+        stop: Function that is called often; the comparison ends early when it returns True.
 
     Raises:
         LogError: The file is damaged or not a log of asrsim.
@@ -209,7 +210,7 @@ def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
 
 
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
-    """Run the plugin files that are given, or else, with `trust`, those in the log."""
+    """Run the plugin files that are given, or, with `trust`, the plugin files in the log."""
     carried = {name: data for name, data in reader.info.attachments.items() if trust and name.startswith(PLUGINS)}
     for path in one_or_more(plugins) or unpacked(carried, folder / "plugins").values():
         load_plugin_file(path)

@@ -72,7 +72,8 @@ _COUNT = Either((Null("auto"), Integer(minimum=1)))
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One resolved variant of a scenario, with all that a run needs. Keys of tables are joints, or `"*"` for all joints."""
+    """One resolved variant of a scenario, with all that a run needs. Keys of mappings are names of joints, or `"*"` for all
+    joints."""
 
     name: str = declare(FolderName(), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED)
     variant: str = declare(
@@ -112,12 +113,12 @@ class Scenario:
     modes: Mapping[str, int] = declare(
         MapOf(of=MODE, bare=True),
         default={},
-        doc="operation modes that replace those in the URDF, for all joints or for single joints",
+        doc="operation modes that replace the modes in the URDF, for all joints or for single joints",
     )
     parameters: Mapping[str, Mapping[str, float]] = declare(
         MapOf(of=PARAMETERS),
         default={},
-        doc="actuator parameters that replace those in the URDF, by the name in asrsim or the tag of the toolbox",
+        doc="actuator parameters that replace the parameters in the URDF, by name in asrsim or by tag of the toolbox",
     )
     armature: Mapping[str, float] = declare(
         MapOf(of=NOT_NEGATIVE, bare=True),
@@ -235,7 +236,7 @@ class Scenario:
     references: Mapping[str, Mapping[str, Signal]] = declare(
         MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)),
         default={},
-        doc="references of the actuators; their names follow from the mode; a missing reference stays at its start value",
+        doc="references of the actuators; their names follow from the mode; a missing reference keeps its initial value",
     )
     inverse_dynamics: Mapping[str, bool] = declare(
         MapOf(of=Boolean(), bare=True),
@@ -253,7 +254,7 @@ class Scenario:
         MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[smallest, largest] value of references, or of `external_torque`, that are set from outside during the run "
-        "(`asrsim live`, the library): values outside are clamped, and the number of substeps is chosen for this range",
+        "(`asrsim live`, the library): other values are clamped, and the number of substeps is chosen for this range",
         shown="in live runs: the limits of the robot",
     )
     external_torques: Mapping[str, Signal] = declare(
@@ -351,7 +352,7 @@ def for_joint(table: Mapping[str, T], joint: str, default: T) -> T: ...
 
 
 def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T | None:
-    """Entry of a joint in a table: the entry with its name, else the entry `"*"`, else `default`."""
+    """Entry of a joint in a mapping: the entry with the joint's name, else the entry `"*"`, else `default`."""
     return table.get(joint, table.get("*", default))
 
 
@@ -377,7 +378,8 @@ SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", read_befor
 
 @dataclass(frozen=True)
 class Change(AnyData):
-    """Kind of value: what a variant changes in a key. A mapping may be incomplete, as it is merged into the common mapping."""
+    """Kind of value: the value that a variant gives to a key. A mapping may be incomplete, since it is merged into the common
+    mapping."""
 
     key: str
 

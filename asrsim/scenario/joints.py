@@ -1,4 +1,4 @@
-"""Keys of a scenario about joints: actuators, imperfections, damping, start."""
+"""Keys of a scenario about joints: actuators, imperfections, damping, initial state."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _INFINITE = ("inf", "+inf", "-inf", math.inf, -math.inf)
 
 
 class ParameterNumber(Number):
-    """Kind of value: a number, also an infinite one, such as a torque without limit."""
+    """Kind of value: a number, which may be infinite, such as the limit of a torque without limit."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         return float(str(node.value)) if node.value in _INFINITE else super().read(node, path, reading)
@@ -135,7 +135,7 @@ EQUILIBRIUM = "equilibrium"
 
 
 class StartTables(Either):
-    """Kind of value: the start of the joints, read into four tables and a flag of the scenario."""
+    """Kind of value: the initial state of the joints, which is read into four mappings and a flag of the scenario."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Mapping[str, Any]:
         states = super().read(node, path, reading)

@@ -33,7 +33,7 @@ BY_NAME = ("references", "parameters")
 
 
 def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: joints and links that the robot lacks, and joints without a required actuator."""
+    """Errors for joints and links that the robot lacks, and for joints without a required actuator."""
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)

@@ -22,8 +22,9 @@ from asrsim.scenario.recorded_limits import Exceeded, exceeded_limits
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
 LATEST, SOON = 1.0, 0.05
-"""Latest start of a recording on its clock, s: if the scenario commands a joint, and if it commands none. A recording that
-starts later, or before 0, is shifted to 0. Samples up to the time `SOON` show the initial state.
+"""Latest time on a recording's clock at which the recording may begin without being shifted, s. LATEST: if the scenario
+commands a joint; SOON: if the scenario commands no joint. A recording that begins later, or before 0, is shifted to 0. Samples
+up to the time `SOON` show the initial state.
 """
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Recorded quantity that is the command in each mode if no column is called a command."""
@@ -211,7 +212,7 @@ def _command(
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played instead")
         return column
     if idle is None and any(joint == block.joint for joint, _ in columns):
-        remarks.append(f"{block.joint}: no column is its command; its reference keeps the start value")
+        remarks.append(f"{block.joint}: no column is its command; its reference keeps the initial value")
     return None
 
 
@@ -270,7 +271,8 @@ def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:
 def _initial(
     robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[PlayedRecording], remarks: list[str]
 ) -> dict[str, float]:
-    """First recorded position of each joint: of the link, or else of the springs, a motor, or the command."""
+    """First recorded position of each joint. It is the position of the link or, if this was not recorded, of the springs, of a
+    motor, or of the command."""
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
         names = ("link_position", "equilibrium_position", "motor_1_position")

@@ -83,8 +83,8 @@ class WorldObject:
         ListOf(of=POSITIVE, names=("xx", "yy", "zz")),
         default=None,
         unit="kg m^2",
-        doc="principal moments of inertia; default: those of the solid shape; required for a mesh that moves. The centre of "
-        "mass is the centre of the shape; for a mesh, its origin",
+        doc="principal moments of inertia; default: the moments of the solid shape; required for a mesh that moves. The centre "
+        "of mass is the centre of the shape; for a mesh, its origin",
     )
     friction: float = declare(
         NOT_NEGATIVE,
@@ -164,7 +164,8 @@ class World:
 
     @property
     def solids(self) -> tuple[WorldObject, ...]:
-        """The ground, if there is one, as a large box, and the objects. With a plane, PyBullet's contact forces would jump."""
+        """The objects, and the ground as a large box if the world has a ground. With a plane, PyBullet's contact forces would
+        jump."""
         if not self.ground:
             return self.objects
         at = 0.0, 0.0, self.ground_height - 0.5 * GROUND_SIZE

@@ -16,7 +16,7 @@ from asrsim.samples import Array
 from asrsim.simulation.arguments import EngineCall
 
 NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
-"""Empty table of wrenches, and table of lengths for a kick that consists of one piece."""
+"""NO_WRENCHES: empty table of wrenches; WHOLE: table of lengths for a kick that consists of one piece."""
 NO_RECORD = np.zeros(1, dtype=np.int64)
 """Records of an engine whose step is a Python function."""
 
@@ -29,11 +29,11 @@ class BoundEngine:
         self.engine, self._watch = engine, watch
         self._exchange = np.zeros((0, len(engine.joints), 6))
         self._parts: list[Array] = []
-        """Exchange arrays, indexed by the number of pieces of the kick."""
+        """Exchange arrays, by the number of pieces of the kick."""
         self.states: Any = {}
         """States of the engine by number of the world, except for the world whose state the engine contains."""
         self._world: int | None = None
-        """Number of the world whose state the engine contains; None if this state belongs to no world."""
+        """Number of the world whose state the engine contains; None if the engine's state belongs to no world."""
 
     def borrow(self, pieces: int) -> EngineCall:
         """Arguments of the engine for one call of the kernel. pieces: largest number of pieces of a kick."""

@@ -55,8 +55,8 @@ def describe(scenario: Scenario, plan: Plan, drives: Sequence[SteppedJoint], res
 
 
 def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
-    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
-    listed among the bodies instead.
+    """Frame of each link relative to its parent link. The frame of a fixed root link is relative to the world. A floating root
+    link is listed among the bodies instead.
     """
     frames = [
         Frame(

@@ -1,7 +1,7 @@
 """Detection of divergence: values that are not finite, and violations of the energy balance.
 
-A check for NaN alone would miss a spring that the step does not resolve: such a spring saturates, and the motion stays finite
-but is wrong.
+A check for NaN alone would miss a spring that the step does not resolve, since such a spring saturates, and the motion stays
+finite but is wrong.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def runaway(prepared: Prepared, joint: str, time: float, what: str) -> Divergenc
         f"the step is probably too large for the stiffest spring (omega h = {omega_h:.2g}). Lower the step or raise substeps"
         if omega_h > COARSE
         else "probably an input or gain drives the joint away, or a contact cannot be resolved. Look at the last samples of "
-        "the log; lower gains, or the step"
+        "the log; lower the gains or the step"
     )
     if prepared.model is not None and not prepared.model.of_file:
         own = (
@@ -39,7 +39,7 @@ def runaway(prepared: Prepared, joint: str, time: float, what: str) -> Divergenc
 
 
 def _knows_masses(prepared: Prepared) -> bool:
-    """Whether the model has the masses and forces of the engine: those of the robot's file, or of the engine's equations."""
+    """Whether the model has the same masses and forces as the engine, from the robot's file or from the engine's equations."""
     model = prepared.model
     return model is not None and (not model.of_file or ENGINES.get(prepared.scenario.engine).masses_of_file)
 
@@ -48,12 +48,12 @@ class EnergyGuard:
     """Checks the energy balances of the links and of each actuator.
 
     If the step does not resolve a spring, the energy balance of the links still closes, but the energy balance of the actuator
-    does not. In stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover; in unstable runs the
-    residual exceeds this bound.
+    does not. In stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover (the sum of the
+    magnitudes of all work). In unstable runs the residual exceeds this bound.
     """
 
     def __init__(self, prepared: Prepared) -> None:
-        """prepared: the scenario with the start of the run."""
+        """prepared: the scenario with the initial state of the run."""
         scenario, model, self._joints = prepared.scenario, prepared.model, prepared.drives
         # Do not check runs with the stepping of the released code. It is not passive, and it simulates springs that the step
         # does not resolve.
@@ -71,8 +71,8 @@ class EnergyGuard:
         self._model = None
 
     def look(self, state: Array) -> tuple[str, str] | None:
-        """Joint with a violated energy balance and a description of the fault; None if there is none. The joint is empty for
-        the energy of the links, which no single joint explains. state: (joints, columns).
+        """Joint with a violated energy balance and a description of the fault; None if no balance is violated. The joint is
+        empty for the energy of the links, which no single joint explains. state: state of the joints (joints, columns).
         """
         if not self._active:
             return None

@@ -22,7 +22,9 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
-        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
+        message = (
+            f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; installed engines: {installed}"
+        )
         raise SimulationError(message)
     made = entry.make(scenario, robot)
     if not isinstance(made, tuple) or len(made) != 2:

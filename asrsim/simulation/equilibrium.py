@@ -1,4 +1,5 @@
-"""Start at static equilibrium: the positions of links and motors at rest under the first references and the load of gravity."""
+"""Initial state at static equilibrium: the positions of links and motors at rest under the first references and the load of
+gravity."""
 
 from __future__ import annotations
 
@@ -19,11 +20,11 @@ from asrsim.statics.balance import BALANCED, balanced, by_differences, springs_b
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
-    """The drives with start values at static equilibrium under the references at t = 0.
+    """The drives with initial states at static equilibrium under the references at t = 0.
 
     Each motor stands where its controller torque equals the spring torque. A joint that is pressed onto its stop rests there. A
     joint without actuator rests where gravity and its passive spring balance. Joints that references drive with a torque, a
-    voltage or a current (modes 0, 4, 7 and 8) keep their positions. Raises ScenarioError that names a joint without an
+    voltage or a current (modes 0, 4, 7 and 8) keep their positions. Raises ScenarioError, which names a joint without an
     equilibrium.
     """
     sampled = sampled_signals(scenario, drives, np.zeros(1))
@@ -64,7 +65,7 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
 
 
 def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:
-    """The drive with start values at rest: the link at q in rad (m) under a load in N m (N)."""
+    """The drive with an initial state at rest, in which the link is at q in rad (m) under a load in N m (N)."""
     own = drive.drive
     positions: tuple[float, ...] = ()
     integrals: tuple[float, ...] = ()
@@ -97,8 +98,8 @@ def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...], stated: float) -> float:
-    """Position in rad (m) at which the unloaded joint rests, within its stops; the start position `stated` in the scenario if
-    no spring or controller acts.
+    """Position in rad (m) at which the unloaded joint rests, within its stops. If no spring or controller acts, this is the
+    position `stated` in the scenario.
     """
     own = drive.drive
     if not (_gives_way(drive) or _holds(drive)) or (own is None and drive.joint.spring_stiffness == 0.0):

@@ -1,4 +1,4 @@
-"""The substep of a joint: sensors are read, motors move, springs load the link, and the link's motion is read from the engine.
+"""The substep of a joint. Sensors are read, motors move, springs load the link, and the link's motion is read from the engine.
 
 If an input jumps, the kick is split into pieces with separate inputs, which act on the link one after the other.
 """
@@ -20,12 +20,13 @@ def load_joint(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, lengths: Any, exchange: Any, j: int,
     step: int, begin: int, end: int, on_time: int, first: bool, recorded: bool,
 ) -> float:  # fmt: skip
-    """Advance motors and springs of joint j by a kick, with the link at its present position, and put its loads into the
-    exchange. Returns the sum of the torques on the link in N m, which is finite in a healthy world.
+    """Advance motors and springs of joint j by a kick, with the link at its present position, and put the loads of the joint
+    into the exchange. Returns the sum of the torques on the link in N m, which is finite in a healthy world.
 
-    inputs, lengths: tables of `asrsim.simulation.inputs.Given`; step: their row of the substep; begin, end: their first row and
-    last row + 1 of the pieces of the kick; on_time: row of the piece that begins at the time of the substep, -1 for a kick that
-    is not split; first: whether the run begins; recorded: whether stiffness and energy of the springs are needed.
+    inputs, lengths: tables of `asrsim.simulation.inputs.Given`; step: row of the substep in the two tables; begin, end: rows of
+    the first piece of the kick and after the last piece; on_time: row of the piece that begins at the time of the substep, or
+    -1 if the kick is not split; first: whether the run begins; recorded: whether stiffness and energy of the springs are
+    needed.
     """
     v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
     jumped = on_time >= 0
@@ -83,9 +84,9 @@ def settle(
     first: bool,
     jumped: bool,
 ) -> None:
-    """Compute the values at the time of the substep, after the engine has moved the link. velocity: of the link after the kick,
-    rad/s; at_time: its velocity at the time of the substep if the engine has computed it, else NaN; first, jumped: whether
-    the run begins, and whether an input jumps in the kick.
+    """Compute the values at the time of the substep, after the engine has moved the link. velocity: velocity of the link after
+    the kick, rad/s; at_time: velocity of the link at the time of the substep, rad/s, or NaN if the engine has not computed this
+    velocity; first: whether the run begins; jumped: whether an input jumps in the kick.
     """
     now = 0.5 * (joint.engine_velocity + velocity)
     if first or scheme.staggered == 0.0:
@@ -135,9 +136,11 @@ def _add_piece(joint: JointState, link: JointConstants, share: float, late: bool
 
 def read_engine(joint: JointState, link: JointConstants, scheme: Scheme, velocity: float, now: float, jumped: bool) -> None:
     """Compute damping torque, applied torque and link velocity at the time of the substep. Damping and derivative action act on
-    the mean velocity over the kick; if an input jumps, the values at the time of the substep are different.
+    the mean velocity over the kick. If an input jumps, their recorded values are computed from the velocity at the time of the
+    substep.
 
-    velocity: of the link in the engine after the kick; now: of the link at the time of the substep.
+    velocity: velocity of the link in the engine after the kick; now: velocity of the link at the time of the substep; jumped:
+    whether an input jumps in the kick.
     """
     mean = joint.engine_velocity + scheme.link_implicitness * (velocity - joint.engine_velocity)
     brake = -joint.brake * mean
@@ -163,8 +166,8 @@ def advance(
     """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set the torque
     on the link (`now.torque`).
 
-    noted: whether the recorded values of the motors are stored; with motor substeps, these are the values of the middle motor
-    substep. With h = 0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
+    noted: whether the recorded values of the motors are stored. With motor substeps, the values of the middle motor substep are
+    recorded. With h = 0 nothing moves. whole: whether the stiffness and the energy of the springs are also computed.
     """
     if kind.joint_step:
         joint_step(kind.joint_step, joint, link, kind, u, h, int(noted))
@@ -188,9 +191,9 @@ def advance(
 def _advance_springs(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, u: Any, h: float, noted: bool, whole: bool
 ) -> None:
-    """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
+    """Advance motors and springs by drift, kick, drift. The scheme is of second order if half of the drift precedes the kick.
 
-    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
+    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link. This keeps the
     torque bounded.
     """
     motors, dynamic, pulling = kind.positions, kind.dynamic, kind.pulling
@@ -273,8 +276,8 @@ def limit(joint: JointState, link: JointConstants, v: float) -> float:
     """Derivative gain of the link's controller that acts at the velocity v; also stores the limited torque in
     `now.applied`.
 
-    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit the derivative action acts
-    as damping; beyond the limit the derivative action is 0, and the torque equals the limit.
+    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit, the derivative action acts
+    as damping. Beyond the limit, the derivative action is 0 and the torque equals the limit.
     """
     torque = joint.now.torque
     if link.cutoff != 0.0 and abs(joint.engine_velocity) >= link.fastest and torque * joint.engine_velocity > 0.0:
@@ -310,8 +313,8 @@ def find_state(joint: JointState, link: JointConstants, kind: JointKind) -> None
 
 def friction_of(joint: JointState, link: JointConstants, v: float) -> float:
     """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with Coulomb friction tau_c, load
-    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy,
-    however large it is.
+    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction of any size
+    dissipates energy.
     """
     bound: float = link.coulomb + link.share * abs(joint.now.applied - joint.brake * v)
     if link.stribeck > 0.0:

@@ -20,14 +20,16 @@ from asrsim.simulation.ledger import update_ledger
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
-"""A world takes a longer stride after it was possible in this number of steps, since each change of stride disturbs the energy.
+"""Number of steps in which a longer stride must be possible before a world takes this stride. The world waits, since each
+change of stride disturbs the energy.
 """
 OTHER = 2
-"""Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
+"""Entry of `strides` for a world whose parameters differ from the parameters of the scenario, so that `deflections` do not
+apply."""
 FASTER = 2.0
-"""Safety factor of the speeds with which a deflection may grow within a step."""
+"""Safety factor for the speed with which a deflection may grow within a step."""
 ENDLESS = 1e300
-"""Torque above which a torque counts as infinite, N m."""
+"""Magnitude above which a torque counts as infinite, N m."""
 
 
 def run(
@@ -115,10 +117,10 @@ def run(
 
 
 def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
-    """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a
-    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which this stride was possible.
+    """Stride of a world after a whole step. If a spring may become too stiff for the present stride, the world takes a shorter
+    stride at once. The world takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
 
-    whole: whether the call contains the whole step.
+    whole: whether the call of the loop contains the whole step that follows.
     """
     longest = len(common.sizes) - 1 if whole else 0
     for j in range(len(common.kinds)):

@@ -71,7 +71,7 @@ def _record(out: Any, place: int, kept: int, j: int, joint: Any, of_state: Any, 
 
 
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
-    """An actuator's laws and those of the stages of its joint, compiled to a C function; see
+    """The laws of an actuator and of the stages of its joint, compiled to a C function; see
     `asrsim.simulation.interpreted.bound_law`. Raises SimulationError.
     """
     first, size = len(columns(JointState)), len(columns(MotorState))
@@ -126,7 +126,8 @@ def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
 
 
 def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
-    """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
+    """Store the results as in `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque
+    with these stages."""
     joint, link = joint_at(s), link_at(p)
     if task == TASK.whole:
         place(joint, link, kind, q + SLOPE)
@@ -218,7 +219,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
 
 @cache
 def _at(kind: Any) -> Any:
-    """Function for compiled code: the record at an address."""
+    """Function for compiled code that returns the record at an address."""
     from numba import types
     from numba.extending import intrinsic
 
@@ -237,7 +238,7 @@ def _at(kind: Any) -> Any:
 
 @cache
 def _part(whole: Any, part: Any) -> Any:
-    """Function for compiled code: record i of the parts that follow a record in its row."""
+    """Function for compiled code that returns record i of the parts that follow a record in its row."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -273,8 +274,8 @@ def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: ty
 
 
 def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int, apart: int) -> Any:
-    """Pointer to the number of a row in the column that is contained in column `column` of the kind, plus `first + apart *
-    i`.
+    """Pointer to a number in a row. The column of this number is the value in column `column` of the kind, plus `first + apart
+    * i`.
     """
     from llvmlite import ir
 
@@ -286,8 +287,8 @@ def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int
 
 @cache
 def _part_at(part: Any, column: int, first: int, apart: int) -> Any:
-    """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains.
-    part: class of the record; None: a single number instead of a record.
+    """Function for compiled code that takes a row, a kind and a number i, and returns the record in the row at a place that the
+    kind contains. part: class of the record; None: a single number instead of a record.
     """
     from numba import types
     from numba.extending import intrinsic

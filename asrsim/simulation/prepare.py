@@ -25,8 +25,8 @@ from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import resolution_of
 
 ScenarioLike = str | Path | Scenario | Plan | Prepared
-"""Input of a simulation: a file, scenario, plan or prepared scenario. Files and scenarios are examined; all but prepared
-scenarios are built.
+"""Input of a simulation: a file, scenario, plan or prepared scenario. Files and scenarios are examined. All inputs except
+prepared scenarios are built.
 """
 
 
@@ -56,9 +56,9 @@ def prepare_worlds(
     plugins: Sequence[str | Path] = (),
     settable: bool = False,
 ) -> Prepared:
-    """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about
-    ten times faster than PyBullet. engine: name of the engine; `WARP` takes the links' model from MuJoCo. Raises InputError if
-    the scenario is prepared for another engine.
+    """Prepare a scenario for many worlds or a twin; other arguments and errors as for `prepare`. If neither caller nor scenario
+    states an engine, MuJoCo is used, since it steps about ten times faster than PyBullet. engine: name of the engine; with
+    `WARP`, the model of the links comes from MuJoCo. Raises InputError if the scenario is prepared for another engine.
     """
     if isinstance(scenario, Prepared):
         if engine not in (None, WARP, scenario.scenario.engine):

@@ -24,20 +24,21 @@ from asrsim.simulation.drives import SteppedJoint
 STANDING = 1e-3
 """Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 OVERSHOOT = 2.0
-"""Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
-speeds of the references."""
+"""Safety factor of the loads, of the largest torques of the motors and of the speeds of the references. A step load deflects an
+undamped spring twice as far as a slowly applied load."""
 PARTS, ROUNDS = 32, 6
-"""Number of parts into which a round of a search divides the deflections that are left, and number of rounds: to 1e-9 of the
-largest deflection."""
+"""PARTS: number of parts into which each round of a search divides the remaining range of deflections; ROUNDS: number of
+rounds. The result is accurate to 1e-9 of the largest deflection."""
 PLACES = 9
-"""Number of deflections of each spring, from one end of its reach to the other, at which the stiffness is computed."""
+"""Number of deflections of each spring at which the stiffness is computed, from one end of the spring's range to the other
+end."""
 
 
 def reachable_stiffness(
     drives: Sequence[SteppedJoint], references: Array, loads: Array, inertias: Array, interval: float
 ) -> list[float]:
-    """Largest stiffness in N m/rad that each joint's spring can reach; a run that exceeds this stiffness gets a warning.
-    0 without a spring; infinite where a law is not finite.
+    """Largest stiffness in N m/rad that each joint's spring can reach; a run that exceeds this stiffness gets a warning. The
+    result is 0 without a spring, and infinite where a law is not finite.
 
     references: values (joints, columns, n), sampled every `interval` s over the run; loads: bounds (joints,) of the torques of
     gravity and of external torques on the links in N m; inertias: largest inertias (joints,) that the joints can carry in

@@ -1,13 +1,14 @@
 """Strides of worlds, for `Worlds(..., adaptive=True)`: a world takes fewer substeps while its springs are soft enough.
 
 The number of substeps of a run resolves the stiffest spring that its references can reach. A stride takes several substeps at
-once; their number divides that in a step, so steps consist of whole strides. Each stride resolves springs up to a stiffness,
-by the rule of `asrsim.simulation.substeps`. At each whole step a world compares this stiffness with the stiffness that its
-springs can reach within the step, at the present speeds (`asrsim.simulation.kernel.stride_of`).
+once; the number of substeps in a step is a multiple of this number, so that a step consists of whole strides. Each stride
+resolves springs up to a certain stiffness, by the rule of `asrsim.simulation.substeps`. At each whole step a world compares
+this stiffness with the stiffness that its springs can reach within the step, at the present speeds
+(`asrsim.simulation.kernel.stride_of`).
 
 Positions belong to whole strides and velocities to their middles. The kick between two strides lasts from the middle of the
-first to the middle of the second stride; it uses the forces at the time between them: second order, as with equal strides
-(Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter VIII.3).
+first to the middle of the second stride; it uses the forces at the time between the two strides. The scheme is of second order,
+as with equal strides (Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter VIII.3).
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def strides_of(prepared: Prepared) -> Strides:
 
 
 def _obstacles(prepared: Prepared) -> list[str]:
-    """Properties of the scenario with which worlds must take all substeps."""
+    """Reasons in the scenario why worlds must take all substeps."""
     drives, found = prepared.drives, []
     if prepared.scenario.engine != "mujoco":
         found.append("needs the engine mujoco")

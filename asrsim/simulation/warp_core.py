@@ -83,7 +83,7 @@ class WarpCore(Core):
         self._changed = True
         """Whether state or parameters have changed in the host's memory since they were copied to the device."""
         self._given: Given | None = None
-        """Latest inputs that have been copied to the device."""
+        """Inputs that were last copied to the device."""
         self._graph: Any = None
         self._rows: Any = None
         self._loaded = False
@@ -95,7 +95,7 @@ class WarpCore(Core):
         return self._wp.array(numbers.ravel() if flat else numbers, dtype=kind, device=self._device)
 
     def _make_model(self, worlds: int) -> None:
-        """The model of the links, with separate inertials, loads and states for each world."""
+        """Make the model of the links, with separate inertials, loads and states for each world."""
         engine, wp = self._engine, self._wp
         room = engine.room
         model = self._model = copy.copy(engine.raw_model)
@@ -192,7 +192,7 @@ class WarpCore(Core):
         self._changed = True
 
     def engine_of(self, world: int) -> Engine:
-        """The engine that displays the worlds."""
+        """The engine that `look` sets to the state of a world. It does not move the worlds."""
         return self._engine
 
     def look(self, world: int) -> Engine:

@@ -161,7 +161,8 @@ class _Kind:
         return cells
 
     def _is_set(self, world: int, values: Mapping[str, Any]) -> bool:
-        """Set a world to the start of a run and return True; return False if a value is invalid or a reference out of range."""
+        """Set a world to the initial state of a run and return True. Return False if a value is invalid or a reference is out
+        of range."""
         plan, worlds = self._case.plan, self.worlds
         references: dict[str, dict[str, Any]] = {}
         try:

@@ -1,7 +1,7 @@
-"""Samplers: they place the draws of a study in the unit cube (`asrsim sweep --sampler`).
+"""Samplers, which place the draws of a study in the unit cube (`asrsim sweep --sampler`).
 
-`SAMPLERS` is the registry. Users add an instance of a class of theirs: `SAMPLERS.add("halton", Halton())` in a plugin file, or
-an entry point in the group "asrsim.samplers".
+`SAMPLERS` is the registry. Users add an instance of their own class: `SAMPLERS.add("halton", Halton())` in a plugin file, or an
+entry point in the group "asrsim.samplers".
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Sampler(ABC):
     title: str
     """Description of the sampler, for the documentation."""
     blocks: bool = False
-    """Whether the draws are the blocks A, B, and for every j a copy of A with column j of B (Saltelli et al. 2010). Sobol
-    indices are computed from these blocks. All keys must then be drawn independently of each other.
+    """Whether the draws consist of the blocks A and B, and for every column j of a copy of A with column j of B (Saltelli et
+    al. 2010). Sobol indices are computed from these blocks. All keys must then be drawn independently of each other.
     """
 
     def samples(self, wanted: int) -> int:

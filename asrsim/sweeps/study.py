@@ -153,8 +153,8 @@ class Study:
         return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
-        """Variant of a run, and its values by varied key. Runs are counted from 0: all draws at one point of the grid follow
-        each other, then those at the next point, and all runs of a variant precede those of the next variant.
+        """Variant of a run, and its values by varied key. Runs are counted from 0: all draws at one point of the grid precede
+        the draws at the next point, and all runs of a variant precede the runs of the next variant.
         """
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
@@ -184,7 +184,8 @@ class Study:
         return np.column_stack(columns)
 
     def _unit_points(self) -> Array:
-        """Points (draws, groups) of the sampler, from 0 to 1. Raises InputError if a user's sampler returns anything else."""
+        """Points (draws, groups) of the sampler, from 0 to 1. Raises InputError if a user's sampler does not return such
+        points."""
         shape = (self.draws, len(self.groups))
         function = SAMPLERS.get(self.sampler).points
         needed = f"the sampler '{self.sampler}' must return an array of numbers from 0 to 1 of shape {shape}"

@@ -1,4 +1,4 @@
-"""Moving plots. They show quantities of joints, which the user chooses, over the last seconds, beside the same quantities of
+"""Moving plots. They show the quantities of joints that the user chooses, over the last seconds, beside the same quantities of
 other runs and recordings.
 """
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import viser
 
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#b3599a", "#56b4e9", "#a39700", "#1a1a1a")
-"""Colours of the curves, one for each joint; further joints repeat them."""
+"""Colours of the curves, one for each joint; further joints repeat the colours."""
 POINTS = 600
 """Largest number of points of a curve. A plot is 180 pixels wide; with more than four points per pixel, uPlot would draw stairs
 of whole pixels.
@@ -32,17 +32,18 @@ ZERO = 1e-12
 MOST = 8
 """Number of joints above which the first plots show one joint."""
 LOOK: dict[str, Any] = {"width": 1.5, "pxAlign": 0}
-"""Style of a curve for uPlot: its width in pixels, and no rounding of its points to whole pixels, which would turn slopes into
-stairs.
+"""Style of a curve for uPlot. `width` is in pixels. `pxAlign` is 0, since rounding points to whole pixels would turn slopes
+into stairs.
 """
 DASHES = [6, 4]
 """Lengths of the dashes, and of the gaps between them, in the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
-"""Rank of a plot's controls in their folder: so high that they stand below the plot, which is created after them."""
+"""Rank of a plot's controls in their folder. It is so high that the controls stand below the plot, although the plot is created
+later."""
 HEIGHT = 190
 """Height of a plot, pixels."""
 FIRST = ("link_position", "elastic_torque_1", "external_torque", "link_torque")
-"""Quantities for the first two plots: the first two of these quantities that the subject has."""
+"""Quantities for the first two plots. The plots show the first two of these quantities that the subject has."""
 
 
 class Plots:
@@ -63,7 +64,7 @@ class Plots:
             self.add(name)
 
     def add(self, quantity: str | None = None) -> None:
-        """Add a plot of a quantity; None: of the subject's first quantity."""
+        """Add a plot of a quantity; None: the subject's first quantity."""
         with self._container:
             folder = self._gui.add_folder(f"Plot {len(self.plots) + 1}")
         self.plots.append(Plot(self._gui, folder, self, quantity or self.subject.quantities()[0], self._first))
@@ -74,7 +75,8 @@ class Plots:
             plot.draw(now - float(self._window.value), now)
 
     def joints_of(self, quantity: str) -> tuple[JointInfo, ...]:
-        """Joints for which a quantity is recorded; if there are none, joints for which the quantity is computed from others."""
+        """Joints for which a quantity is recorded; if it is recorded for no joint, joints for which it is computed from other
+        quantities."""
         logged = [joint for joint in self.subject.joints if quantity in joint.quantities]
         return tuple(logged) or tuple(joint for joint in self.subject.joints if joint.motors)
 

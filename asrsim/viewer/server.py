@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class PageServer:
-    """Server of a page at an address of this machine; a context manager that ends it even if browsers are still connected."""
+    """Server of a page at an address of this machine. It is a context manager, which ends the server even if browsers are still
+    connected."""
 
     def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
         """port: port of the page; 0: any free port. tell: receives a message for each origin that was refused. Raises

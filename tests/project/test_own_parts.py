@@ -15,6 +15,7 @@ from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
+from asrsim.metrics.asked import asked_measures
 from asrsim.metrics.expect import check_expectation
 from asrsim.plots.curves import read_curves
 from asrsim.plots.figures import run_pages
@@ -587,6 +588,7 @@ class Table(Program):
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
             lines.append(f"{drive.name} {drive.joint.kind} {drive.joint.child} {drive.actuator.name} {drive.mode.number}")
             lines += [f"{name} {value} {units[name]}" for name, value in drive.values.items()]
+            lines.append(str(drive.actuator.elastic_torques(0.0, 0.1, 0.0, drive.elastic)[0]))
         remarks.append("the table has no gravity")
         (beside := path.with_suffix(".txt")).write_text("\\n".join(lines))
         return [beside]
@@ -609,7 +611,8 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
     assert joint == "elbow revolute arm sea 6"
     values = prepare(tiny.scenario).drives[0].values
     assert f"motor_1_inertia {values['motor_1_inertia']} kg m^2" in lines
-    assert len(lines) == len(values)
+    assert len(lines) == len(values) + 1
+    assert abs(float(lines[-1])) == pytest.approx(0.1 * values["spring_stiffness"])
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
@@ -654,7 +657,7 @@ LAW = "    @staticmethod\n    def "
     ("right", "wrong", "said"),
     [
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
-        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
+        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; the law must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
         ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
@@ -820,3 +823,53 @@ def test_a_signal_refuses_a_combination_of_options_at_its_line(own, tiny, asrsim
     )
     said = asrsim_command("check", tiny.scenario, "--plugin", plugin).out
     assert "step.yaml:4: references.elbow.equilibrium_position.sawtooth: is too slow" in said
+
+
+def test_an_option_of_a_measure_may_be_a_list():
+    def band(time, values, *, weights=(1.0,), level=0.0):
+        """Weighted mean."""
+        return float(sum(weights) * np.mean(values) + level)
+
+    MEASURES.add("banded", Measure(name="banded", function=band, unit="series", needs="series"))
+    (asked,) = asked_measures(["banded:weights=[1, 2.5],level=4"])
+    assert asked.options == {"weights": [1, 2.5], "level": 4}
+    assert asked.of(np.arange(3.0), np.ones(3), None) == 7.5
+
+
+TWO_CLOCKS = """
+import numpy as np
+from asrsim.recordings import READERS, Reader
+from asrsim.recordings.data import Content, RawColumn, RawTable
+
+def read(path, reading):
+    ticks = (np.arange(50) * 1000 + 2**32 - 9500) % 2**32
+    names = "elbow.link_position [rad]", "hip.reference_1 [rad]"
+    columns = [[("tick [us]", ticks), (name, np.arange(50) / 50)] for name in names]
+    tables = [RawTable(columns=tuple(RawColumn(name=n, values=v) for n, v in one)) for one in columns]
+    return Content(format="ticks", tables=tuple(tables))
+
+READERS.add("ticks", Reader(suffixes=(".ticks",), read=read))
+"""
+
+
+def test_a_counter_that_restarts_in_two_tables_gives_one_note(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS)
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    (note,) = [one for one in read_recording(tmp_path / "a.ticks").findings if one.code == "restarted-clock"]
+    assert "restarts 1 time after 4.29497e+09 us" in note.message
+
+
+def test_a_reader_that_takes_other_arguments_is_named_with_its_line(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS.replace("def read(path, reading)", "def read(path)"))
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    with pytest.raises(RecordingError, match=r"takes 1 positional argument.*mine\.py:6\)"):
+        read_recording(tmp_path / "a.ticks")
+
+
+def test_the_hint_on_readers_of_users_is_given_once(tmp_path):
+    (tmp_path / "a.slg").write_bytes(b"SLG2\0\0\1")
+    with pytest.raises(RecordingError) as caught:
+        read_recording(tmp_path / "a.slg")
+    assert str(caught.value).count("A reader of your own needs --plugin FILE") == 1

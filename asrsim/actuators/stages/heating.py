@@ -25,7 +25,7 @@ from asrsim.records import constant, value
 class HeatingMemory:
     """State of a winding."""
 
-    rise: float = value("temperature above that of the surroundings, at the next kick", "K")
+    rise: float = value("temperature above the temperature of the surroundings, at the next kick", "K")
     temperature: float = value("temperature at the kick", "°C", log="motor_{}_temperature")
     power: float = value("heat at the last kick; -1 before the first kick", "W", start=-1.0)
 

@@ -2,8 +2,8 @@
 
     dh/dx = (tau - sgn(dx/dt) h) / x_0        h: N m; x: deflection, rad; tau: hysteresis_torque; x_0: hysteresis_deflection
 
-The torque depends on the path, not on time. It is bounded by tau and passive for every motion; the element stores the energy
-x_0 h^2 / (2 tau). A cycle between the turning points +-A dissipates 4 tau (A - x_0 tanh(A / x_0)).
+The torque depends on the path and not on time, and its magnitude is at most tau. The element is passive for every motion. It
+stores the energy x_0 h^2 / (2 tau). A cycle between the turning points +-A dissipates 4 tau (A - x_0 tanh(A / x_0)).
 """
 
 from __future__ import annotations

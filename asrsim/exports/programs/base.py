@@ -14,8 +14,8 @@ from asrsim.simulation.prepared import Prepared
 
 
 class Program:
-    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. A subclass must state the
-    names."""
+    """A program that reads MJCF. The class states what a file for the program may contain, and how the program replays a
+    motion. A subclass must state `name` and `title`."""
 
     name: ClassVar[str]
     """Name on the command line."""
@@ -49,8 +49,8 @@ class Program:
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
         """Positions (n, nq) at the time steps of the model at `path`, driven by controls (n, nu) and joint torques (n, nv).
 
-        model, start: the same model and its start, as MjModel and MjData. Rows after a divergence are NaN. A program without
-        this method replays nothing: the scenario is then replayed in MuJoCo.
+        model, start: the same model and its initial state, as MjModel and MjData. Rows after a divergence are NaN. If a program
+        does not have this method, the scenario is replayed in MuJoCo.
         """
         raise NotImplementedError
 

@@ -59,7 +59,7 @@ class Mjlab(Program):
         return written
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`. The replay uses the entity of the package in a scene of mjlab."""
+        """Positions of the replay; see `Program`. The replay uses the entity of the package in a scene of mjlab."""
         robot = _module_at(path.parent / package_name(path) / "robot.py")
         scenes, sims, torch = (import_module(name) for name in ("mjlab.scene", "mjlab.sim", "torch"))
         scene = scenes.Scene(scenes.SceneCfg(num_envs=1, entities={robot.ROBOT: robot.robot_cfg()}), "cpu")

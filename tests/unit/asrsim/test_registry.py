@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -107,7 +108,7 @@ def test_the_first_question_finds_what_is_installed(installed, monkeypatch):
     assert registry.get("weightless") is not own
     with pytest.raises(InputError, match=r"'nothing' of an installed package cannot be used: .* is not an instance of "):
         registry.get("nothing")
-    assert [one.code for one in fresh().broken()] == ["broken-engine"]
+    assert [one.code for one in fresh().broken()] == ["broken-entry"]
     with pytest.raises(InputError, match=r"is called 'mising'.*Did you mean 'missing'\? Your own engines need --plugin"):
         registry.get("mising")
     with pytest.raises(InputError, match=r"Your own engines need --plugin FILE"):
@@ -206,3 +207,13 @@ def test_every_registry_with_an_entry_point_group_is_among_those_that_check_exam
         assert registry_of(group).entry_point_group == group
     ours = {one.entry_point_group for one in Registry.everyone if (one.entry_point_group or "").startswith("asrsim.")}
     assert ours == set(GROUPS)
+
+
+def test_the_page_states_the_kind_of_object_for_every_group():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    code = page.partition("### Entry points of a package")[2].partition("```toml\n")[2].partition("```")[0]
+    assert set(tomllib.loads(code)["project"]["entry-points"]) == set(GROUPS)
+    for line, group in zip(code.splitlines()[1::2], GROUPS, strict=True):
+        registry = registry_of(group)
+        assert (registry.base or registry.instance).__name__ in line
+        assert ("class derived from" in line and "instance" not in line) == (registry.base is not None)
