@@ -159,8 +159,8 @@ def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[flo
 
 
 def _beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
-    """Remark on link positions that exceed the joint's stops: without a stated unit, they may be in degrees. None if they do not
-    exceed the stops.
+    """Remark on link positions that exceed the joint's stops. Without a stated unit, they may be in degrees. None if they do
+    not exceed the stops.
     """
     known = column.values[np.isfinite(column.values)]
     if column.quantity != "link_position" or not len(known):
