@@ -122,7 +122,7 @@ class Points:
         """Largest deflection (n,) of the springs at each point, rad."""
         q = source.uniform(-2.0, 2.0, count)
         self.moving = 1 + actuator.positions() - actuator.adjuster
-        """Number of positions that move: those of the link and the motors, not that of an adjuster."""
+        """Number of positions that move: the positions of the link and of the motors, without the position of an adjuster."""
         offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
         # For motors on the housing, the deflection of a spring is a sum of several angles, so make the angles smaller.
         offsets /= 1.0 + actuator.housed

@@ -42,7 +42,7 @@ def design(
         int,
         option(
             "Number of further robots for which the motion is also designed; their free parameters are drawn within a "
-            "factor of 2 of those of the robot.",
+            "factor of 2 of the robot's parameters.",
             min=0,
         ),
     ] = 0,

@@ -65,7 +65,7 @@ class FileReport:
 def robot_report(
     path: Path, xacro_arguments: Mapping[str, str] | None = None, package_paths: Mapping[str, Path] | None = None
 ) -> FileReport:
-    """Findings in a URDF or xacro file, including those of preparing a run with constant references."""
+    """Findings in a URDF or xacro file, including the findings of preparing a run with constant references."""
     from asrsim.scenario import scenario_from_data
     from asrsim.simulation.examine import Examined, findings
 

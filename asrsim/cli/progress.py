@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from asrsim.sweeps.run import StudyProgress
 
 PATIENCE = 0.4
-"""Delay in s before a progress bar appears: short work needs no progress bar, and need not import rich."""
+"""Delay in s before a progress bar appears, since short work needs no progress bar, and need not import rich."""
 
 
 EVERY = 10.0
@@ -24,8 +24,8 @@ EVERY = 10.0
 
 
 class Bar:
-    """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr: stdout contains only
-    results. A pipe or a file gets a line every `EVERY` seconds instead.
+    """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr, since stdout contains
+    only results. A pipe or a file gets a line every `EVERY` seconds instead.
     """
 
     def __init__(self, title: str = "", *, show: bool) -> None:
@@ -86,7 +86,7 @@ class RunBar(Bar):
         super().__init__(title, show=show)
         self._duration = duration
         self._part, self._first = "", 0.0
-        """Current part of the work, and simulated time in s at the first report of this part."""
+        """_part: current part of the work; _first: simulated time in s at the first report of this part."""
 
     def start(self, _info: object = None) -> None:
         """Begin to measure the simulation speed; called when the simulation loop begins."""

@@ -15,8 +15,8 @@ from asrsim.tables import TableColumn
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
     """Print summary, claims, warnings and files of a run.
 
-    quiet: print only failed claims, a divergence and warnings. printed: warnings that earlier runs have already printed. This
-    run only counts them, and adds its own warnings to the set.
+    quiet: whether only failed claims, a divergence and warnings are printed. printed: warnings that earlier runs have already
+    printed. This run only counts them, and adds its own warnings to the set.
     """
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:

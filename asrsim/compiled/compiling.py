@@ -34,7 +34,7 @@ NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 substep, and without tests for divisions by 0, which give inf or NaN.
 """
 VECTORISED = 0
-"""Numba's setting for the vectorisation of loops: off. Our loops over joints and motors are short, and read numbers that have
+"""Numba's setting for the vectorisation of loops: off. The loops over joints and motors are short, and read numbers that have
 just been written one by one. To load such numbers as a vector, the processor would have to wait until all are written.
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
@@ -172,8 +172,8 @@ class Callback:
 
 @cache
 def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
-    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at + first` on,
-    `apart` columns from each other. row: a pointer.
+    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple. The first number is in
+    column `at + first`; the columns are `apart` from each other. row: pointer to the row.
     """
     from llvmlite import ir
     from numba import types
@@ -195,8 +195,8 @@ def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer. Its
-    indices must not be negative, and are not checked.
+    """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer.
+    Indices of this pointer must not be negative, and are not checked.
     """
     from numba import types
     from numba.extending import intrinsic
@@ -249,8 +249,8 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """Key that determines the Numba type of a value: for numbers and arrays their types, for a tuple the keys of its members,
-    and else the value itself."""
+    """Key that determines the Numba type of a value. It is the type of a number or an array, the keys of the members of a
+    tuple, or else the value itself."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     if isinstance(value, np.ndarray):

@@ -61,8 +61,8 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
-    """First two rows of charts, common to all sheets: each sheet gives its first and its last curve, but only the first for the
-    limits of the motors. All curves of an actuator have one colour.
+    """First two rows of charts, common to all sheets. Each sheet gives its first and its last curve; for the limits of the
+    motors, it gives only its first curve. All curves of an actuator have one colour.
     """
     rows, names = [], names_of(sheets)
     for r in range(2):

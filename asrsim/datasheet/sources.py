@@ -1,4 +1,5 @@
-"""What a data sheet can describe: an actuator by name, the actuators of a plugin file, or those on a robot's joints."""
+"""Actuators that a data sheet can describe: an actuator by name, the actuators of a plugin file, or the actuators on a robot's
+joints."""
 
 from __future__ import annotations
 
@@ -58,8 +59,8 @@ def sources_of(
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
     joints: joints of robots; empty: all joints with actuators. arguments, packages: arguments and package folders of xacro
-    files. plugins: plugin files that are loaded already. Raises InputError for an unknown name, joint or file, and if joints
-    are named but no robot or scenario.
+    files. plugins: plugin files that have already been loaded. Raises InputError for an unknown name, joint or file, and if
+    joints are named but no robot or scenario.
     """
     found: list[Source] = []
     for target in targets:

@@ -27,7 +27,7 @@ def declare(
     spread: bool = False,
     field_default: Any = None,
 ) -> Any:
-    """Dataclass field that is at the same time a key of a document.
+    """Dataclass field that is also a key of a document.
 
     Args:
         kind: Kind of the value.

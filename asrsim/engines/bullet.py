@@ -177,7 +177,7 @@ class BulletContacts(BulletEngine):
             p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
-        """Pose of the robot and of each object at the start, by Bullet's body number."""
+        """Initial pose of the robot and of each object, by Bullet's body number."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
         self._pushed: tuple[HeldWrench, ...] = ()

@@ -230,7 +230,7 @@ class BulletDynamics:
         return plain if self._same else [plain[j] for j in self._to_bullet]
 
     def _set_gravity(self, rotation: Array) -> None:
-        """Rotate gravity instead of the base. rotation: (3, 3) rotation of the base."""
+        """Rotate gravity instead of the base. rotation: rotation matrix (3, 3) of the base."""
         self._p.setGravity(*(self._gravity @ rotation).tolist())
 
     def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:
@@ -243,7 +243,8 @@ class BulletDynamics:
         return total
 
     def matrix(self, positions: Sequence[float], rotation: Array | None) -> Array:
-        """Mass matrix (v, v). positions: see `ordered`. rotation: (3, 3) rotation of a floating base, None for a fixed base."""
+        """Mass matrix (v, v). positions: see `ordered`. rotation: rotation matrix (3, 3) of a floating base, None for a fixed
+        base."""
         full = np.asarray(self._sum(self._p.calculateMassMatrix, positions)[self._block])
         if rotation is not None:
             full[:3] = rotation @ full[:3]

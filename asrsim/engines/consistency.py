@@ -36,7 +36,8 @@ SMALLEST = 1e-10
 
 
 def inconsistency(equations: Equations, joints: Sequence[str], lower: Array, upper: Array) -> Problem | None:
-    """The fault of the equations at random positions between `lower` and `upper` (n,), in rad or m; None if there is none."""
+    """The fault of the equations at random positions between `lower` and `upper` (n,), in rad or m; None if the equations are
+    correct."""
     random, count = np.random.default_rng(0), len(joints)
     for _ in range(TRIALS):
         q = lower + (upper - lower) * random.uniform(0.05, 0.95, count)

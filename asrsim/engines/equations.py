@@ -99,7 +99,7 @@ class EquationEngine(RigidEngine):
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
     def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
-        """Mass matrix, bias, and the fault that was found in one of them (None if both are valid)."""
+        """Mass matrix, bias, and the fault that was found in the mass matrix or in the bias (None if the two are valid)."""
         count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False

@@ -640,7 +640,7 @@ class RigidEngine(Engine):
     def __init__(
         self, room: Room, home: Array, calculation: Calculation | None = None, *, scenario: Scenario | None = None
     ) -> None:
-        """home: configuration (q,) at the start; its joint positions are not used. calculation: the part of a step that may be
+        """home: initial configuration (q,); its joint positions are not used. calculation: the part of a step that may be
         compiled; None: kick and drift. scenario: scenario whose wrenches act on the robot; None: the engine refuses scenarios
         with wrenches."""
         self.takes_wrenches = scenario is not None
@@ -735,7 +735,8 @@ class RigidEngine(Engine):
         return positions, velocities
 
     def _check_loops(self) -> None:
-        """Raise RobotError if a linkage is not closed at the start, or if its master stands at a dead centre there."""
+        """Raise RobotError if a linkage is not closed at the initial positions, or if its master stands at a dead centre
+        there."""
         room = self._room
         for linkage in self.robot.couplings.linkages if room.loops.chains else ():
             reason = linkage.fault(self._state[room.joint_q])

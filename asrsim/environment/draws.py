@@ -26,8 +26,8 @@ class Draws:
     """Laws of random values. For each episode, one value per key is drawn from them."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
-        """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
-        InputError.
+        """laws: list of values, range or distribution by key, as in sweeps; `key & key`: the two keys get the same value.
+        Raises InputError.
         """
         self._axes = [axis_of(present_name(name), value) for name, value in laws.items()]
         problems = [

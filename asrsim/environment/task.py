@@ -53,7 +53,7 @@ class State:
 
 @dataclass(frozen=True)
 class Episode:
-    """Random values that are drawn for an episode: parameters, goal values and start positions, each by name."""
+    """Random values that are drawn for an episode: parameters, goal values and initial positions, each by name."""
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     goal: Mapping[str, float] = field(default_factory=dict)

@@ -21,7 +21,7 @@ from asrsim.simulation.worlds import Worlds, check_number
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
 AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
-"""When an environment whose episode is over is reset, by name of the option `autoreset`."""
+"""Time at which an environment whose episode is over is reset, by value of the option `autoreset`."""
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
@@ -103,7 +103,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._delays = np.zeros(num_envs, dtype=int)
         self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
         self._seen = np.zeros((num_envs, task.history + 1, len(self._readings.bounds()[0])))
-        """Observed values (N, history + 1, n) of the latest control periods, the newest first."""
+        """Observed values (N, history + 1, n) of the latest control periods; the newest values are the first."""
         self._done = np.zeros((num_envs, task.history, actions))
         """Actions of earlier control periods, the newest first; 0 is the middle of a range."""
         self._shown: Single = np.zeros(self.observation_space.shape or (), np.float32)

@@ -70,15 +70,25 @@ def fine_noise(values: Array, quantum: float = 0.0, time: Array | None = None) -
     differences, most those of low order, so the smallest estimate is the best. time: times (n,) of the samples, s; None: the
     samples are evenly spaced. The result is at least the rounding error of `quantum`, and at least a millionth of the range.
     """
-    at = np.arange(len(values), dtype=np.float64) if time is None else time / max(float(np.median(np.diff(time, 1))), 1e-12)
+    at = None
+    if time is not None and len(time) > 1:
+        steps = np.diff(time)
+        usual = max(float(np.median(steps)), 1e-12)
+        # If steps differ by a millionth, the motion within a step is wrong by less than a millionth of its range.
+        at = time / usual if float(np.ptp(steps)) > 1e-6 * usual else None
     orders = range(ORDERS[0], max(ORDERS[0], min(ORDERS[1], len(values) // SAMPLES_EACH)) + 1)
     found = [_difference_noise(at, values, order) for order in orders if len(values) > order]
     least = max(quantum / 12.0**0.5, 1e-6 * float(np.ptp(values)) if len(values) else 0.0)
     return float(max(min(found, default=0.0), least))
 
 
-def _difference_noise(at: Array, values: Array, order: int) -> float:
-    """Standard deviation of white noise from the median of divided differences, which are 0 for a polynomial of lower order."""
+def _difference_noise(at: Array | None, values: Array, order: int) -> float:
+    """Standard deviation of white noise from the median of divided differences, which are 0 for a polynomial of lower order.
+    at: times (n,) of the samples; None: the samples are evenly spaced.
+    """
+    if at is None:
+        # The sum of the squares of the binomial coefficients is the central binomial coefficient.
+        return float(np.median(np.abs(np.diff(values, order))) / math.sqrt(math.comb(2 * order, order))) / 0.6745
     count, total, power = len(values) - order, 0.0, 0.0
     times = [at[i : i + count] for i in range(order + 1)]
     for i, own in enumerate(times):

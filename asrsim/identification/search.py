@@ -281,8 +281,10 @@ def settle(best: Best) -> None:
     significant.
     """
     _resolve(best)
+    smooth = best.problem.playing
     _hold(best)
-    _resolve(best)
+    if best.problem.playing != smooth:
+        _resolve(best)
     # Try these effects unless the residuals are negligible. If the recording has many samples, jumps and pre-sliding friction
     # may be significant although the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)

@@ -50,9 +50,9 @@ def plan(
     path, by joint and name of the reference.
 
     drives: drives of the actuated joints. A joint that the task does not move stays at its initial position; with gravity
-    compensation, the references of this joint account for the weight. initial: link positions at the start by joint, 0 by
-    default. duration: length of the run, s. presets: second references by joint; default: the preset of the task, or the
-    typical preset of the actuator if the task has none.
+    compensation, the references of this joint account for the weight. initial: initial link positions by joint, 0 by default.
+    duration: length of the run, s. presets: second references by joint; default: the preset of the task, or the typical preset
+    of the actuator if the task has none.
     Raises ScenarioError for paths that the robot cannot follow (the error names the time), and for loads
     that a spring or motor cannot hold.
     """

@@ -51,7 +51,8 @@ class FrameMessages:
         return list(zip(samples.time[due].tolist(), messages, strict=True))
 
     def _poses(self, positions: Array) -> Array:
-        """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: (n, frames), rad or m."""
+        """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: positions of the joints (n,
+        frames), rad or m."""
         half = np.where(self._slides, 0.0, 0.5 * positions)[..., None]
         slides = np.where(self._slides, positions, 0.0)[..., None]
         rotation = np.cos(half) * self._start + np.sin(half) * self._half_turn

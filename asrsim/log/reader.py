@@ -85,7 +85,7 @@ class LogReader:
         return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
 
     def read(self, **selection: Unpack[Selection]) -> Log:
-        """Log with all samples or a selection. The arguments are those of `iter_samples`."""
+        """Log with all samples or a selection. Arguments as in `iter_samples`."""
         parts = list(self.iter_samples(**selection))
         names, members = self._selection(selection.get("quantities"), selection.get("joints"))
         return Log(
@@ -212,7 +212,7 @@ def read_origin(path: Path) -> tuple[str, str]:
 
 
 def read_log(path: str | os.PathLike[str], **selection: Unpack[Selection]) -> Log:
-    """Log read into arrays. The arguments are those of `LogReader.iter_samples`. Raises LogError."""
+    """Log read into arrays. Arguments as in `LogReader.iter_samples`. Raises LogError."""
     return LogReader(path).read(**selection)
 
 

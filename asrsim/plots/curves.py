@@ -208,7 +208,7 @@ def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def drawable_quantities(reader: LogReader) -> tuple[str, ...]:
-    """All quantities that can be drawn from a log: first the stored ones, then the derived ones."""
+    """All quantities that can be drawn from a log: first the stored quantities, then the derived quantities."""
     stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
     derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
     return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)

@@ -167,7 +167,8 @@ def recorded_responses(
     given: str | None,
     output: str | None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of a recording without a run, for every joint that has both columns, and problems of the other joints.
+    """Responses of a recording without a run, for every joint with a column of the reference and a column of the output, and
+    problems of the other joints.
 
     given, output: as in `responses`; None: the recorded reference and the link position.
     """

@@ -27,8 +27,8 @@ class Stepping:
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
     velocities are converted to whole steps."""
     released: bool = False
-    """Whether joints behave as in the released toolbox: its own order of a step (`asrsim.simulation.released`), no substeps,
-    motors that start at 0, not passive."""
+    """Whether joints behave as in the released toolbox. The toolbox has its own order of a step (`asrsim.simulation.released`)
+    and no substeps, its motors start at 0, and its step is not passive."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a fraction outside 0 to 1, with which a step would gain energy or look into the future."""
@@ -57,7 +57,7 @@ class _Steppings(Mapping[str, Stepping]):
         return len(self._table)
 
     def add(self, name: str, stepping: Stepping) -> NoReturn:
-        """Raises InputError: plugins cannot add a stepping."""
+        """Raises InputError, since plugins cannot add a stepping."""
         raise InputError("plugins cannot add a stepping", key="stepping", value=name, hint=OWN_STEPPINGS, code="stepping")
 
     __setitem__ = add

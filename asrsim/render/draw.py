@@ -17,7 +17,8 @@ Image = NDArray[np.uint8]
 """Picture as an array (height, width, 3) of red, green and blue, with 8 bits each."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
-"""Brightness of the ambient light, of the main lamp, and of the lamp on the opposite side; 1 is full brightness."""
+"""Brightness of the ambient light (AMBIENT), of the main lamp (SUN), and of the lamp on the opposite side (FILL); 1 is full
+brightness."""
 NEARER = 1.002
 """Ratio of the inverse distances of a body and a point from the camera above which the body hides the point, and does not
 merely touch it.
@@ -88,8 +89,8 @@ class SceneDrawer:
         return _averaged(picture, width, height, sharpness)
 
     def hidden(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int) -> dict[str, float]:
-        """Fraction of each body's points that other bodies hide from the camera. width, height: of a picture for this test,
-        which may be small.
+        """Fraction of each body's points that other bodies hide from the camera. width, height: width and height in pixels of
+        the picture for this test, which may be small.
         """
         seen = _projected(self.points(frames), camera, width, height)
         raster = rasterise(seen[self._triangles], width, height)
@@ -154,7 +155,7 @@ def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
     """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view, which is not positive for points behind
-    the camera. points: (k, 3) in the world, m.
+    the camera. points: points (k, 3) in the world, m.
     """
     right, up, forward = camera.axes
     away = points - camera.eye
@@ -201,7 +202,7 @@ def _outline(picture: Array, owner: NDArray[np.intp], depth: Array) -> None:
 
 
 def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
-    """Picture reduced by `factor`: each of its pixels is the average of factor x factor pixels."""
+    """Picture reduced by `factor`. Each of its pixels is the average of factor x factor pixels."""
     blocks = picture.reshape(height, factor, width, factor, 3)
     total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
     return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

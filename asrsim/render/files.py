@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 GIF_FPS, GIF_FRAMES = 15.0, 240
-"""Frames per second of a GIF, and largest number of its frames. A longer run gets fewer frames per second."""
+"""GIF_FPS: frames per second of a GIF; GIF_FRAMES: largest number of frames of a GIF. A longer run gets fewer frames per
+second."""
 MP4_FPS = 30.0
 """Frames per second of an MP4."""
 ROW = 6

@@ -14,7 +14,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
-    """Pixels that triangles cover, with the triangle in front and the depth at each."""
+    """Pixels that triangles cover, with the front triangle and the depth at each pixel."""
 
     pixels: Indices
     """Indices (p,) of the covered pixels, row by row from the top left."""
@@ -30,7 +30,7 @@ def rasterise(corners: Array, width: int, height: int) -> Raster:
     corners: corners of m triangles (m, 3, 3), each with x and y in pixels from the top left, and 1 / distance, which is linear
     in the picture. Triangles with a corner behind the camera (1 / distance not positive) are omitted.
 
-    A triangle is split into rows, and a row into the pixels whose centres it covers: only covered pixels are computed.
+    A triangle is split into rows, and a row into the pixels whose centres it covers, so that only covered pixels are computed.
     """
     ahead = np.flatnonzero((corners[:, :, 2] > 0.0).all(axis=1))
     order = np.argsort(corners[ahead][:, :, 1], axis=1)

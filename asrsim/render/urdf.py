@@ -1,7 +1,7 @@
 """Makes one trimesh scene of a robot and its world, by yourdfpy.
 
 yourdfpy gets the robot as asrsim has read it: expanded, checked, and with the mesh files that asrsim allows. As in ROS, a
-COLLADA file's `<up_axis>` is ignored: the z axis of the file is the z axis of the link.
+COLLADA file's `<up_axis>` is ignored, so that the z axis of the file is the z axis of the link.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> yourdfpy.URDF:
     """Robot as an object of yourdfpy, whose `scene` contains all shapes of robot and objects.
 
-    robot: from `asrsim.render.shapes.drawable`. objects: name, pose (4, 4) in the frame of the root link, and shape of each
-    object of the world; objects are links with a floating joint.
+    robot: robot from `asrsim.render.shapes.drawable`. objects: name, pose (4, 4) in the frame of the root link, and shape of
+    each object of the world; objects are links with a floating joint.
     """
     import yourdfpy
     from yourdfpy import urdf

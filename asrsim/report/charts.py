@@ -43,8 +43,8 @@ def plot_data(chart: Chart) -> dict[str, Any]:
 
 
 def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
-    """Points (n,) on the horizontal axis at which any curve or band has a value, ascending. scattered: keep every point of
-    every curve, also several equal ones; otherwise each point occurs once.
+    """Points (n,) on the horizontal axis at which any curve or shaded area has a value, ascending. scattered: whether every
+    point of every curve is kept, including equal points; if not, each point occurs once.
     """
     known = [part.x for part in parts if len(part.x)]
     distinct = known if scattered else {id(part): part for part in known}.values()

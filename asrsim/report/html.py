@@ -59,7 +59,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int
     """HTML table, in which empty columns are left out. raw: indices of columns whose cells are already HTML; long: indices of
     columns whose cells are sentences.
 
-    Each cell carries the head of its column, because in a narrow window CSS shows each row as a list of heads and values.
+    Each cell contains the heading of its column, since in a narrow window CSS shows each row as a list of headings and values.
     """
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)

@@ -90,7 +90,7 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
 
 
 def _named(root: Any, tag: str, name: str) -> Any:
-    """Joint or link with this name; None if there is none."""
+    """Joint or link with this name; None if the robot has no such joint or link."""
     return next((element for element in elements(root, tag) if name_of(element) == name), None)
 
 

@@ -55,7 +55,7 @@ def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
 
 
 def value_of(element: Any, name: str) -> str:
-    """Value of a word as text: of an attribute (`@name`), or the `value` or text of an element."""
+    """Value of a word as text: the value of an attribute (`@name`), or the `value` or text of an element."""
     text: str = element.get(name[1:], "") if name.startswith("@") else element.get("value") or text_of(element)
     return text.strip()
 

@@ -94,7 +94,8 @@ def _unknown_parameter(place: str, key: str, known: Collection[str]) -> Problem:
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:
-    """Reason why a parameter cannot have the value; None if it can. Values that are too large or too small would overflow."""
+    """Reason why a parameter cannot have the value; None if the value is valid. Values that are too large or too small would
+    overflow."""
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST_NUMBER:

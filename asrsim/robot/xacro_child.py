@@ -180,7 +180,7 @@ class _Guards:
 
 
 def _restrict(request: dict[str, Any]) -> None:
-    """Replace xacro's functions by the guarded ones."""
+    """Replace xacro's functions by the guarded functions."""
     import xacro
     import xacro.substitution_args as substitution
 

@@ -53,7 +53,7 @@ def rounded(times: Array) -> Array:
 
 
 def between(times: Array, start: float, end: float) -> Array:
-    """Those of the ascending `times` that lie from `start` to `end`, both included, s."""
+    """The times among the ascending `times` that lie from `start` to `end`, both included, s."""
     return times[(times >= start) & (times <= end)]
 
 

@@ -1,4 +1,5 @@
-"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
+"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors in a
+playback."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
     """Strictly increasing times in s and values of a column, in SI units where the header or a document states the unit.
 
     Args:
-        path: The recording.
+        path: Path of the recording.
         column: Header of the column with or without unit, or its number from 1; for messages `/topic/field`.
 
     Raises:

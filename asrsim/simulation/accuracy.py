@@ -182,9 +182,9 @@ def cross_check(
     """Repeat a run in the engine `other` and compare the motions.
 
     plan: the examined scenario of the run. progress: as in `simulate`.
-    Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
-    of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
-    empty if the engines agree or are allowed to differ; `note`: explanation of the differences.
+    Returns plain values for JSON: the two engines and the versions of their libraries; whether bodies may touch; the
+    differences of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description
+    of a fault, empty if the engines agree or are allowed to differ; `note`: explanation of the differences.
     """
     scenario, version = plan.scenario, other
     names = [joint.name for joint in run.robot.moving_joints]

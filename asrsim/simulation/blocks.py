@@ -40,8 +40,8 @@ class InputBlock:
 
 
 class Blocks:
-    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if both have equal length, and
-    their inputs differ only in the values that callers set.
+    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if the two blocks have equal
+    length, and if their inputs differ only in the values that callers set.
     """
 
     def __init__(self, core: Core, inputs: Sequence[Inputs], *, chunk: int, threads: int) -> None:

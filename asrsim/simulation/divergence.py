@@ -48,8 +48,8 @@ class EnergyGuard:
     """Checks the energy balances of the links and of each actuator.
 
     If the step does not resolve a spring, the energy balance of the links still closes, but the energy balance of the actuator
-    does not. In stable runs, even coarse ones, the residual stays far below `SHARE` times the turnover (the sum of the
-    magnitudes of all work). In unstable runs the residual exceeds this bound.
+    does not. In stable runs, even in runs with a coarse step, the residual stays far below `SHARE` times the turnover (the sum
+    of the magnitudes of all work). In unstable runs the residual exceeds this bound.
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -67,7 +67,7 @@ class EnergyGuard:
             self._start = float(self._model.energy(prepared.initial_positions, prepared.initial_velocities))
 
     def forget_links(self) -> None:
-        """From now on, check the energy balance of the actuators only."""
+        """Check only the energy balance of the actuators after this call."""
         self._model = None
 
     def look(self, state: Array) -> tuple[str, str] | None:

@@ -67,8 +67,8 @@ def read_sensors(
 
 
 def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float) -> float:
-    """Position in rad at a time, interpolated linearly between the stored positions. time: in substeps after the present
-    substep."""
+    """Position in rad at a time, interpolated linearly between the stored positions. time: time of the position, in substeps
+    after the present substep."""
     newest = int(memory[ring + 2 * size])
     if time >= 0.0:
         return float(memory[ring + 2 * newest] + time * scheme.step * memory[ring + 2 * newest + 1])
@@ -78,8 +78,8 @@ def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float)
 
 
 def _velocity_at(memory: Any, ring: int, size: int, lag: float, time: float) -> float:
-    """Velocity in rad/s at a time, interpolated linearly. time: in substeps after the present substep. A velocity is valid
-    `lag` substeps before the position that is stored with it.
+    """Velocity in rad/s at a time, interpolated linearly. time: time of the velocity, in substeps after the present substep. A
+    velocity is valid `lag` substeps before the position that is stored with it.
     """
     newest = int(memory[ring + 2 * size])
     back = int(max(-time - lag, 0.0))

@@ -238,8 +238,8 @@ class Simulation:
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities at the last completed step by name; arrays (n,) in the order of the joints.
 
-        At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
-        InputError for a name that no joint records.
+        Before the first step, the method returns the quantities of the first step. NaN where a joint does not record a
+        quantity. Raises InputError for a name that no joint records.
         """
         return {name: found[0] for name, found in self._world.read(names).items()}
 

@@ -71,7 +71,8 @@ def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[Step
 
 
 def _start_fault(drive: SteppedJoint | None, what: str, value: Any) -> str:
-    """Reason why a value cannot be an initial value of a joint; empty if it can. what: name of the value in messages."""
+    """Reason why a value cannot be an initial value of a joint; empty if the value is valid. what: name of the value in
+    messages."""
     if drive is None:
         return "the robot has no moving joint of this name"
     if what.startswith("motor"):

@@ -166,7 +166,7 @@ class WarpCore(Core):
         self._changed = True
 
     def start(self, world: int, prepared: Prepared) -> None:
-        """Put a world at the start of a run."""
+        """Set a world to the initial state of a run."""
         placed = self._start_engine(self._engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
         self.joint_states[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]

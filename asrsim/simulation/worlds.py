@@ -284,8 +284,8 @@ class Worlds:
         return self.prepared.model
 
     def counts(self, world: int) -> Counts:
-        """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if the worlds are not
-        watched."""
+        """Number of substeps in which each limit of a world acted since the last reset. Raises SimulationError if the worlds
+        are not watched."""
         self._check_watched()
         self._numbers(world)
         return counts_of(self.core.joint_states[world], int(self.core.done[world]))
@@ -457,8 +457,8 @@ class Worlds:
         return found
 
     def sane(self, world: int) -> bool:
-        """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
-        if the worlds are not watched.
+        """Whether the world's motion is finite and its energy balance has been correct since the last reset. Raises
+        SimulationError if the worlds are not watched.
         """
         self._check_watched()
         self._numbers(world)

@@ -36,7 +36,7 @@ PRISMATIC_STEP = 0.05
 TORQUE = 0.1
 """Step of torque references, N m, and of voltages and currents, V and A."""
 SOFT = 1.5
-"""Preset of the soft variant, as a multiple of the typical preset: softer springs let most arms sag."""
+"""Preset of the soft variant, as a multiple of the typical preset. Softer springs would let most arms sag."""
 STEP_TIME = 0.1
 """Time of the step, s."""
 LARGEST_SHARE = 0.4
@@ -287,12 +287,12 @@ def write_starter(
 ) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:
     """Write a starter scenario for the robot to `out`, and the JSON Schema beside it.
 
-    mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with
-    parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
+    mode: mode that replaces the modes in the robot file. actuators: joint or `"*"` -> actuator that the scenario puts there,
+    with parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
 
-    Returns the files written, and warnings about joints that sag, fall, oscillate or have no actuator.
-    Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
-    file exists or cannot be written.
+    Returns the written files, and warnings about joints that sag, fall, oscillate or have no actuator.
+    Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError if a file
+    exists or cannot be written.
     """
     loaded = moving_robot(robot, arguments, packages)
     chosen = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
@@ -332,7 +332,7 @@ def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
 
 
 def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> tuple[Starter, list[Problem]]:
-    """Starter with parameters, damping and start, and its warnings. Raises the errors of a run.
+    """Starter with parameters, damping and initial state, and its warnings. Raises the errors of a run.
 
     loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
     """
@@ -401,7 +401,7 @@ def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path, files: Mapp
 
 
 def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: bool) -> None:
-    """Write all text files, and the JSON Schema of scenarios, or none of them; creates their folders.
+    """Write all text files, and the JSON Schema of scenarios, or none of them. Missing folders are created.
 
     Raises OutputError if a file exists (unless `force`) or cannot be written.
     """

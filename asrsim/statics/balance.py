@@ -25,7 +25,7 @@ Loads = Callable[[Array], tuple[Array, Array]]
 
 def by_differences(loads: Callable[[Array], Array], movable: NDArray[np.bool_]) -> Loads:
     """Loads whose slopes are finite differences. loads: function from positions (m, k, n) to torques (m, k, n); movable: mask
-    (n,) of the joints whose displacements matter."""
+    (n,) of the joints for which slopes are computed."""
     # The first row contains the positions. In each further row, one of the movable joints is displaced.
     nudges = NUDGE * np.vstack([np.zeros(len(movable)), np.eye(len(movable))[movable]])
 
@@ -69,8 +69,8 @@ def balanced(
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
     there. low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at
-    which the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search leaves an
-    unstable equilibrium, rad (m).
+    which the search ends, rad (m); 0: the search ends when the torques balance. shove: displacement by which the search leaves
+    an unstable equilibrium, rad (m).
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))

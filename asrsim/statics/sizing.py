@@ -39,8 +39,8 @@ SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
 CARRYING = 3.0
-"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry
-none.
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry no
+weight.
 """
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
@@ -66,14 +66,15 @@ class Sizing:
 
 
 def sizing(scenario: Scenario, robot: Robot) -> Sizing:
-    """Sag of the joints at the references of a scenario, and parameters that would hold them; arguments as for `holdings`."""
+    """Sag of the joints at the references of a scenario, and parameters that would hold the joints; arguments as for
+    `holdings`."""
     return _sized(scenario, robot, robot_model(scenario, robot), propose=True)
 
 
 def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False) -> tuple[Problem, ...]:
     """Warnings about joints that sag or fall in a valid scenario; see `holdings`. A robot with closed chains is not checked.
 
-    propose: propose parameters for the weak joints, which takes some time.
+    propose: whether parameters are proposed for the weak joints, which takes some time.
     """
     if robot.loops:
         return ()
@@ -81,13 +82,13 @@ def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, prop
 
 
 def _sized(scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool) -> Sizing:
-    """Sag of the joints; with a proposal for the weak joints, if it is asked for."""
+    """Sag of the joints, with a proposal for the weak joints if `propose` is set."""
     found = Sizing(joints=holdings(scenario, robot, model))
     return replace(found, proposal=_proposal(scenario, robot, model)) if propose and found.weak else found
 
 
 def _proposal(scenario: Scenario, robot: Robot, model: RobotModel) -> dict[str, dict[str, float]]:
-    """Values of parameters, by joint and parameter, with which no joint sags too much; empty if there are none."""
+    """Values of parameters, by joint and parameter, with which no joint sags too much; empty if no such values were found."""
 
     def weak(robot: Robot) -> list[str]:
         return [one.joint for one in holdings(scenario, robot, model) if one.weak]

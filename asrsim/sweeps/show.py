@@ -52,7 +52,8 @@ def result_rows(table: Table, results: Sequence[str] = ()) -> list[tuple[str, ..
 
 def varying(table: Table) -> list[str]:
     """Results that differ between runs by more than rounding errors. Results of joints with a varied key come before other
-    results, and larger relative differences before smaller ones. Results that few runs have come last.
+    results. Results with larger relative differences come before results with smaller relative differences. Results that few
+    runs have come last.
     """
     varied = {part for key in table.keys for part in key.split(".")}
     found = []

@@ -30,7 +30,7 @@ class History:
         self._latest: Samples | None = None if samples is None else _rows(samples, slice(-1, None))
 
     def write(self, samples: Samples) -> None:
-        """Add samples, whose times follow those of all samples that were added before."""
+        """Add samples. Their times follow the times of all samples that were added before."""
         if not len(samples.time):
             return
         step = float(np.diff(samples.time[-2:])[0]) if len(samples.time) > 1 else np.inf

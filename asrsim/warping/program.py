@@ -22,7 +22,7 @@ def warp_available() -> bool:
 
 
 def loaded_warp() -> Any:
-    """The module `warp`, set up so that it prints no messages of its own. Raises InputError where Warp is not installed."""
+    """The module `warp`, set up so that it prints no messages of its own. Raises InputError if Warp is not installed."""
     wp: Any = library("warp", "warp")
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
@@ -35,7 +35,7 @@ class WarpProgram:
     """
 
     def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
-        """calls: by function, how its calls are translated; the source of these functions is not translated."""
+        """calls: translation of the calls of some functions, by function; the source of these functions is not translated."""
         self._calls = dict(calls or {})
         self._done: dict[Any, tuple[str, Any]] = {}
         """Name in Warp and type of the result of each translated function, by Python function and types of its arguments."""
@@ -94,13 +94,13 @@ class WarpProgram:
         return "\n\n".join(["import warp as wp", *self._texts]) + "\n"
 
     def load(self) -> types.ModuleType:
-        """The loaded Warp module, with its functions and kernels. Raises InputError where Warp is not installed."""
+        """The loaded Warp module, with its functions and kernels. Raises InputError if Warp is not installed."""
         return module_of(self.text)
 
 
 @cache
 def module_of(text: str) -> types.ModuleType:
-    """Loaded Warp module with this source. Raises InputError where Warp is not installed."""
+    """Loaded Warp module with this source. Raises InputError if Warp is not installed."""
     wp = loaded_warp()
     name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     module, file = types.ModuleType(name), f"<{name}>"

@@ -60,7 +60,8 @@ class Translation:
     def __init__(
         self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]
     ) -> None:
-        """name: name of the function in Warp; kinds: types of its arguments; call: translates its calls of other functions."""
+        """name: name of the function in Warp; kinds: types of its arguments; call: function that translates the calls of other
+        functions."""
         self._function, self._call = function, call
         self._tree = source_of(function)
         self._names: dict[str, Any] = {}

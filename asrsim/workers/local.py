@@ -35,11 +35,11 @@ class Processes(Pool):
             self._pool = None
 
     def slots(self, sent: bytes) -> int:
-        """Implements `Pool.slots`."""
+        """Number of pieces that may be in progress; see `Pool.slots`."""
         return 2 * self._count
 
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """Implements `Pool.submit`."""
+        """Submit a piece of work; see `Pool.submit`."""
         if self._pool is not None:
             with suppress(BrokenProcessPool):
                 return self._pool.submit(do_items, sent, items)
@@ -55,7 +55,7 @@ class Processes(Pool):
             return self._pool.submit(do_items, sent, items)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Implements `Pool.abandon`."""
+        """Cancel pieces of work; see `Pool.abandon`."""
         if futures:
             self.__exit__()
 

@@ -31,7 +31,7 @@ class Program:
     """Largest number of time steps of a replay, since programs for thousands of robots are slow with one robot."""
 
     def missing(self) -> str:
-        """Reason why the program cannot replay a motion on this computer; empty if it can."""
+        """Reason why the program cannot replay a motion on this computer; empty if a replay is possible."""
         if type(self).positions is Program.positions:
             return f"asrsim has no replay in {self.title}"
         for module in self.modules:
