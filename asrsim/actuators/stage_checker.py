@@ -120,14 +120,20 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
             return
     for own in vars(stage):
-        if isinstance(inspect.getattr_static(stage, own), staticmethod) and own not in LAWS and not own.startswith("_"):
+        if own in LAWS or own == "constants" or own.startswith("_"):
+            continue
+        if isinstance(inspect.getattr_static(stage, own), staticmethod):
             yield own, f"is not a law; laws are {', '.join(LAWS)}; begin the names of your functions with _", "bad-law"
     yield from _law_faults(stage)
 
 
 def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
     """Faults of the stage's constants, and of the results of its laws for a few arguments."""
-    if stage.constants.__func__ is Stage.constants.__func__:  # type: ignore[attr-defined]
+    stated = inspect.getattr_static(stage, "constants")
+    if not isinstance(stated, classmethod):
+        yield "constants", "must be a @classmethod", "bad-law"
+        return
+    if stated is inspect.getattr_static(Stage, "constants"):
         yield "constants", "is missing: it gives the constants at a motor, or None where the stage does not act", "bad-law"
         return
     source = np.random.default_rng(48)

@@ -109,6 +109,24 @@ def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Steep", Damper, place=lambda memory, own, deflection: 2.0 * deflection) == {"energy", "series"}
 
 
+def test_a_stage_that_always_acts_or_never_acts_is_found():
+    for own in (Damper.Constants(damping=0.1), None):
+        made = type("Constant", (Damper,), {"constants": classmethod(lambda cls, values, motor, mode, own=own: own)})
+        assert "off by default" in {check.name for check in check_stage(made).checks if not check.passed}, own
+
+
+def test_constants_that_are_no_class_method_are_found():
+    made = type("Static", (Damper,), {"constants": staticmethod(lambda values, motor, mode: None)})
+    assert [(problem.key, problem.message) for problem in stage_problems(made)] == [
+        ("Static.constants", "must be a @classmethod")
+    ]
+
+
+def test_torques_that_overflow_are_found():
+    endless = {"ground": lambda memory, own, position, velocity, torque: float("inf")}
+    assert "finite" in failed("Endless", Damper, **endless)
+
+
 class Slip(Stage):
     """A clutch in series with the spring, which slips in proportion to the torque of the spring."""
 

@@ -163,3 +163,11 @@ def test_the_library_loads_the_plugin_of_a_program_which_a_refusal_names(tiny):
             tiny.scenario, tiny.folder / "a.xml", overrides=delayed, program="breeze", plugins=[tiny.folder / "my_program.py"]
         )
     assert not (tiny.folder / "a.xml").exists()
+
+
+def test_the_package_of_a_model_whose_name_begins_with_a_digit_can_be_imported(tmp_path):
+    found = export(scenario("sea", duration=0.05), tmp_path / "2-arms.xml", program="mjlab", plot=False)
+    folders = {path.parent.name for path in found.files if path.suffix == ".py"}
+    assert folders == {"_2_arms_mjlab"}
+    for file in (tmp_path / "_2_arms_mjlab").glob("*.py"):
+        ast.parse(file.read_text())
