@@ -228,7 +228,7 @@ def positive(key, start, unit=""):
 
 
 @pytest.mark.parametrize("values", [(0.02, 0.5, 0.3), (2.0, 30.0, 5.0)])
-@pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0)])
+@pytest.mark.parametrize("powers", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (2.0, 1.0, 1.0), (-1.0, 2.0, 1.0), (4.0, 1.0, 1.0)])
 def test_an_identifiable_product_of_three_parameters_is_found(values, powers):
     (one,) = known([positive(key, value) for key, value in zip("abc", values, strict=True)], powers)
     assert sorted(one.keys) == [0, 1, 2]
