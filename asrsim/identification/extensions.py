@@ -224,12 +224,15 @@ def extended(
     most: int = ADOPTED,
     rounds: int = 60,
     least: float = inf,
+    chosen: tuple[Extension, ...] = (),
 ) -> Extended:
     """Problem with added extensions: in each round, the extension that is best by Schwarz's criterion is added, until `enough`
-    is true or no further extension is significant. kinds: functions that propose extensions of a problem; least: smallest
-    known mean Huber loss of the problem without extensions, which they must reduce.
+    is true or no further extension is significant. kinds: functions that propose extensions of a problem; most: largest number
+    of added extensions; least: smallest known mean Huber loss of the problem without extensions, which they must reduce;
+    chosen: extensions that the problem already has.
     """
-    found, better = Extended((), problem, x, huber(residuals(problem, x))), list[Extended]()
+    most += len(chosen)
+    found, better = Extended(chosen, problem, x, huber(residuals(problem, x))), list[Extended]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
         optimum = Optimum(found.problem, found.x)
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
@@ -244,7 +247,7 @@ def extended(
         if len(best) > 1:
             # Which of them is best is not yet known: their searches may not have ended.
             best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
-            best = _best_predictions(_simplest(best))
+            best = best_predictions(_simplest(best))
         found = replace(best[0], rivals=(*found.rivals, *best[1:]))
     return replace(found, trials=tuple(better))
 
@@ -262,7 +265,7 @@ def _simplest(trials: Sequence[Extended]) -> list[Extended]:
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
-def _best_predictions(trials: list[Extended]) -> list[Extended]:
+def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
     """Trials that are equally likely; the first one is clearly better in the held-out parts than the most likely one."""
     errors = [_held_out(one) for one in trials]
     best = int(np.argmin(errors))
@@ -290,16 +293,16 @@ def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
     return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]
 
 
-def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -> Extended:
-    """Problem without the extensions that later extensions make unnecessary. problem: problem without extensions; least:
-    smallest increase of the mean square error without a necessary extension.
+def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
+    """Problem without the extensions that later extensions make unnecessary, since they hardly reduce the error any further.
+    problem: problem without extensions.
     """
     for extension in found.chosen if len(found.chosen) > 1 else ():
         chosen = tuple(one for one in found.chosen if one is not extension)
         fewer = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
-        if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
+        if mean_square(found.problem, found.x) > FURTHER * mean_square(fewer, x):
             found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
 

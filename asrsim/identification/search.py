@@ -5,11 +5,12 @@ With a fast observer the residuals are errors of short predictions, which have h
 at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
 simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
 fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. A level then counts only if a
-free simulation with that level's estimates explains as many channels as the fitted free simulation does, at each of three
-limits: 50, 90 and 95 % of a channel's variance. Of these levels, the level is kept whose estimates differ least between tenths
-of the recordings. If several levels differ equally, within chance, the level with the best predictions is kept. If this is the
-first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors of the model accumulate; at a higher
-one, predictions are so short that they show mostly noise. If no level is kept by these rules, the free simulation is kept.
+free simulation of the whole recordings with that level's estimates explains as many channels as the fitted free simulation
+does, at each of three limits: 50, 90 and 95 % of a channel's variance. Of these levels, the level is kept whose estimates
+differ least between tenths of the recordings. If several levels differ equally, within chance, the level with the best
+predictions is kept. If this is the first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors
+of the model accumulate; at a higher one, predictions are so short that they show mostly noise. If no level is kept by these
+rules, the free simulation is kept.
 """
 
 from __future__ import annotations
@@ -118,13 +119,13 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         best.take(problem, x)
     free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
-    most, followed = _followed(free.problem, free.x), follows(free.problem, free.x)
+    most, followed = followed_by(free.problem, free.x), follows(free.problem, free.x)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
     # Short predictions may contain too little information, so that the search finds parameters with which a free simulation
     # moves differently.
-    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _reaches(fit, most)]
+    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if reaches(fit, most)]
     if not levels:
         return
     kept, level = _best(levels), LEVELS[0]
@@ -132,7 +133,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     while kept is fastest and problem.can_rise(level := level * RISE):
         begin(_name(level))
         risen = _solved(kept.problem.observed(level), kept.x)
-        if not _reaches(risen, most):
+        if not reaches(risen, most):
             break
         levels.append(fastest := _judged(*risen))
         kept = _best(levels)
@@ -194,22 +195,34 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
     return problem, x
 
 
+def level_by_level(problem: FitProblem, starts: Sequence[Array]) -> Array:
+    """Estimate of a search level by level, down to the problem's own bandwidth and weights, from the start whose predictions
+    are best at the first level.
+    """
+    for level in problem.distinct(LEVELS) if problem.observes else ():
+        if (faster := problem.observed(level)).playing.bandwidth > problem.playing.bandwidth:
+            starts = [min((_solved(faster, one, times=1) for one in starts), key=_likelihood)[1]]
+    return min((solve(problem, one, rounds=EVALUATIONS) for one in starts), key=lambda x: huber(residuals(problem, x)))
+
+
 def follows(problem: FitProblem, x: Array) -> bool:
     """Whether the predictions explain more than half of the variance of each channel."""
     return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 
-def _followed(problem: FitProblem, x: Array) -> list[int]:
-    """Numbers of channels of whose variance a free simulation with these estimates explains at least 50, 90 and 95 %."""
-    found = differences(problem.observed(0.0), x)
+def followed_by(problem: FitProblem, x: Array) -> list[int]:
+    """Numbers of channels of whose variance a free simulation of the whole recordings with these estimates explains at least
+    50, 90 and 95 %.
+    """
+    found = differences(problem.observed(0.0).everything, x)
     return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
 
 
-def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
+def reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
     """Whether a free simulation with these estimates explains as many channels as another simulation; most: result of
-    `_followed` for that simulation.
+    `followed_by` for that simulation.
     """
-    return all(own >= least for own, least in zip(_followed(*fit), most, strict=True))
+    return all(own >= least for own, least in zip(followed_by(*fit), most, strict=True))
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:
@@ -255,7 +268,7 @@ def settle(best: Best) -> None:
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     # Reject effects with which a free simulation no longer follows the recording: short predictions may gain by them
     # nevertheless.
-    if found.chosen and _reaches((found.problem, found.x), _followed(best.problem, best.x)):
+    if found.chosen and reaches((found.problem, found.x), followed_by(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
     best.x = _timed(best.problem, best.x)
