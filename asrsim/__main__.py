@@ -16,7 +16,7 @@ def main() -> None:
         sys.stderr.write("asrsim: aborted\n")
         sys.exit(130)
     finally:
-        # All files are written: from here on, a signal would only end Python without a message and with another exit code.
+        # All files are written. After this line, a signal would only end Python without a message and with another exit code.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         # Clear the flag of an interrupted `exec` (dataclasses use it): with this flag, Python would end by SIGINT.
         exec("pass")

@@ -1,4 +1,4 @@
-"""asrsim as a library: runs a scenario and returns arrays, by joint and quantity. Prints nothing."""
+"""asrsim as a library: runs a scenario and returns arrays, by joint and quantity. The library prints nothing."""
 
 from __future__ import annotations
 
@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 class JointSeries(Mapping[str, Array]):
     """Quantities of one joint by name, each an array (n,) in SI units: `series["link_position"]` or `series.link_position`.
 
-    Contains the recorded quantities and the quantities derived from them: `deflection`, `equilibrium_position`,
-    `position_error`. Names and units are those of `asrsim.quantities.QUANTITIES` and `DERIVED`.
+    The mapping contains the recorded quantities and the quantities that are derived from them: `deflection`,
+    `equilibrium_position`, `position_error`. Names and units are the names and units in `asrsim.quantities.QUANTITIES` and
+    `DERIVED`.
     """
 
     def __init__(self, samples: Samples, info: JointInfo) -> None:
@@ -84,7 +85,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """Status of the run: `complete` or `interrupted`. A run that diverges has no result: it raises an error."""
+        """Status of the run: `complete` or `interrupted`. A run that diverges has no result, and raises an error."""
         return self.run.status
 
     @property
@@ -191,18 +192,19 @@ def run(
 
     Args:
         scenario: Scenario file, or a scenario from `asrsim.make_scenario` or `asrsim.load_scenario`.
-        variant: Name of the variant; optional if the scenario has only one.
+        variant: Name of the variant; optional if the scenario has only one variant.
         overrides: `key=value` texts, as `--set` of the command line, or a mapping from dotted keys to values.
         robot: Replacement for the scenario's robot: a file, or a loaded robot, possibly changed.
         plugins: Python files that define users' actuators, signals and so on.
         out: Folder for `log.mcap` and `summary.json`; None: no files are written.
         overwrite: Whether the results of another run in this folder may be replaced.
         keep: Whether to keep all samples in memory; if False (only with `out`), they are read from the log when needed.
-        certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. Also
-            does what `cross_check` does, if another engine is installed.
+        certify: Whether to repeat the run with finer steps; the estimated numerical error is in `.summary.certificate`. This
+            option includes `cross_check` if another engine is installed and the engine has the masses of the robot's file. An
+            engine of your own has these masses only if its `EngineEntry` states `masses_of_file=True`.
         cross_check: Whether to repeat the run in another engine; the differences are in `.summary.cross_check`.
-        progress: Called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
-        stop: Called every few thousand substeps; if it returns True, the run ends cleanly.
+        progress: Function that is called now and then with a `Progress` (`asrsim.progress`), which has the simulated time.
+        stop: Function that is called every few thousand substeps; if it returns True, the run ends cleanly.
 
     Returns:
         Result; results of the claims (`expect:`) are in `.summary.claims`. A claim that does not hold raises no error.

@@ -40,9 +40,9 @@ class Problem:
     choices: tuple[str, ...] = ()
     """All valid choices for the invalid value, if they are few."""
     hint: str | None = None
-    """What the user can do about the problem, in a sentence."""
+    """Remedy for the problem, in a sentence to the user."""
     meant: str | None = None
-    """Unknown name in the input: the hint then suggests the choice that is most similar to this name."""
+    """Unknown name in the input. If it is given, the hint suggests the choice that is most similar to this name."""
     code: str = ""
     """Short name of the problem's kind, such as `unknown-tag`, which programs can rely on."""
 
@@ -80,7 +80,7 @@ class Problem:
 
 
 def shortened(text: str) -> str:
-    """Text of a value for a message, shortened: one line of a file may be a megabyte long."""
+    """Text of a value for a message. It is shortened, since one line of a file may be a megabyte long."""
     return text if len(text) <= 120 else f"{text[:100]} ... {len(text)} characters"
 
 
@@ -107,8 +107,8 @@ class Place(Details, total=False):
 class InputError(AsrsimError):
     """An input (file, option) is invalid; the error lists all its problems.
 
-    problems: list of problems, or the message of a single problem, whose further fields are the other arguments. warnings:
-    further findings about the input, which are not part of the error's text.
+    problems: list of problems, or the message of a single problem. In the second case, the other arguments are further fields
+    of this problem. warnings: further findings about the input, which are not part of the error's text.
     """
 
     def __init__(
@@ -160,7 +160,8 @@ class UnresolvedSpringError(SimulationError):
 
 
 class DivergenceError(SimulationError):
-    """The simulated motion became physically impossible."""
+    """The simulated motion became physically impossible. `joint` is the name of the joint at fault, empty if no single joint
+    is; `time` is the simulated time in s."""
 
     def __init__(self, message: str, *, joint: str, time: float) -> None:
         super().__init__(message)

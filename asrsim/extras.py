@@ -16,7 +16,7 @@ def library(name: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ImportError as error:
-        # A library that is installed but broken raises an error with its own reason.
+        # The error of a library that is installed but broken states another reason.
         absent = isinstance(error, ModuleNotFoundError) and (error.name or name).split(".")[0] == name.split(".")[0]
         why = "is not installed here" if absent else f"cannot be loaded: {str(error).splitlines()[0]}"
         raise InputError(f"{name} {why}", hint=install(extra), code="no-library") from error

@@ -25,7 +25,7 @@ WIDTH = 900
 
 
 def run_picture(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
-    """The first picture that `asrsim plot` draws for the run: its joints, or only the given quantities."""
+    """The first picture that `asrsim plot` draws for the run. It shows the joints of the run, or only the given quantities."""
     from asrsim.plots.curves import read_curves
     from asrsim.plots.figures import run_pages
     from asrsim.plots.output import styled

@@ -51,13 +51,14 @@ MARKS = {
 }
 """Mark at the start or end of each kind of file, by which asrsim recognises the files that it wrote."""
 ABANDONED = 60.0
-"""Age in s from which an unfinished file that no process has locked counts as left by a killed process."""
+"""Age in s above which an unfinished file that no process has locked counts as the file of a killed process."""
 _LOOKED_AT = 1 << 16
 """Number of bytes at the start and the end of a file that are searched for the mark."""
 
 
 def is_ours(path: Path, kind: str) -> bool:
-    """Whether the mark of this file says that asrsim wrote it. An empty file counts as asrsim's: nothing can be lost."""
+    """Whether the mark of this file says that asrsim wrote it. An empty file counts as a file of asrsim, since nothing can be
+    lost."""
     mark = MARKS[kind]
     if path.is_symlink() or not path.is_file():
         return False
@@ -88,13 +89,13 @@ def check_output(path: Path, kind: str, *, inputs: Iterable[Path] = (), replace:
         return
     if path.is_symlink():
         raise OutputError(f"{path}: is a link: use the path of its target")
-    # Also for a new file, a kind that has no mark is an error of the caller: `is_ours` raises KeyError.
+    # Call `is_ours` also for a new file. It raises KeyError if the kind has no mark, which is an error of the caller.
     if not is_ours(path, kind) and path.exists() and not replace:
         raise OutputError(f"{path}: exists and was not written by asrsim: remove it, or choose another path")
 
 
 def is_special(path: Path) -> bool:
-    """Whether the path is a device or a pipe: these are written to directly, not replaced."""
+    """Whether the path is a device or a pipe. Devices and pipes are written to directly and are not replaced."""
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
@@ -110,7 +111,8 @@ def written(path: Path, kind: str, *, replace: bool = False) -> Iterator[BinaryI
         with _with_output_error(path), path.open("wb") as stream:
             yield stream
         return
-    # The part file has a random name and must be new: so no existing link or file is followed or overwritten.
+    # The temporary file has a random name and must be new, so that no existing link is followed and no existing file is
+    # overwritten.
     part = path.with_name(f".asrsim-{os.urandom(8).hex()}.part")
     _remove_abandoned(path.parent)
     try:
@@ -134,7 +136,7 @@ def lock(file: int) -> None:
     else:
         import fcntl
 
-        # flock locks the open file, not the process, so that two threads of one process exclude each other too.
+        # Use flock, which locks the open file and not the process, so that two threads of a process also exclude each other.
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 

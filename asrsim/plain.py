@@ -9,7 +9,8 @@ from typing import Any
 
 PlainShape = Any
 """Expected structure: str, bool, int, float (any number except NaN), None, object (anything), a tuple of alternatives, [shape]
-for a list of such values, or a mapping from keys to shapes: a key `"key?"` is optional, `"*"` stands for all other keys.
+for a list of such values, or a mapping from keys to shapes. In a mapping, a key `"key?"` is optional, and `"*"` stands for all
+other keys.
 """
 
 
@@ -83,7 +84,7 @@ _FITS: dict[Any, Callable[[Any], bool]] = {
 
 
 def is_text(text: str) -> bool:
-    """Whether a text contains only whole characters: JSON can contain half of a surrogate pair."""
+    """Whether a text contains only whole characters, since JSON can contain half of a surrogate pair."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -30,7 +30,7 @@ MODULES = "asrsim_plugin_"
 
 
 def check_named(wanted: Iterable[Path], named: Iterable[Path | str], *, file: Path) -> None:
-    """Raise ActuatorError if `file` lists plugins that the user has not named: a data file must not run code without
+    """Raise ActuatorError if `file` lists plugins that the user has not named, since a data file must not run code without
     consent."""
     known = {Path(one).resolve() for one in named}
     problems = [
@@ -85,7 +85,7 @@ def load_plugin_file(path: Path | str) -> tuple[type[Actuator], ...]:
         )
     problems = [problem for stage in stages for problem in stage_problems(stage)] or _taken_names(STAGES, stages, path)
     if not problems:
-        # Register the stages first: their parameters belong to every actuator, too.
+        # Register the stages first, since their parameters also belong to every actuator.
         with plugin_file(str(path.resolve())):
             for stage in stages:
                 STAGES.add(stage.name, stage, replace=True)
@@ -113,7 +113,7 @@ def _classes(module: ModuleType, base: type[C]) -> list[type[C]]:
 
 
 def _taken_names(registry: Registry[type[C]], found: Sequence[type[Any]], path: Path) -> list[Problem]:
-    """Problems of classes of a plugin file whose names are taken: by another file, or by an earlier class of the same file."""
+    """Problems of classes of a plugin file whose names are taken by another file, or by an earlier class of the same file."""
     names = [one.name for one in found]
     taken = {name for name in names if name in registry and file_of(registry.get(name)) != path.resolve()}
     return [
@@ -182,7 +182,7 @@ def _call_fault(error: BaseException) -> ActuatorError | None:
 
 
 def _law_hint(frame: FrameType) -> str:
-    """Hint with the command that checks the law whose code a frame runs; empty if the code is not that of a law."""
+    """Hint with the command that checks the law whose code a frame runs; empty if the code is not the code of a law."""
     for option, registry in (("--actuator", ACTUATORS), ("--stage", STAGES)):
         for one in registry.loaded():
             law = inspect.getattr_static(one, frame.f_code.co_name, None)
@@ -208,7 +208,7 @@ def _run(path: Path) -> ModuleType:
     module = module_from_spec(spec)
     sys.modules[name] = module
     try:
-        # What the plugin prints goes to stderr, since stdout may contain JSON.
+        # Redirect the output of the plugin to stderr, since stdout may contain JSON.
         with redirect_stdout(sys.stderr), plugin_file(str(path.resolve())):
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:

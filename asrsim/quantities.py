@@ -14,13 +14,13 @@ class Quantity:
     name: str
     """Name in logs and commands."""
     unit: str
-    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. "" for a pure number; "1" means the same."""
+    """SI unit for a revolute joint; a prismatic joint has m for rad and N for N m. "" or "1" for a pure number."""
     label: str
     """Symbol for axes and legends, as in the paper, in mathtext."""
     doc: str
     """Meaning, for tables and logs."""
     apart: bool = False
-    """Whether the quantity belongs to an optional model: it then has a topic of its own, outside of the common messages."""
+    """Whether the quantity belongs to an optional model. It then has a separate topic, outside of the common messages."""
 
     def __post_init__(self) -> None:
         if self.unit == "1":
@@ -37,8 +37,8 @@ def each_motor(name: str) -> tuple[str, ...]:
 
 
 def of_motors(name: str, unit: str, label: str, doc: str, *, apart: bool = False) -> tuple[Quantity, ...]:
-    """One quantity for each possible motor; texts have {} in place of its number. The toolbox's messages have only two motors,
-    so the quantities of further motors are `apart`."""
+    """One quantity for each possible motor; texts have {} in place of the motor's number. The toolbox's messages have only two
+    motors, so the quantities of further motors are `apart`."""
     return tuple(
         Quantity(name.format(i), unit, label.replace("{}", str(i)), doc.format(i), apart=apart or i > 2)
         for i in range(1, MOST_MOTORS + 1)
@@ -105,7 +105,7 @@ DERIVED: dict[str, Quantity] = {
         Quantity("position_error", "rad", "$e$", "reference position minus link position"),
     )
 }
-"""Quantities that `asrsim.log.derived` computes from those in a log; they are not stored in logs."""
+"""Quantities that `asrsim.log.derived` computes from the quantities in a log. They are not stored in logs."""
 
 LIMITS = {
     "effort": "effort limit",
@@ -129,15 +129,16 @@ PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "
 
 
 def is_comparable(name: str, wanted: Collection[str] | None = None) -> bool:
-    """Whether this quantity is compared between a simulation and a recording: yes if `wanted` names it. Without `wanted`, all
-    quantities are compared except energies: only simulations have these, and they follow from other quantities.
+    """Whether this quantity is compared between a simulation and a recording. If `wanted` is given, the quantities that it
+    names are compared. Without `wanted`, all quantities except energies are compared. Only simulations have energies, which
+    follow from other quantities.
     """
     return unit_of(name) != "J" if wanted is None else name in wanted
 
 
 def unit_of(name: str, *, prismatic: bool = False) -> str:
     """SI unit of a recorded or derived quantity. "" for a pure number, for a unit that depends on the operation mode, and for
-    an unknown quantity: a log may have quantities of a user's stage that is not loaded here.
+    an unknown quantity. A log may have quantities of a user's stage that is not loaded.
     """
     known = QUANTITIES.get(name) or DERIVED.get(name)
     unit = known.unit if known else ""

@@ -1,4 +1,4 @@
-"""Records: dataclasses of numbers that state, constants and laws share, each number declared once with its unit and meaning.
+"""Records: dataclasses of numbers that state, constants and laws share. Each number is declared once with its unit and meaning.
 
 In plain Python a record is an object. In compiled code it is an address in a row of numbers, in which the numbers of nested
 records follow in order: `asrsim.simulation.native` gives the same names to the columns of the row.
@@ -17,7 +17,7 @@ R = TypeVar("R")
 
 def value(doc: str, unit: str, *, start: float = 0.0, log: str = "", watched: bool = False) -> Any:
     """A number of the state. start: value at the start of a run; log: name in logs of the quantity that this number is, with {}
-    for the number of the motor; watched: whether it is computed only for worlds that are watched.
+    for the number of the motor; watched: whether the number is computed only for worlds that are watched.
     """
     return field(default=start, metadata={"doc": doc, "unit": unit, "log": log, "watched": watched})
 

@@ -39,7 +39,7 @@ OLD_KEYS = STUDY_KEYS | KEYS
 
 
 class OldKeyWarning(FutureWarning):
-    """A key of a scenario is written by its old name. The command line prints the message as a line of its own."""
+    """A key of a scenario is written by its old name. The command line prints the message on a separate line."""
 
 
 def tell(old: str, new: str) -> str:
@@ -48,7 +48,7 @@ def tell(old: str, new: str) -> str:
 
 
 def new_name(package: str, old: str) -> str:
-    """New name of the member that `package` once called `old`, with a warning. Raises AttributeError if there was no such
+    """New name of the member that `package` once called `old`, with a warning. Raises AttributeError if `package` had no such
     name."""
     new = NAMES[package].get(old)
     if new is None:
@@ -96,8 +96,8 @@ def new_key(key: str, names: Mapping[str, str] = KEYS, place: str = "") -> str:
 
 
 def with_new_keys(root: Node, names: Mapping[str, str] = KEYS, *, told: bool = True) -> Node:
-    """Document whose keys, also those of its variants, have their present names. told: whether to warn about old names, with
-    file and line. If a document has the old and the new name of a key, the old name stays, and counts as an unknown key.
+    """Document whose keys, including the keys of its variants, have their present names. told: whether to warn about old names,
+    with file and line. If a document has the old and the new name of a key, the old name stays, and counts as an unknown key.
     """
     if not isinstance(root.value, dict):
         return root

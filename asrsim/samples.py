@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STAIRS = 0.5
-"""A command is piecewise constant if less than this fraction of its changes directly follow another change; else it is smooth.
+"""Fraction of a command's changes that directly follow another change, below which the command counts as piecewise constant.
+Other commands are smooth.
 """
 
 
@@ -54,10 +55,10 @@ class Frame:
 
 @dataclass(frozen=True)
 class Command:
-    """Value that a client sets in a live run, and the substep from which the value acts."""
+    """Value that a client sets in a live run, and the substep after which the value acts."""
 
     substep: int
-    """Number of completed substeps when the value was set; the value acts from the next substep on."""
+    """Number of completed substeps when the value was set; the value acts in the next substep and later."""
     joint: str
     reference: str
     """Name of the reference in the joint's mode, or `external_torque`."""
@@ -81,7 +82,7 @@ class HeldWrench:
 
 @dataclass(frozen=True)
 class WrenchCommand:
-    """Wrench that is set in a live run, and the substep from which it acts, as in `Command`."""
+    """Wrench that is set in a live run, and the substep after which the wrench acts, as in `Command`."""
 
     substep: int
     wrench: HeldWrench
@@ -115,7 +116,7 @@ class Samples:
         for pair, force in self.contacts.items():
             first, _, second = pair.partition("/")
             if body in (first, second):
-                # The logged force acts on the first body; the opposite force acts on the second. NaN means no contact.
+                # The logged force acts on the first body, and the opposite force acts on the second body. NaN means no contact.
                 forces[second if body == first else first] = np.nan_to_num(force) * (1.0 if body == first else -1.0)
         return forces
 
@@ -188,7 +189,7 @@ class RunInfo:
 
     @property
     def scenario_name(self) -> str:
-        """Name of the scenario; by default that of its file without suffix; empty for a scenario without a file."""
+        """Name of the scenario; by default the name of its file without suffix; empty for a scenario without a file."""
         file = PurePath(self.scenario_path).stem
         return file and str(self.resolved.get("scenario", {}).get("name", file))
 
@@ -203,12 +204,12 @@ def picking(rows: list[int]) -> Any:
 
 
 def grid(first: int, count: int, step: float) -> Array:
-    """Times of `count` steps from step `first` on, s; rounded so that 3 * 0.1 gives 0.3."""
+    """Times of `count` steps that begin with step `first`, s. They are rounded so that 3 * 0.1 gives 0.3."""
     return np.round(np.arange(first, first + count) * step, 12)
 
 
 def is_staircase(values: Array) -> bool:
-    """Whether a command with these samples (n,) is piecewise constant: an equal value then follows most of its changes."""
+    """Whether a command with these samples (n,) is piecewise constant, so that an equal value follows most of its changes."""
     changes = np.diff(values) != 0.0
     following = float(np.sum(changes[1:] & changes[:-1])) / max(1, int(np.sum(changes)))
     return following < STAIRS

@@ -1,8 +1,8 @@
-"""A live run with robot_state_publisher and RViz, in a shell with ROS 2:
+"""Starts a live run with robot_state_publisher and RViz. Use this file in a shell with ROS 2:
 
     ros2 launch ros/live.launch.py scenario:=arm.yaml robot:=arm.urdf asrsim:=/path/to/venv/bin/asrsim
 
-asrsim runs in its own environment, without the sourced ROS. robot_state_publisher makes /tf from /joint_states.
+asrsim runs in its own environment, without the sourced ROS. robot_state_publisher computes /tf from /joint_states.
 """
 
 from launch import LaunchDescription
@@ -16,7 +16,7 @@ ARGUMENTS = {
     "scenario": ("scenario file", None),
     "robot": ("URDF or xacro file of the scenario's robot", None),
     "asrsim": ("the command of asrsim's environment", "asrsim"),
-    "speed": ("simulated seconds a second", "1"),
+    "speed": ("simulated seconds per second of wall time", "1"),
     "rviz": ("start RViz", "true"),
 }
 FOREIGN = ("PYTHONPATH", "LD_LIBRARY_PATH", "AMENT_PREFIX_PATH", "RMW_IMPLEMENTATION")

@@ -11,8 +11,8 @@ from asrsim.actuators.parameters import Parameter
 class Awas(Actuator):
     """tau = 2 k r^2 sin(d) cos(d), d = sat(theta - q).
 
-    Two opposed springs of stiffness k act on the link's lever at the distance r from the axis. The second reference is r in m;
-    its motor moves at right angles to the springs' force and has no dynamics here.
+    Two opposed springs of stiffness k act on the link's lever at the distance r from the axis. The second reference is r, in m.
+    The motor that sets r moves at right angles to the springs' force, and has no dynamics in this model.
     """
 
     name = "awas"
@@ -33,7 +33,7 @@ class Awas(Actuator):
             unit="N/m",
             doc="stiffness k of each spring",
             minimum=0.0,
-            source="chosen by asrsim for 4 to 100 N m/rad; the paper's law holds for any values",
+            source="chosen by asrsim for a stiffness of 4 to 100 N m/rad; the paper's law holds for any values",
         ),
         max_deflection(0.3),
     )

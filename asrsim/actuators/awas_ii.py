@@ -11,7 +11,7 @@ from asrsim.actuators.parameters import Parameter
 class AwasII(Actuator):
     """tau = g(sigma) sin(d) cos(d), d = sat(theta - q), g = 2 Ks ((L / r_t) sigma / (L - sigma))^2.
 
-    The second reference is sigma in m, the position of the adjuster, which has no dynamics (section 2.3 of the paper).
+    The second reference is sigma, the position of the adjuster in m. The adjuster has no dynamics (section 2.3 of the paper).
     """
 
     name = "awas_ii"
@@ -22,7 +22,7 @@ class AwasII(Actuator):
     adjuster = True
     reference_2_unit = "m"
     typical_preset = 0.01
-    preset_range = (0.005, 0.04)  # the settings in figure 8 of the source
+    preset_range = (0.005, 0.04)  # range of the settings in figure 8 of the source
     parameters = (
         Parameter(name="spring_stiffness", default=10.0, unit="N m/rad", doc="scale Ks of the law", minimum=0.0),
         Parameter(
@@ -34,7 +34,7 @@ class AwasII(Actuator):
         ),
         Parameter(
             name="spring_rest_length", default=1.0, unit="m", doc="rest length l_0",
-            unused="no term of the law contains it; the released code reads it without using it",
+            unused="no term of the law contains this length; the released code reads the length without using it",
         ),
         max_deflection(0.3),
     )  # fmt: skip

@@ -2,7 +2,7 @@
 
 The laws are static methods that take floats and use only the module `math` and the functions of this module, so that the
 interpreted and the compiled loop run the same source with identical bits. A law receives `parameters` as a tuple of floats, in
-the order of the class attribute.
+the order of the class attribute `parameters`.
 
     class MyVsa(Antagonistic):
         name = "my_vsa"                     # found by libmy_vsa_plugin.so
@@ -60,30 +60,30 @@ class Actuator:
     typical_preset: ClassVar[float] = 0.0
     """A moderate value of the second reference (preset, adjuster), for starter scenarios and checks."""
     preset_range: ClassVar[tuple[float, float] | None] = None
-    """Smallest and largest second reference of a data sheet, in `reference_2_unit`; None: from 0 to what springs and motors
-    allow."""
+    """Smallest and largest second reference in a data sheet, in `reference_2_unit`; None: from 0 to the largest value that
+    springs and motors allow."""
 
     @staticmethod
     def elastic_torques(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> tuple[float, float]:
-        """Torques of the springs on motors 1 and 2 in N m; their sum, without those on `housed` motors, acts on the link. With
-        one spring, the second torque is 0.
+        """Torques of the springs on motors 1 and 2 in N m; the sum of the torques, without the torques on `housed` motors, acts
+        on the link. With one spring, the second torque is 0.
 
         q: link position in rad; theta_1, theta_2: motor positions in rad (position of an adjuster: in `reference_2_unit`). A
-        spring between the motors, the term g(theta_1, theta_2) below eq. 6 of the paper, adds g to one torque and takes it from
-        the other.
+        spring between the motors (the term g(theta_1, theta_2) below eq. 6 of the paper) adds g to one torque and subtracts g
+        from the other torque.
         """
         raise NotImplementedError
 
     @staticmethod
     def stiffness(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Stiffness -d tau_q / dq in N m/rad. As in the toolbox, the stiffness does not drop to 0 beyond the deflection limit,
-        although the torque is constant there."""
+        """Stiffness -d tau_q / dq in N m/rad, where tau_q is the torque of the springs on the link. As in the toolbox, the
+        stiffness does not drop to 0 beyond the deflection limit, although the torque is constant there."""
         raise NotImplementedError
 
     @staticmethod
     def elastic_energy(q: float, theta_1: float, theta_2: float, parameters: tuple[float, ...]) -> float:
-        """Energy of the springs in J; its derivatives by theta_1, theta_2 and -q are the torques. A class without this law gets
-        the integral of its torques (`asrsim.actuators.vectorised`).
+        """Energy of the springs in J. The derivatives of the energy with respect to theta_1, theta_2 and -q are the torques.
+        For a class without this law, the energy is the integral of the torques (`asrsim.actuators.vectorised`).
         """
         raise NotImplementedError
 
@@ -162,7 +162,7 @@ def sinh(value: float) -> float:
 
 
 def cosh(value: float) -> float:
-    """Hyperbolic cosine, even to the bit; from one exponential, as `sinh`."""
+    """Hyperbolic cosine, even to the bit. Like `sinh`, this function computes one exponential."""
     growing = exp(abs(value))
     return 0.5 * (growing + 1.0 / growing)
 

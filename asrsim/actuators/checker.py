@@ -23,14 +23,15 @@ from asrsim.errors import Problem
 FREE_RANGE = 0.5
 """Range of the sampled deflections for an actuator without the parameter `max_deflection`, rad."""
 SAMPLES, VARIED = 200, 1000
-"""Numbers of points at which each law is evaluated: with the default parameters, and with parameters changed by up to 30 %."""
+"""SAMPLES: number of points at which each law is evaluated with the default parameters; VARIED: number of points with
+parameters that are changed by up to 30 %."""
 FAR = 4.0
 """Multiple of the deflection limit up to which torques must be finite."""
 INSIDE = 0.95
-"""Multiple of the deflection limit up to which slopes are measured: at the limit itself, the slope of a torque jumps."""
+"""Multiple of the deflection limit up to which slopes are measured, since the slope of a torque jumps at the limit itself."""
 DIFFERENCES = (1e-3, 3e-5, 1e-6)
-"""Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error: near a
-corner of a law the smaller steps are accurate."""
+"""Steps of the finite differences, as fractions of the deflection limit. A check takes the step with the smallest error, since
+only the smaller steps are accurate near a corner of a law."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,9 +122,9 @@ class Points:
         """Largest deflection (n,) of the springs at each point, rad."""
         q = source.uniform(-2.0, 2.0, count)
         self.moving = 1 + actuator.positions() - actuator.adjuster
-        """Number of positions that move: those of the link and the motors, not that of an adjuster."""
+        """Number of positions that move: the positions of the link and of the motors, without the position of an adjuster."""
         offsets = reach * self.limit * source.uniform(-1.0, 1.0, (self.moving - 1, count))
-        # Deflections of springs between link and housing are sums of several angles.
+        # For motors on the housing, the deflection of a spring is a sum of several angles, so make the angles smaller.
         offsets /= 1.0 + actuator.housed
         # A motor on the housing does not turn with the link.
         motors = np.array([[float(not actuator.is_housed(i))] for i in range(self.moving - 1)]) * q + offsets
@@ -147,8 +148,8 @@ class Points:
         return self.apply(self.actuator.stiffness)
 
     def slopes(self, values: Callable[[Array], Array]) -> Array:
-        """Derivatives (steps, moving, ..., n) by the positions: fourth-order differences with each of the steps `DIFFERENCES`.
-        values: function of a shift of the positions."""
+        """Derivatives (steps, moving, ..., n) with respect to the positions, by fourth-order differences with each step in
+        `DIFFERENCES`. values: function of a shift of the positions."""
         rows = []
         for h in np.outer(DIFFERENCES, self.limit):
             for shift in np.eye(len(self.positions))[: self.moving, :, None] * h:
@@ -170,7 +171,7 @@ def _pure(points: Points) -> Array:
     calls: list[Any] = list(zip(*points.positions.tolist(), np.transpose(points.parameters).tolist(), strict=True))
     first = np.array([(*torques(*call), stiffness(*call)) for call in calls])
     again = np.empty_like(first)
-    # Call the laws again in another order: other results reveal a hidden state, such as a counter.
+    # Call the laws again in another order. Different results show that a law has a hidden state, such as a counter.
     for i in np.random.default_rng(3).permutation(len(calls)).tolist():
         again[i, -1], again[i, :-1] = stiffness(*calls[i]), torques(*calls[i])
     return np.asarray(np.abs(again - first).max(axis=1))
@@ -183,7 +184,7 @@ def _finite(points: Points) -> Array:
 def _stiffness(points: Points) -> Array:
     stiffness = points.stiffness()
     errors = np.abs(points.slopes(points.forces)[:, 0, 0] + stiffness).min(axis=0)
-    # Where the stiffness is small, errors are relative to a fraction of the largest stiffness.
+    # If the stiffness is small, the error is relative to a fraction of the largest stiffness.
     return np.asarray(errors / np.maximum(np.abs(stiffness), 1e-4 * np.abs(stiffness).max() + 1e-12))
 
 
@@ -192,7 +193,7 @@ def _restoring(points: Points) -> Array:
 
 
 def _passive(points: Points) -> Array:
-    # If the stiffness matrix is symmetric, the springs do no work round closed paths of link and motors.
+    # If the stiffness matrix is symmetric, the springs do no work along closed paths of link and motors.
     slopes = points.slopes(points.forces)
     sizes = np.maximum(np.abs(slopes).max(axis=(1, 2)), 1e-12)
     return np.asarray((np.abs(slopes - slopes.swapaxes(1, 2)).max(axis=(1, 2)) / sizes).min(axis=0))
@@ -201,10 +202,10 @@ def _passive(points: Points) -> Array:
 def _energy(points: Points) -> Array:
     energy, forces = points.actuator.elastic_energy, points.forces()
     if energy is Actuator.elastic_energy:
-        # This energy is the integral of the torques, so its derivatives need no check.
+        # The default energy is the integral of the torques, so its derivatives need no check.
         return np.zeros(len(points.limit))
     errors = np.abs(points.slopes(partial(points.apply, energy)) + forces).max(axis=1).min(axis=0)
-    # Where the torques are small, errors are relative to a fraction of the largest torque.
+    # If the torques are small, the error is relative to a fraction of the largest torque.
     return np.asarray(errors / np.maximum(np.abs(forces).max(axis=0), 1e-4 * np.abs(forces).max() + 1e-12))
 
 
@@ -214,7 +215,8 @@ def _reference(points: Points) -> Array:
     points.positions[1:] = over_arrays(actuator.motor_references)(equilibrium, presets)
     back = over_arrays(actuator.equilibrium_position)(*points.positions[1:])
     offset = points.forces()[0] / (np.abs(points.stiffness()).max() + 1e-12)
-    # Only the default parameters count: with perturbed ones, opposing springs may be unequal, so that the link rests elsewhere.
+    # Check only with the default parameters. With perturbed parameters, opposing springs may be unequal, so that the link rests
+    # at another position.
     return np.asarray(np.maximum(np.abs(back - equilibrium), np.abs(offset))[:SAMPLES])
 
 
@@ -239,5 +241,5 @@ CHECKS = (
         INSIDE,
     ),
 )
-"""Name, condition, largest allowed value and function of each check, and the largest deflection of its points as a fraction of
-the limit."""
+"""Name, condition, largest allowed value and function of each check, and the largest deflection of the check's points as a
+fraction of the limit."""

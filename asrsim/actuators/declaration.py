@@ -85,7 +85,7 @@ def _laws(actuator: type[Actuator]) -> Iterable[Problem]:
         try:
             result = own.__func__(*arguments.values())
         except (Exception, SystemExit) as error:
-            yield problem(f"raised {type(error).__name__}: {error}; it must take {', '.join(arguments)}", "law-raised")
+            yield problem(f"raised {type(error).__name__}: {error}; the law must take {', '.join(arguments)}", "law-raised")
             continue
         numbers = result if count > 1 and isinstance(result, tuple) else (result,)
         if len(numbers) != count or not all(isinstance(number, (int, float)) for number in numbers):

@@ -130,7 +130,7 @@ class Drive:
     def motor_constants(self, index: int) -> MotorConstants:
         """Constants of motor `index` (1, 2, ...) for the simulation."""
         own = {name: self.values[f"motor_{index}_{name}"] for name in MOTOR_NAMES}
-        # Without a controller, the reference itself is the command: gains of 1, 0 and 0 give it.
+        # Without a controller, the command is the reference. Gains of 1, 0 and 0 have this effect.
         gains = {"proportional": 1.0, "integral": 0.0, "derivative": 0.0}
         if self.mode.controller:
             gains = {name: self.values[f"controller_{index}_{name}"] for name in gains}

@@ -11,16 +11,16 @@ from asrsim.actuators.parameters import Parameter
 _POSITIVE: dict[str, Any] = {
     "minimum": 0.0,
     "exclusive_minimum": True,
-    "source": "chosen by asrsim for an arm of some N m; the paper's law holds for any values",
+    "source": "chosen by asrsim for an arm with torques of some N m; the paper's law holds for any values",
 }
 
 
 class Maccepa(Actuator):
     """tau = k B C sin(d) (1 + (P - |C - B|) / A), A = sqrt(B^2 + C^2 - 2 B C cos(d)), d = sat(theta - q).
 
-    A is the length of the cable between the tip of the lever (length B, turned by the motor) and its hole in the link (at the
-    distance C). The cable pulls a spring that is tensed by P at d = 0. The second reference is P in m; its motor has no
-    dynamics here, as it carries no torque of the joint.
+    The motor turns a lever of length B. A is the length of the cable between the tip of the lever and a hole in the link, which
+    is at the distance C from the axis. The cable pulls a spring that is tensed by P at d = 0. The second reference is P, in m.
+    The motor that sets P has no dynamics in this model, since no joint torque acts on it.
     """
 
     name = "maccepa"
@@ -57,7 +57,7 @@ class Maccepa(Actuator):
         d = saturate(theta_1 - q, limit)
         cable = sqrt(lever * lever + hole * hole - 2.0 * lever * hole * cos(d))
         stretch = cable - abs(hole - lever) + theta_2
-        arm = lever * hole * sin(d) / cable  # dA/dd
+        arm = lever * hole * sin(d) / cable  # derivative of the distance A with respect to d
         return k * (arm * arm + stretch * (lever * hole * cos(d) - arm * arm) / cable)
 
     @staticmethod
@@ -67,5 +67,5 @@ class Maccepa(Actuator):
         s = saturate(d, limit)
         cable = sqrt(lever * lever + hole * hole - 2.0 * lever * hole * cos(s))
         stretch = cable - abs(hole - lever) + theta_2
-        stored = 0.5 * k * (stretch * stretch - theta_2 * theta_2)  # above the energy of the pretension
+        stored = 0.5 * k * (stretch * stretch - theta_2 * theta_2)  # energy above the energy of the pretension
         return stored + k * stretch * lever * hole * sin(s) / cable * (d - s)

@@ -21,7 +21,7 @@ class Mode:
     motor: bool = False
     """Whether the motors have dynamics; without dynamics, their positions equal the references at once."""
     controller: bool = False
-    """Whether PID controllers command the motors (in mode 1: the torque on the link)."""
+    """Whether PID controllers command the motors; in mode 1, the PID controller commands the torque on the link."""
     mapped: bool = False
     """Whether the references are equilibrium and preset, which the actuator's reference map turns into motor positions."""
     command: str = "torque"

@@ -4,9 +4,10 @@ The friction follows Dahl: bristles stick to an anchor and slip when the torque 
 
     tau_c + c |tau_s| + tau_x exp(-(omega / omega_x)^2)
 
-with the Coulomb level tau_c, the spring's torque tau_s on the motor (its share c as in BAM's M3: Duclusaud et al. 2025) and the
-Stribeck excess tau_x (Armstrong-Helouvry et al. 1994). The bristles never return more energy than they have stored, even if the
-level varies, so friction is passive. The electric motor has no inductance; its equations refer to the output shaft:
+with the Coulomb level tau_c, the spring's torque tau_s on the motor, the load coefficient c (as in BAM's model M3: Duclusaud et
+al. 2025), and the Stribeck excess tau_x with the Stribeck velocity omega_x (Armstrong-Helouvry et al. 1994). The bristles never
+return more energy than they have stored, even if the level varies, so friction is passive. The electric motor has no
+inductance; its equations refer to the output shaft:
 
     tau = n k_t i,    u = R i + n k_t omega,    |u| <= max_voltage,  |i| <= max_current
 """
@@ -62,21 +63,21 @@ def motor_kick(
     implicitness: float,
     own: MotorConstants,
 ) -> tuple[float, float, float, float, float, float]:
-    """State of a motor after a kick: the motor has accelerated for `step` s at a fixed position.
+    """State of a motor after a kick, in which the motor accelerates for `step` s at a fixed position.
 
     position in rad; velocity in rad/s; anchor in rad: point at which the bristles stick (Dahl's w); integral: integral action
     of the controller in units of the command; reference: desired position in rad, or the command in modes without controller;
     held: torque in N m of the springs and stages against the motor; load: torque in N m between motor and link, which increases
-    the friction; slowest, fastest: smallest and largest velocity in rad/s that stops and speed limit allow
-    (`velocity_bounds`); limit: largest torque of the motor in N m; own: constants of the motor. Damping, back-EMF and
-    derivative action act on the velocity (1 - implicitness) old + implicitness new, where old and new are the velocities before
-    and after the kick: 1/2 is the midpoint rule (second order), 0 the explicit Euler rule.
+    the friction; slowest, fastest: smallest and largest velocity in rad/s that stops and speed limit allow (`velocity_bounds`);
+    limit: largest torque of the motor in N m; own: constants of the motor. Damping, back-EMF and derivative action act on the
+    velocity (1 - implicitness) old + implicitness new, where old and new are the velocities before and after the kick: an
+    implicitness of 1/2 is the midpoint rule (second order), and 0 is the explicit Euler rule.
     Returns velocity after the kick, mean velocity over the kick, anchor, integral, clipped motor torque, friction torque.
     """
     i, d, damping, gain, lag, emf = own.integral, own.derivative, own.damping, own.gain, own.lag, own.emf
     inertia, excess, fade, stiffness, stall = own.inertia, own.excess, own.fade, own.bristles, own.stall
     error = reference - own.hold * position
-    # The controller uses the mean of the integral over the kick: its old value plus half of its increase.
+    # The controller uses the mean of the integral over the kick, which is its old value plus half of its increase.
     push = (own.proportional + 0.5 * i * step) * error + integral
     level = own.coulomb + own.share * abs(load)
     drag = damping + gain * d + lag
@@ -84,7 +85,8 @@ def motor_kick(
     bristles = stiffness * (position - anchor)
     mean = velocity
     torque = friction = after = 0.0
-    # Friction depends on the mean speed over the kick, which is known only after a first round. Two rounds give second order.
+    # Friction depends on the mean speed over the kick, which is known only after a first round. Two rounds give an error of
+    # second order.
     for _ in range(2 if excess != 0.0 else 1):
         most = level + excess * exp(-(mean * fade) * (mean * fade)) if excess != 0.0 else level
         friction = most if bristles > most else -most if bristles < -most else bristles
@@ -112,11 +114,11 @@ def motor_kick(
 def velocity_bounds(position: float, low: float, high: float, fastest: float, step: float) -> tuple[float, float]:
     """Smallest and largest velocity in rad/s that a motor at `position` may have over the next `step` s.
 
-    low, high: stops in rad; they are inelastic, and the motor never passes them. fastest: speed limit in rad/s. A motor
-    beyond a stop stays there. In a step of 0 s only the speed limit applies.
+    low, high: positions of the stops in rad. The stops are inelastic, and the motor never passes a stop. fastest: speed limit
+    in rad/s. A motor that is beyond a stop stays there. In a step of 0 s only the speed limit applies.
     """
     slowest, largest = -fastest, fastest
-    # Most motors cannot reach a stop in this step: their bounds need no division.
+    # Divide only for motors that can reach a stop in this step. Most motors cannot.
     if position - step * fastest < low and step > 0.0:
         slowest = (low - position) / step if low < position else 0.0
     if position + step * fastest > high and step > 0.0:

@@ -25,7 +25,7 @@ class Parameter:
     name: str
     """Name in snake_case, such as `max_deflection`."""
     default: float
-    """Value where the robot and the scenario state none."""
+    """Value of the parameter if the robot and the scenario state no value."""
     unit: str
     """SI unit; "1" for a dimensionless number."""
     doc: str
@@ -123,8 +123,8 @@ CONTROLLER_PARAMETERS = (
     Parameter(name="integral", default=0.0, unit="N m/(rad s)", doc="gain k_i on the integral of the position error"),
     Parameter(name="derivative", default=4.5, unit="N m s/rad", doc="gain k_d on the negative velocity"),
 )
-"""Parameters of a motor's PID controller, as in section 3.1.2 of the paper (mode 1: controller of the link, with other
-defaults), without the prefix `controller_1_`."""
+"""Parameters of a motor's PID controller (section 3.1.2 of the paper), without the prefix `controller_1_`. In mode 1, the
+controller of the link has the same parameters with other defaults."""
 
 
 @cache

@@ -5,14 +5,15 @@ from __future__ import annotations
 from asrsim.actuators.base import Antagonistic, max_deflection, saturate
 from asrsim.actuators.parameters import Parameter
 
-OURS = "chosen by asrsim for a joint of some N m; the paper's law holds for any values"
+OURS = "chosen by asrsim for a joint with torques of some N m; the paper's law holds for any values"
 
 
 class QuadraticCam(Antagonistic):
     """tau_1 = r F(r d_1), tau_2 = -r F(-r d_2), F(x) = a x^2 + b x for x > 0, else 0; d_i = sat(theta_i - q).
 
-    Each motor winds a cable (pulley radius r), which pulls rollers over a cam; its contour makes the force quadratic in the
-    stretch x. Cables only pull: motor 1 turns the link up, motor 2 down. While both are tense, the stiffness
+    Each motor winds a cable on a pulley of radius r. The cable pulls rollers over a cam, whose contour makes the force
+    quadratic in the stretch x. Since cables only pull, motor 1 turns the link up, and motor 2 turns the link down. While the
+    two cables are tense, the stiffness
     2 b r^2 + 4 a r^3 preset is linear in the preset and does not depend on the deflection.
     """
 

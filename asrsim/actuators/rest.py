@@ -27,7 +27,8 @@ LONGEST = 0.2
 FLAT = 1e-3
 """Smallest stiffness in N m/rad (N/m) that Newton's method assumes, so that its steps stay finite."""
 NEAR = 1e-3
-"""Largest step of the motors in rad after which they need no further step: the remaining error is of second order in it."""
+"""Largest step of the motors in rad after which no further step is needed, since the remaining error is of second order in the
+step."""
 ROUNDING = 1e-12
 """Distance in rad beyond the border of a controller's range at which a step that crosses this border ends."""
 INTEGRATING = 1e9
@@ -77,7 +78,7 @@ class MotorsAtRest:
         self._staged = [(row, drive) for row, drive in enumerate(drives) if drive.stages]
 
         def numbers(name: str, *several: int) -> Array:
-            """Values (..., motors, joints, 1) of an attribute of the drives. several: how many values the attribute has per
+            """Values (..., motors, joints, 1) of an attribute of the drives. several: number of values of the attribute per
             motor."""
             found = np.array([getattr(drive, name)[: self._motors] for drive in drives])
             return found.reshape(len(drives), self._motors, *several).T[..., None]
@@ -107,14 +108,14 @@ class MotorsAtRest:
             """Rest positions of the motors `own`, each found as if the other motors did not move."""
             trial, gain, most, integral = resting[:motors].copy(), self._gain[own], self._most[own], self._integral[own]
             integrating, least = bool(integral.any()), -most
-            # With integral action, the controller's torque at rest is that of the springs at the reference, up to the motor's
-            # largest torque.
+            # With integral action, the controller's torque at rest balances the torque of the springs at the reference, up to
+            # the motor's largest torque.
             trial[own] = wanted[own]
             holding = pulls(trial)[:motors][own] if integrating else np.zeros(())
 
             def missing(theta: Array) -> Array:
-                """Torques of the springs minus the torques of the controllers, with the motors `own` at `theta` and the others
-                at `resting`."""
+                """Torques of the springs minus the torques of the controllers, with the motors `own` at `theta` and the other
+                motors at `resting`."""
                 trial[own] = theta
                 torque = gain * (wanted[own] - theta)
                 if integrating:
@@ -123,7 +124,7 @@ class MotorsAtRest:
 
             return np.clip(increasing_roots(missing, wanted[own], slope=gain, apart=True), low[own], high[own])
 
-        # Usually each spring depends on one motor only: then one search finds the rest positions of all motors.
+        # Usually each spring depends on only one motor. One search then finds the rest positions of all motors.
         found = search(slice(motors))
         torques = pulls(found)
         if motors == 1 or all(_alone(pulls, wanted, found, torques, motor) for motor in range(motors)):
@@ -140,7 +141,8 @@ class MotorsAtRest:
 
     def follow(self, position: Array) -> tuple[Array, Array]:
         """Torques (joints, n) in N m on the links at `position` (joints, n) in rad with the motors at rest, and the changes of
-        these torques per displacement of the links. A search of the links' positions by Newton's method needs both.
+        these torques per displacement of the links. A search of the links' positions by Newton's method needs the torques and
+        the changes.
 
         The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
         steps if that step was long. Torques and changes are linearised about the last step.
@@ -157,22 +159,23 @@ class MotorsAtRest:
             below, above = theta < least, theta > most
             strained = below | above
             driven = np.minimum(np.maximum(gain * (self._references[:motors] - theta), -self._most), self._most)
-            # Matrices (joints, n, motors, motors) of the equations for the motors' equilibrium, and derivatives by the link's
-            # position.
+            # Matrices (joints, n, motors, motors) of the equations for the motors' equilibrium, and derivatives with respect to
+            # the link position.
             slopes = changes[:motors].transpose(1, 3, 0, 2)
             stiffness = np.where(strained, FLAT, gain).transpose(1, 2, 0)
             matrix = slopes[..., 1:] + stiffness[..., None] * np.eye(motors)
             sides = np.stack([(pulls[:motors] - driven).transpose(1, 2, 0), slopes[..., 0]], axis=-1)
             step, rates = -np.linalg.solve(matrix, sides).transpose(3, 2, 0, 1)
             aim = theta + np.minimum(np.maximum(step, -LONGEST), LONGEST)
-            # A step ends at the position where a controller reaches its largest torque, since its stiffness changes there.
+            # A step ends at the position at which a controller reaches its largest torque, since the controller's stiffness
+            # changes there.
             aim = np.where(below, np.minimum(aim, least + ROUNDING), np.where(above, np.maximum(aim, most - ROUNDING), aim))
             ends[:motors] = np.clip(aim, low, high)
             moved = ends[:motors] - theta
             settled = strained == ((ends[:motors] < least) | (ends[:motors] > most))
             if settled.all() and not np.abs(moved).max(initial=0.0) > NEAR:
                 break
-        # A motor that is pressed onto its stop does not follow its link.
+        # A motor that is pressed against its stop does not follow its link.
         rates = np.where((aim <= low) | (aim >= high), 0.0, rates)
         self._followed = position, ends, rates
         of_link, of_motors = self._on_link(changes[:, :, 0]), self._on_link(changes[:, :, 1:]).swapaxes(0, 1)
@@ -229,9 +232,9 @@ def increasing_roots(
 
     The bracket begins at `start` (...) and is doubled up to `farthest`. Regula falsi (Illinois) then narrows the bracket; every
     third step is a bisection, so that the search ends for every function. slope: estimate of the function's slope (0 if
-    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a search of its
-    own, whose roots do not depend on the other entries; else all searches end together. tolerance: smallest step, relative for
-    values above 1.
+    unknown), from which the width of the first bracket follows. apart: whether each entry of the first axis is a separate
+    search, whose roots do not depend on the other entries; if not, all searches end together. tolerance: smallest step,
+    relative for values above 1.
     """
     near = far = np.array(start, dtype=float)
     at_near = at_far = function(near)
@@ -254,11 +257,11 @@ def increasing_roots(
         middle = 0.5 * (low + high)
         if step % 3 != 2:
             secant = (low * at_high - high * at_low) / (at_high - at_low)
-            # A step just beyond a converged end closes the bracket. np.clip takes twice as long.
+            # A step just beyond a converged end closes the bracket. Do not use np.clip, which takes twice as long.
             middle = np.where(np.isfinite(secant), np.minimum(np.maximum(secant, low + least), high - least), middle)
         value = function(middle)
         above, below = value >= 0.0, value <= 0.0
-        # Illinois: if an end stays for two steps, its value is halved, so that both ends move.
+        # Illinois method: if an end stays for two steps, its value is halved, so that the two ends move.
         kept, last = 1.0 if last is None else np.where(above == last, 0.5, 1.0), above
         at_low, at_high = np.where(above, kept * at_low, value), np.where(above, value, kept * at_high)
         if apart:

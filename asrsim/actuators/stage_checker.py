@@ -1,6 +1,7 @@
 """Checks that a stage is declared as `Stage` requires, and that its laws agree with each other and with physics.
 
-The laws run along random motions of a motor and of its spring, as in a simulation: torque, then memory, then energy and loss.
+The laws are evaluated along random motions of a motor and its spring. In each kick they are evaluated in the order of a
+simulation: torque, then memory, then energy and loss.
 """
 
 from __future__ import annotations
@@ -27,20 +28,21 @@ from asrsim.records import declared
 BOUNDS = ("stiffness_bound", "damping_bound", "ground_stiffness_bound", "ground_damping_bound")
 LAWS = ("place", "torque", "ground", "limit", "remember", "energy", "loss", *BOUNDS)
 SIZES = 1.0, 0.1, 0.3, 1.0, 3.0, 1.0
-"""Relative size of each random motion: a law may differ between small and large deflections."""
+"""Relative size of each random motion. The sizes differ, since a law may differ between small and large deflections."""
 STEPS, STEP = 4000, 1e-4
-"""Number of kicks of a motion, and the largest time between them in s."""
+"""STEPS: number of kicks of a motion; STEP: largest time between two kicks in s."""
 REACH, HERTZ = 0.3, 4.0
-"""Largest deflection of a motion of relative size 1 in rad, and its largest frequency in Hz. A motion is larger or faster than
-this if the parameters of the stage make it act only on larger or faster motions."""
+"""REACH: largest deflection of a motion of relative size 1, rad; HERTZ: largest frequency of the deflection, Hz. A motion is
+larger or faster than these values if the parameters of the stage make it act only on larger or faster motions."""
 BEYOND = 2.0
 """Factor by which the deflection and the speed of a motion exceed the stage's largest parameter in rad and in rad/s."""
 LARGEST = 5.0
-"""Torque limit, and largest torques of motor and spring in a motion, N m."""
+"""Largest torque of the motor and of the spring in a motion, N m. It is also the motor's torque limit before the stage reduces
+it."""
 SPRING = 10.0
-"""Stiffness of the spring behind a stage in series, N m/rad, as of the default SEA."""
+"""Stiffness of the spring behind a stage in series, N m/rad. The default SEA has the same stiffness."""
 MOTOR = 0.7
-"""Frequencies of the motor's motion, relative to those of the deflection."""
+"""Ratio of the frequencies of the motor's motion to the frequencies of the deflection."""
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
 SAMPLE = Kick(
@@ -85,6 +87,15 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         yield "quantities", "must be a tuple of Quantity(...), of asrsim.quantities", "bad-declaration"
         return
     known = {one.name for one in stage.quantities}
+    units = {one.name: one.unit for one in stage.quantities}
+    for key, number in declared(stage.Memory).items():
+        unit = "" if number["unit"] == "1" else number["unit"]
+        shown = next((name for name in each_motor(number["log"]) if units.get(name, unit) != unit), "")
+        if shown:
+            said = f"has the unit '{number['unit']}', but is logged as the quantity '{shown}' in '{units[shown] or '1'}'"
+            yield f"Memory.{key}", said, "bad-declaration"
+    if units.get(stage.lost, "J") != "J":
+        yield "quantities", f"must have '{stage.lost}' in J: it is an energy (got '{units[stage.lost]}')", "bad-declaration"
     logs = [one["log"] for one in declared(stage.Memory).values() if one["log"]]
     if shared := [log for log in logs if "{}" not in log]:
         said = f"must log '{shared[0]}' with {{}} for the number of the motor: each motor has a memory"
@@ -100,7 +111,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
     for names in (*logged, *[(stage.lost,)] * bool(stage.lost)):
         missing = [name for name in names if name not in known]
         if missing:
-            several = "; asrsim.quantities.of_motors makes it for all motors" if len(names) > 1 else ""
+            several = "; asrsim.quantities.of_motors makes this quantity for all motors" if len(names) > 1 else ""
             yield "quantities", f"must have the quantity '{missing[0]}', which the stage logs{several}", "bad-declaration"
     if stage.has("loss") != bool(stage.lost):
         yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
@@ -109,14 +120,20 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
             return
     for own in vars(stage):
-        if isinstance(inspect.getattr_static(stage, own), staticmethod) and own not in LAWS and not own.startswith("_"):
+        if own in LAWS or own == "constants" or own.startswith("_"):
+            continue
+        if isinstance(inspect.getattr_static(stage, own), staticmethod):
             yield own, f"is not a law; laws are {', '.join(LAWS)}; begin the names of your functions with _", "bad-law"
     yield from _law_faults(stage)
 
 
 def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
     """Faults of the stage's constants, and of the results of its laws for a few arguments."""
-    if stage.constants.__func__ is Stage.constants.__func__:  # type: ignore[attr-defined]
+    stated = inspect.getattr_static(stage, "constants")
+    if not isinstance(stated, classmethod):
+        yield "constants", "must be a @classmethod", "bad-law"
+        return
+    if stated is inspect.getattr_static(Stage, "constants"):
         yield "constants", "is missing: it gives the constants at a motor, or None where the stage does not act", "bad-law"
         return
     source = np.random.default_rng(48)
@@ -139,7 +156,7 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
             if law != "remember":
                 if not _is_number(found):
                     yield law, f"must return a number (got {found!r})", "bad-law"
-                # NaN in a memory stands for a value that is not known yet, and equals itself.
+                # NaN in a memory means a value that is not yet known. Two such values count as equal.
                 if not np.array_equal(astuple(memory), astuple(before), equal_nan=True):
                     yield law, "must not change the memory; only `remember` does", "bad-law"
             if wrong := [key for key in declared(stage.Memory) if not _is_number(getattr(memory, key))]:
@@ -147,7 +164,7 @@ def _law_faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
                 return
     except (Exception, SystemExit) as error:
         arguments = ", ".join(inspect.signature(getattr(Stage, law)).parameters)
-        yield law, raised_text(error) + (f"; it must take {arguments}" if isinstance(error, TypeError) else ""), "bad-law"
+        yield law, raised_text(error) + (f"; the law must take {arguments}" if isinstance(error, TypeError) else ""), "bad-law"
 
 
 def _is_number(found: object) -> bool:
@@ -183,7 +200,7 @@ def _run(
 
 
 class StageTrial:
-    """A stage with random parameters, and a random motion of its motor and of the deflection there."""
+    """A stage with random parameters, a random motion of its motor, and a random deflection between this motor and the link."""
 
     def __init__(self, stage: type[Stage], seed: int) -> None:
         source = np.random.default_rng([seed, 48])
@@ -200,7 +217,7 @@ class StageTrial:
         velocity = (sizes * rates[:, None] * np.cos(angles)).sum(axis=0)
         larger = SIZES[seed] * max(REACH, BEYOND * self._largest("rad")) / np.max(np.abs(deflection))
         faster = max(1.0, BEYOND * self._largest("rad/s") / float(np.max(np.abs(larger * velocity))))
-        # The motor's motion differs from that of the deflection, since the link also moves.
+        # The motor's motion differs from the motion of the deflection, since the link moves, too.
         slower = (
             (sizes * np.sin(MOTOR * angles)).sum(axis=0),
             (sizes * MOTOR * rates[:, None] * np.cos(MOTOR * angles)).sum(axis=0),
@@ -241,12 +258,13 @@ class StageTrial:
         return self.stage.place(memory, self.own, kick.deflection)
 
     def torque(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
-        """Torque between motor and link, where deflection and velocity differ from those of the kick by `way` and `speed`."""
+        """Torque between motor and link in N m, at the deflection and velocity of the kick plus `way` (rad) and `speed`
+        (rad/s)."""
         return self.stage.torque(memory, self.own, kick.deflection + way, kick.velocity + speed)
 
     def ground(self, memory: Any, kick: Kick, way: float = 0.0, speed: float = 0.0) -> float:
-        """Torque between motor and ground, where position and velocity of the motor differ from those of the kick by `way` and
-        `speed`."""
+        """Torque between motor and ground in N m, at the motor position and velocity of the kick plus `way` (rad) and `speed`
+        (rad/s)."""
         place, velocity = kick.motor_position + way, kick.motor_velocity + speed
         return self.stage.ground(memory, self.own, place, velocity, kick.elastic_torque)
 
@@ -276,20 +294,26 @@ def _finite(trial: StageTrial) -> Iterator[float]:
 
 
 def _stiffness(trial: StageTrial) -> Iterator[float]:
-    yield from _excess(trial, trial.torque, trial.stage.stiffness_bound(trial.own), way=1e-6)
-    yield from _excess(trial, trial.ground, trial.stage.ground_stiffness_bound(trial.own), way=1e-6)
+    return _excess(trial, trial.torque, trial.stage.stiffness_bound(trial.own), way=1e-6)
+
+
+def _ground_stiffness(trial: StageTrial) -> Iterator[float]:
+    return _excess(trial, trial.ground, trial.stage.ground_stiffness_bound(trial.own), way=1e-6)
 
 
 def _damping(trial: StageTrial) -> Iterator[float]:
-    yield from _excess(trial, trial.torque, trial.stage.damping_bound(trial.own), speed=1e-4)
-    yield from _excess(trial, trial.ground, trial.stage.ground_damping_bound(trial.own), speed=1e-4)
+    return _excess(trial, trial.torque, trial.stage.damping_bound(trial.own), speed=1e-4)
+
+
+def _ground_damping(trial: StageTrial) -> Iterator[float]:
+    return _excess(trial, trial.ground, trial.stage.ground_damping_bound(trial.own), speed=1e-4)
 
 
 def _excess(
     trial: StageTrial, law: Callable[..., float], bound: float, *, way: float = 0.0, speed: float = 0.0
 ) -> Iterator[float]:
-    """Relative amount by which the slope of a torque of the trial exceeds its bound, at each kick. way or speed: displacement
-    in rad or rad/s to both sides of the kick, from which the slope follows."""
+    """Relative amount by which the slope of a torque of the trial exceeds `bound`, at each kick. The slope is computed from two
+    points, at distances of plus and minus `way` (rad) or `speed` (rad/s) from the kick."""
     for memory, _, kick in trial.kicks:
         slope = abs(law(memory, kick, way, speed) - law(memory, kick, -way, -speed)) / (2.0 * (way + speed))
         yield max(slope - bound * (1.0 + SLACK) - 1e-6, 0.0) / max(bound, 1e-6)
@@ -310,7 +334,7 @@ def _balance(trial: StageTrial) -> Iterator[float]:
             held = 0.5 * (hold + hold_before) * (kick.motor_position - last.motor_position)
             work, turned = work + pulled + held, turned + abs(pulled) + abs(held)
             if stage.has("place"):
-                # The torque of the spring does work on the part in series.
+                # Add the work of the spring's torque on the part in series.
                 spring = 0.5 * (kick.elastic_torque + last.elastic_torque)
                 work += spring * (slipped - slipped_before)
                 turned += abs(spring * (kick.deflection - last.deflection))
@@ -341,17 +365,19 @@ def _limits(trial: StageTrial) -> Iterator[float]:
 CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
     ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
+    ("stiffness", "the slope of `torque` over the deflection is at most `stiffness_bound`", 0.0, _stiffness),
     (
-        "stiffness",
-        "the slope of each torque over deflection and motor position is within its bound, which determines the step",
+        "ground stiffness",
+        "the slope of `ground` over the position of the motor is at most `ground_stiffness_bound`",
         0.0,
-        _stiffness,
+        _ground_stiffness,
     ),
+    ("damping", "the slope of `torque` over the velocity is at most `damping_bound`", 0.0, _damping),
     (
-        "damping",
-        "the slope of each torque over velocity is within its bound, which determines the step",
+        "ground damping",
+        "the slope of `ground` over the velocity of the motor is at most `ground_damping_bound`",
         0.0,
-        _damping,
+        _ground_damping,
     ),
     ("energy", "work of the torques = change of `energy` + `loss` (relative to the turnover)", 0.01, _balance),
     ("loss", "the stage gains no energy: `loss` is never negative, J", 1e-12, _gains),

@@ -30,7 +30,7 @@ _MATH = types.SimpleNamespace(**{**vars(math), **_UFUNCS})
 
 
 def _saturate(value: Any, limit: float) -> Any:
-    # np.clip takes three times as long as np.minimum and np.maximum.
+    # Do not use np.clip, which takes three times as long as np.minimum and np.maximum.
     return np.minimum(np.maximum(value, -limit), limit)
 
 
@@ -44,7 +44,7 @@ _COUNTERPARTS: dict[Any, Any] = {
 
 
 def _with_arrays(value: Any) -> Any:
-    """Replacement for arrays of a global variable of a law; the variable's own value if it needs no replacement."""
+    """Replacement of a law's global variable, for arrays; the variable's own value if no replacement is needed."""
     if value is math:
         return _MATH
     return _COUNTERPARTS.get(value, value) if isinstance(value, (types.FunctionType, types.BuiltinFunctionType)) else value
@@ -56,8 +56,8 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
     numbers, the result has an additional first axis.
 
     The last argument of a spring law is the tuple of its parameters: each is a number, or a column (joints, 1) with one value
-    for each joint. A law with branches is evaluated sample by sample. This is slower. It gives the same results, but NaN where
-    Python's mathematics raises an error.
+    for each joint. A law with branches is evaluated sample by sample. This evaluation is slower. Its results are the same,
+    except for NaN where Python's `math` raises an error.
     """
     fast = rebind(law, _with_arrays) if isinstance(law, types.FunctionType) else None
 
@@ -68,7 +68,7 @@ def over_arrays(law: Callable[..., Any]) -> Callable[..., Array]:
                 values = fast(first, *rest)
                 several = isinstance(values, tuple)
                 table = np.empty((len(values), *shape) if several else shape)
-                # Filling a table takes half as long as numpy.broadcast_to and numpy.array.
+                # Fill a table, which takes half as long as numpy.broadcast_to and numpy.array.
                 for place, value in enumerate(values) if several else [(..., values)]:
                     table[place] = value
                 return table

@@ -97,7 +97,7 @@ def first_sentence(function: Any) -> str:
     return cleandoc(function.__doc__).split("\n\n")[0].split(". ")[0].replace("\n", " ").rstrip(".") + "."
 
 
-# Disable typer's rich markup: plain help appears in half the time.
+# Disable typer's rich markup, so that the help appears in half the time.
 app = typer.Typer(
     cls=LazyGroup,
     no_args_is_help=True,
@@ -129,7 +129,7 @@ def root(
 
 def main() -> None:
     """Run the command line: expected errors are printed in a few lines, with exit code 1."""
-    # If the shell closed a stream (>&-), replace it: otherwise the next file to be opened would get its file descriptor.
+    # If the shell closed a stream (>&-), replace it. Otherwise the next opened file would get its file descriptor.
     sys.stdout = sys.stdout or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     sys.stderr = sys.stderr or os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     from asrsim.cli.console import clean_streams
@@ -141,8 +141,8 @@ def main() -> None:
     try:
         sys.stdout.flush()
     except OSError as error:
-        # The program that reads the output has ended, or the disk is full. Discard the rest: otherwise Python prints an error
-        # at exit.
+        # The program that reads the output has ended, or the disk is full. Discard the rest of the output, since Python would
+        # otherwise print an error at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f"asrsim: cannot write the output: {error.strerror}\n")
@@ -159,7 +159,7 @@ def _call() -> int:
         try:
             app()
         except SystemExit as end:
-            # Typer prints nothing for an interrupted command: print the message here.
+            # Print the message here, since typer prints nothing for an interrupted command.
             if isinstance(getattr(end.__context__, "__cause__", None), KeyboardInterrupt):
                 complain("asrsim: aborted")
             return end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -194,7 +194,7 @@ def _report_error(error: BaseException) -> int:
     from asrsim.errors import AsrsimError
 
     if isinstance(error, BrokenPipeError):
-        # The program that reads the output has ended on purpose: print no message.
+        # Print no message, since the program that reads the output has ended on purpose.
         return 0
     if _debugging():
         raise error

@@ -29,6 +29,8 @@ def check(
 ) -> Done:
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
 
+    Also lists parts of installed packages that asrsim cannot use.
+
     Example: asrsim check examples/urdf/dof2_vertical.urdf examples/scenarios/sine_2dof.yaml
 
     Example: asrsim check --strict examples/urdf/dof2_vertical.urdf
@@ -38,7 +40,8 @@ def check(
     Example: asrsim check --stage clutch --plugin examples/plugins/my_clutch.py
     """
     from asrsim.cli import findings
-    from asrsim.cli.tables import print_check_report, print_reports
+    from asrsim.cli.tables import print_check_report, print_problems, print_reports
+    from asrsim.registry.groups import faults_of_packages
 
     if len([one for one in (files, actuator, stage) if one]) > 1:
         raise typer.BadParameter("cannot be checked together", param_hint="files, --actuator and --stage")
@@ -61,12 +64,18 @@ def check(
         findings.scenario_report(path) if _is_scenario(path) else findings.robot_report(path, arguments, packages)
         for path in files
     ]
+    broken = list(faults_of_packages())
     if strict:
         reports = [replace(report, errors=(*report.errors, *report.warnings), warnings=()) for report in reports]
-    good = not any(report.errors for report in reports)
+
+    def printed() -> None:
+        print_problems(broken, "error" if strict else "warning")
+        print_reports(reports, quiet=quiet)
+
+    good = not any(report.errors for report in reports) and not (strict and broken)
     return Done(
-        data={"ok": good, "files": reports},
-        always=lambda: print_reports(reports, quiet=quiet),
+        data={"ok": good, "files": reports, **({"packages": broken} if broken else {})},
+        always=printed,
         code=int(not good),
     )
 

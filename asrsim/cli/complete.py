@@ -1,6 +1,6 @@
 """Words that the shell completes: variants, joints and quantities, and keys, read from the files named on the command line.
 
-A file that cannot be read gives no words: completion never fails.
+A file that cannot be read gives no words, so that completion never fails.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def _path() -> Path:
     """First existing file or folder on the command line that is being completed. The shells pass this line in environment
     variables.
 
-    The parser cannot be asked: it gives no arguments for a line that ends in an option without a value.
+    The parser cannot be used, since it gives no arguments for a line that ends in an option without a value.
     """
     line = os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or ""
     try:

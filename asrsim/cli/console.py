@@ -28,7 +28,7 @@ STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "
 MOST = 40
 """Largest number of lines that are printed for one error."""
 COLUMNS = 40
-"""Largest number of a recording's columns that are listed: a file may have thousands of columns."""
+"""Largest number of a recording's columns that are listed, since a file may have thousands of columns."""
 NARROWEST = 20
 """Smallest width of a table's last column, characters."""
 SHOWN = 6
@@ -114,7 +114,7 @@ def _encoded(value: Any) -> Any:
 
 
 def say_table(columns: Sequence[TableColumn], styles: Sequence[str] = ()) -> None:
-    """Print a table; its last column is wrapped at the terminal's width. styles: text style of each row."""
+    """Print a table. Its last column is wrapped at the terminal's width. styles: text style of each row."""
     heads = [one.heading.split("\n") for one in columns]
     height = max(map(len, heads))
     rows = [[[""] * (height - len(head)) + head for head in heads]]

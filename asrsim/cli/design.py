@@ -42,7 +42,7 @@ def design(
         int,
         option(
             "Number of further robots for which the motion is also designed; their free parameters are drawn within a "
-            "factor of 2 of those of the robot.",
+            "factor of 2 of the robot's parameters.",
             min=0,
         ),
     ] = 0,
@@ -59,8 +59,9 @@ def design(
 ) -> Done:
     """Design the most informative experiment for the free parameters, within limits.
 
-    Writes the motion as CSV with the headings that `identify` reads, a scenario that plays it, and a picture. Prints the
-    predicted interval of each parameter, for this motion, for a step and for a chirp. Ctrl-C keeps the best motion so far.
+    The command writes the motion as CSV with the headings that `identify` reads, a scenario that plays this motion, and a
+    picture. It prints the predicted interval of each parameter, for this motion, for a step and for a chirp. Ctrl-C keeps the
+    best motion so far.
 
     Example: asrsim design lab.yaml --set initial=equilibrium --free 'joint_1.spring_*' --limits
     examples/recordings/limits.yaml --duration 4
@@ -72,7 +73,7 @@ def design(
     from asrsim.plain import finite_or_none, mapped
 
     options: dict[str, Any] = {"free": free, "ties": tie, "variant": variant, "overrides": overrides, "plugins": plugin}
-    # The search takes minutes, so paths that cannot be written are refused before it starts.
+    # The search takes minutes, so refuse paths that cannot be written before it starts.
     make_folder(out.parent)
     check_output(out, "designed motion")
     message = "asrsim: stopping; the best motion so far is kept (Ctrl-C again to abort)"

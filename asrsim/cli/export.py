@@ -46,8 +46,9 @@ def export(
 ) -> Done:
     """Write the robot with motors and springs as MJCF for MuJoCo, MuJoCo Warp, MuJoCo XLA or mjlab, without any plugin.
 
-    Replays the scenario in this program, or in MuJoCo if the program is not installed. Prints and draws the error of each
-    joint, and lists the parts of the scenario that the file lacks. Refuses a scenario that the program would simulate wrongly.
+    The command replays the scenario in this program, or in MuJoCo if the program is not installed. It prints and draws the
+    error of each joint, and lists the parts of the scenario that the file lacks. It refuses a scenario that the program would
+    simulate wrongly.
 
     Example: asrsim export examples/scenarios/sine_2dof.yaml --variant soft --for mujoco --out soft.xml
     """

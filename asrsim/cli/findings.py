@@ -65,7 +65,7 @@ class FileReport:
 def robot_report(
     path: Path, xacro_arguments: Mapping[str, str] | None = None, package_paths: Mapping[str, Path] | None = None
 ) -> FileReport:
-    """Findings in a URDF or xacro file, including those of preparing a run with constant references."""
+    """Findings in a URDF or xacro file, including the findings of preparing a run with constant references."""
     from asrsim.scenario import scenario_from_data
     from asrsim.simulation.examine import Examined, findings
 
@@ -117,7 +117,8 @@ def _built(found: Examined, report: FileReport) -> FileReport:
         prepared = build(plan)
         prepared.make_engine().close()
     except AsrsimError as error:
-        # Building fails, for example, if a spring is too stiff for any number of substeps, or if the engine rejects a body.
+        # The simulation cannot be built if, for example, a spring is too stiff for any number of substeps, or if the engine
+        # rejects a body.
         return replace(report, errors=problems_of(error, report.path))
     shapes = usable_shapes(plan.source, visuals=alone, package_paths=scenario.package_paths)[1]
     return replace(report, substeps=vars(prepared.resolution), warnings=tuple(dict.fromkeys((*prepared.warnings, *shapes))))

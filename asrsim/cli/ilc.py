@@ -46,10 +46,10 @@ def ilc(
 ) -> Done:
     """Learn the inputs that make the joints follow `ilc.trajectory` of a scenario, trial by trial (paper section 4.3).
 
-    Writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the results (ilc.json), a picture
-    (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, with a message; files of
-    another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit code: 0;
-    1 if learning did not converge or a run failed; 130 after Ctrl-C.
+    The command writes the learned inputs (learned.csv), a scenario that plays them (learned.yaml), the results (ilc.json), a
+    picture (ilc.png), and the trials (state.npz). Files of an earlier run of the same scenario are replaced, with a message;
+    files of another scenario are kept unless --overwrite is given. Ctrl-C keeps the best trial so far; --resume continues. Exit
+    code: 0; 1 if learning did not converge or a run failed; 130 after Ctrl-C.
 
     Example: asrsim ilc examples/scenarios/ilc_2dof.yaml
 

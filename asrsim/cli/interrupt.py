@@ -21,8 +21,8 @@ AGAIN = 0.3
 
 @contextmanager
 def interruptible() -> Iterator[Callable[[], bool]]:
-    """Context manager under which SIGTERM acts like Ctrl-C, so that files are closed and child processes are ended. Gives a
-    function that tells whether such a signal has arrived. Callbacks of compilers and imports of some libraries suppress
+    """Context manager under which SIGTERM acts like Ctrl-C, so that files are closed and child processes are ended. It gives a
+    function that returns whether such a signal has arrived. Callbacks of compilers and imports of some libraries suppress
     exceptions, so KeyboardInterrupt is raised repeatedly until it is handled.
     """
     timer = getattr(signal, "SIGALRM", None)
@@ -36,7 +36,7 @@ def interruptible() -> Iterator[Callable[[], bool]]:
         arrived = True
         if timer is not None:
             signal.setitimer(signal.ITIMER_REAL, AGAIN)
-        # While the exception is handled, files are being closed: the timer must not raise it again and stop that.
+        # The timer must not raise the exception while it is handled, since files are then being closed.
         if number != timer or handled is None:
             raise KeyboardInterrupt
 
@@ -57,8 +57,8 @@ def interruptible() -> Iterator[Callable[[], bool]]:
 class Interruption:
     """Context manager under which the first signal only sets `requested`, and the second signal raises KeyboardInterrupt.
 
-    Before the first call of `stop` the first signal raises KeyboardInterrupt too: compiling a loop may take half a minute
-    without a call of `stop`, and no files are open yet.
+    Before the first call of `stop`, the first signal also raises KeyboardInterrupt, since compiling a loop may take half a
+    minute without a call of `stop`, and no files are open yet.
     """
 
     def __init__(self, message: str = "asrsim: stopping; the log will be closed properly (Ctrl-C again to abort)") -> None:

@@ -49,10 +49,10 @@ def live(
     plugin: list[Path],
     quiet: bool,
 ) -> Done:
-    """Run a scenario in real time; references follow its signals until a topic overrides them.
+    """Run a scenario in real time; a reference follows the scenario's signal until a command on a topic replaces it.
 
     Topics have the toolbox's names. The log contains every step and applied command, so `asrsim rerun` can repeat the run.
-    Listens on this machine only. Ctrl-C ends the run. Exit code: 0; 1 if the run failed or diverged.
+    Only this machine can connect unless --network is given. Ctrl-C ends the run. Exit code: 0; 1 if the run failed or diverged.
 
     Example: asrsim live examples/scenarios/step_2dof.yaml --variant soft --on none --duration 2
     """
@@ -66,9 +66,9 @@ def live(
     from asrsim.simulation.examine import examine
 
     names = [name for name in TRANSPORTS.names() if TRANSPORTS.get(name).available] if on is None else list(dict.fromkeys(on))
-    known = (*TRANSPORTS.names(), "none")
-    if wrong := [name for name in names if name not in known]:
-        raise typer.BadParameter(f"there is no transport '{wrong[0]}'; choose from: {', '.join(known)}", param_hint="--on")
+    for name in names:
+        if name != "none":
+            TRANSPORTS.get(name)
     names = [name for name in names if name != "none"]
 
     def folder_of(one: LoadedScenario) -> Path:
@@ -86,6 +86,8 @@ def live(
         return _follow(plan, names, access, namespace, duration, view=view, quiet=quiet)
     settings = Settings(speed=pace, duration=duration, rate=publish_rate, namespace=namespace, transports=names, access=access)
     with StatusLine(show=not quiet) as line:
+        for problem in TRANSPORTS.broken() if on is None else ():
+            line.tell(str(problem))
         if not names and on is None:
             line.tell(f"no transport is installed, so clients cannot connect ({install('ros')}, or with 'asrsim[foxglove]')")
         folder = folder_of(plan.scenario)

@@ -105,7 +105,7 @@ def pairs(texts: Sequence[str] | None, flag: str) -> dict[str, str]:
     """Values by name, parsed from the texts NAME=VALUE of the option `flag`. Raises typer's BadParameter."""
     found = {}
     for text in texts or ():
-        # Accept `:=` in place of `=`, as ROS writes it.
+        # Accept `:=` instead of `=`, since ROS uses `:=`.
         name, separator, value = text.replace(":=", "=", 1).partition("=")
         if not separator or not name:
             raise typer.BadParameter(f"'{text}' is not NAME=VALUE", param_hint=flag)

@@ -44,7 +44,7 @@ def plot(
         Texts,
         option(
             "Recording to draw with the run (CSV, MCAP, ROS bag, .mat). May be repeated: recordings of the same motion are "
-            "drawn as a band.",
+            "drawn as one shaded band.",
             "--experiment",
             "-e",
             metavar="[VARIANT=]FILE",

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from asrsim.sweeps.run import StudyProgress
 
 PATIENCE = 0.4
-"""Delay in s before a progress bar appears: short work needs no progress bar, and need not import rich."""
+"""Delay in s before a progress bar appears, since short work needs no progress bar, and need not import rich."""
 
 
 EVERY = 10.0
@@ -24,8 +24,8 @@ EVERY = 10.0
 
 
 class Bar:
-    """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr: stdout contains only
-    results. A pipe or a file gets a line every `EVERY` seconds instead.
+    """Progress bar as a context manager, which removes the bar on exit. The bar is printed on stderr, since stdout contains
+    only results. A pipe or a file gets a line every `EVERY` seconds instead.
     """
 
     def __init__(self, title: str = "", *, show: bool) -> None:
@@ -86,7 +86,7 @@ class RunBar(Bar):
         super().__init__(title, show=show)
         self._duration = duration
         self._part, self._first = "", 0.0
-        """Current part of the work, and simulated time in s at the first report of this part."""
+        """_part: current part of the work; _first: simulated time in s at the first report of this part."""
 
     def start(self, _info: object = None) -> None:
         """Begin to measure the simulation speed; called when the simulation loop begins."""
@@ -97,14 +97,14 @@ class RunBar(Bar):
         if progress.task != self._part:
             self._part = progress.task
             self.start()
-            # This part began before its first report: measure its speed from this report on.
+            # This part began before its first report, so measure its speed from the time of this report.
             self._first = progress.time
         simulated = progress.time
         note = f"{simulated:.2f} of {self._duration:g} s"
         if simulated > self._first:
             speed = (simulated - self._first) / max(clock.perf_counter() - self._began, 1e-9)
             note += f", {speed:.3g} x real time"
-        # The duration may be 0: the log of a killed run may contain no time at all.
+        # The duration may be 0, since the log of a killed run may contain no time.
         self.draw(
             simulated / self._duration if self._duration > 0.0 else 1.0,
             note,

@@ -34,7 +34,7 @@ def render(
     *,
     quiet: bool,
 ) -> Done:
-    """Draw the logged motion: a film strip, a GIF, a video. Needs only the log, and no display.
+    """Draw the logged motion: a film strip, a GIF, a video. The command needs only the log, and no display.
 
     Example: asrsim render out/step_2dof/soft --frames 8 --gif
     """

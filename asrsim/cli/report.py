@@ -15,8 +15,8 @@ from asrsim.tables import TableColumn
 def print_run(summary: RunSummary, *, quiet: bool, printed: set[str] | None = None) -> None:
     """Print summary, claims, warnings and files of a run.
 
-    quiet: print only failed claims, a divergence and warnings. printed: warnings that earlier runs have already printed. This
-    run only counts them, and adds its own warnings to the set.
+    quiet: whether only failed claims, a divergence and warnings are printed. printed: warnings that earlier runs have already
+    printed. This run only counts them, and adds its own warnings to the set.
     """
     title = f"{summary.scenario} / {summary.variant}"
     if not quiet:
@@ -77,8 +77,12 @@ def _print_certificate(summary: RunSummary, *, quiet: bool) -> None:
     if not quiet:
         say("  numerical error, estimated from runs at finer steps", "dim")
         say_table(_differences(summary, summary.certificate["joints"]))
-        trust = "the estimate covers the error of the time step only, not of the model"
-        say(f"  {trust}{'; the cross-check compares the model with another engine' if summary.cross_check else ''}", "dim")
+        other = (
+            "the cross-check compares the model with another engine"
+            if summary.cross_check
+            else "the run was not compared with another engine: --cross-check does this, or says what it needs"
+        )
+        say(f"  the estimate covers the error of the time step only, not of the model; {other}", "dim")
     for warning in summary.certificate["warnings"]:
         complain(f"{summary.scenario} / {summary.variant}: {warning}", "yellow")
 

@@ -25,8 +25,8 @@ def reproduce(
 ) -> Done:
     """Repeat the paper's experiments: every figure with its claims, measured numbers and verdicts on one page.
 
-    Writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs; files of an earlier call
-    are replaced. Exit code: 0 if every claim holds, else 1; 130 after Ctrl-C.
+    The command writes reproduce.html (self-contained), reproduce.json, pictures and the logs of all runs. Files of an earlier
+    call are replaced. Exit code: 0 if every claim holds, else 1; 130 after Ctrl-C.
 
     Example: asrsim reproduce
 

@@ -33,7 +33,7 @@ def run(
         bool,
         option(
             "Run again with half and a quarter of the step and report the numerical error. Includes --cross-check if a second "
-            "engine is installed.",
+            "engine is installed, except for an engine of your own.",
             "--certify",
         ),
     ] = False,
@@ -106,12 +106,13 @@ def run(
                         if wanted and executed.run.status != "interrupted":
                             done[-1] = write_summary(add(done[-1]))
             except AsrsimError as error:
-                # This variant could not be built or written. Stop here: the other variants would probably fail for the same
-                # reason.
+                # This variant could not be built or written. Stop here, since the other variants would probably fail for the
+                # same reason.
                 failure = (title, error)
             if len(done) > before and not json:
                 print_run(done[-1].summary, quiet=quiet, printed=printed)
-                # Flush now: a program that reads the output gets the line at once, and a closed pipe raises its error here.
+                # Flush the output now, so that a program that reads it gets the line at once, and so that a closed pipe raises
+                # its error here.
                 sys.stdout.flush()
             if failure is not None or interruption.requested:
                 break

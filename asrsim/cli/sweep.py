@@ -55,7 +55,7 @@ def sweep(
     run: Annotated[int | None, option("Repeat this run of a study's folder, with a log.", min=0, default="")] = None,
     result: Annotated[
         Texts,
-        option("Draw this result; may be repeated.", metavar="JOINT.MEASURE", default="the first results that vary"),
+        option("Show and draw this result; may be repeated.", metavar="JOINT.MEASURE", default="the first results that vary"),
     ] = None,
     plot: Plot = True,
     *,
@@ -94,11 +94,13 @@ def sweep(
         from asrsim.sweeps.pictures import draw_sweep
 
         files += draw_sweep(table, results=result or [])
-    from asrsim.sweeps.show import HEADS, remarks, result_rows, study_data, study_headline
+    from asrsim.sweeps.show import HEADS, chosen_results, remarks, result_rows, study_data, study_headline
+
+    chosen = chosen_results(table, result, len(result)) if result else []
 
     def text() -> None:
         say(study_headline(table))
-        if rows := result_rows(table):
+        if rows := result_rows(table, chosen):
             say_table(from_rows(HEADS, rows, right=range(1, len(HEADS))))
         for line in remarks(table):
             say(f"  {line}")
@@ -106,7 +108,7 @@ def sweep(
         if table.missing:
             say(f"{table.missing} runs are missing; --resume simulates them")
 
-    data = {**study_data(table), "files": [*table.files, *files]}
+    data = {**study_data(table, chosen), "files": [*table.files, *files]}
     return Done(data=data, text=text, code=code)
 
 

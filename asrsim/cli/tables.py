@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from asrsim.actuators import ACTUATORS, MODES, Actuator, Mode
 from asrsim.cli.console import SHOWN, line_width, problem_lines, say, say_table, styled
 from asrsim.cli.findings import FileReport
-from asrsim.errors import counted, listed
+from asrsim.errors import Problem, counted, listed
 from asrsim.quantities import linear_unit
 from asrsim.robot import ActuatorBlock, ParameterValue, Robot
 from asrsim.robot.tags import parameter_tags
@@ -32,14 +32,19 @@ def print_reports(reports: Sequence[FileReport], *, quiet: bool) -> None:
                 if report.substeps is not None:
                     number, motors, rate = (report.substeps[key] for key in ("substeps", "motor_substeps", "omega_h"))
                     say(f"{counted(number, 'substep')} per step, {motors} motor substeps in each; ω h = {rate:.2g}", "dim")
-        for problems, word, style in ((report.errors, "error", "bold red"), (report.warnings, "warning", "yellow")):
-            for line in problem_lines(problems):
-                say(f"{styled(word, style)} {line}")
+        print_problems(report.errors, "error")
+        print_problems(report.warnings, "warning")
     if quiet:
         return
     errors, warnings = sum(len(report.errors) for report in reports), sum(len(report.warnings) for report in reports)
     text = f"{counted(len(reports), 'file')}: {counted(errors, 'error')}, {counted(warnings, 'warning')}"
     say(text, "bold red" if errors else "yellow" if warnings else "green")
+
+
+def print_problems(problems: Sequence[Problem], word: str) -> None:
+    """Print problems. word: error or warning."""
+    for line in problem_lines(problems):
+        say(f"{styled(word, 'bold red' if word == 'error' else 'yellow')} {line}")
 
 
 def _print_head(report: FileReport) -> None:
@@ -172,7 +177,7 @@ def print_actuator(actuator: type[Actuator]) -> None:
     second = " + adjuster" if actuator.adjuster else ""
     say(f"motors  {actuator.motors}{second}; second reference in {actuator.reference_2_unit}")
     tags = parameter_tags(actuator)
-    # Print the note of a parameter below it: a terminal of 80 columns has no room for it in the row.
+    # Print the note of a parameter below its row, since the row has no room for it in a terminal of 80 columns.
     say()
     say(f"{'parameter':<26}{'default':>8}  {'unit':<13}tag", "bold")
     parameters = actuator.all_parameters()

@@ -42,7 +42,7 @@ def view(
     ],
     beside: Annotated[Files, argument("[LOG]...", "Logs of other runs, shown as ghosts.")] = None,
     experiment: Annotated[
-        Files, option("Recording to show beside the robot; may be repeated.", "--experiment", "-e", metavar="FILE")
+        Files, option("Recording to show together with the robot; may be repeated.", "--experiment", "-e", metavar="FILE")
     ] = None,
     mapping: ColumnMap = None,
     align: Align = "auto",
@@ -63,8 +63,8 @@ def view(
 ) -> Done:
     """Show the robot in a browser: sliders, pulling with the mouse, pause and step, ghosts, moving plots.
 
-    A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats the run. Listens on this machine
-    only. Ctrl-C ends the view. Needs the extra `view`.
+    A live run writes a log with all changes that were made on the page; `asrsim rerun` repeats the run. Only this machine can
+    connect. Ctrl-C ends the view. The command needs the extra `view`.
 
     Example: asrsim view examples/scenarios/step_2dof.yaml --variant soft --duration 10
     """

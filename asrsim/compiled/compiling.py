@@ -34,7 +34,7 @@ NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 substep, and without tests for divisions by 0, which give inf or NaN.
 """
 VECTORISED = 0
-"""Numba's setting for the vectorisation of loops: off. Our loops over joints and motors are short, and read numbers that have
+"""Numba's setting for the vectorisation of loops: off. The loops over joints and motors are short, and read numbers that have
 just been written one by one. To load such numbers as a vector, the processor would have to wait until all are written.
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
@@ -78,12 +78,12 @@ def compile_function(
     signature = tuple(type_of(value) for value in arguments)
 
     def compiled(copy: types.FunctionType, cached: bool) -> Callable[..., Any]:
-        # nogil: the function releases the interpreter's lock, so that threads run worlds in parallel.
+        # With nogil, the function releases the interpreter's lock, so that threads run worlds in parallel.
         dispatcher: Any = numba.njit(signature, cache=cached, nogil=True, **NUMERIC)(copy)
         entry: Callable[..., Any] = dispatcher.overloads[dispatcher.signatures[0]].entry_point
 
-        # Call the machine code directly, as Numba's dispatcher checks types at every call. The dispatcher owns the code and
-        # must stay alive.
+        # Call the machine code directly, since Numba's dispatcher checks types at every call. The dispatcher owns the machine
+        # code and must stay alive.
         def call(*values: Any) -> Any:
             return entry(*values)
 
@@ -172,8 +172,8 @@ class Callback:
 
 @cache
 def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
-    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple, from column `at + first` on,
-    `apart` columns from each other. row: a pointer.
+    """Function for compiled code, read(row, at), that returns `count` numbers of a row as a tuple. The first number is in
+    column `at + first`; the columns are `apart` from each other. row: pointer to the row.
     """
     from llvmlite import ir
     from numba import types
@@ -195,8 +195,8 @@ def numbers_reader(count: int, first: int = 0, apart: int = 1) -> Any:
 
 @cache
 def row_at(integers: bool = False) -> Any:
-    """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer. Its
-    indices must not be negative, and are not checked.
+    """Function for compiled code, row(address), that returns the row of floats (or integers) at the address as a pointer.
+    Indices of this pointer must not be negative, and are not checked.
     """
     from numba import types
     from numba.extending import intrinsic
@@ -240,7 +240,7 @@ def type_of(value: Any) -> Any:
 
     if isinstance(value, numba.types.Type):
         return value
-    # Store the types: Numba takes a millisecond to find the type of an engine's record.
+    # Store the types, since Numba takes a millisecond to find the type of an engine's record.
     form = _form(value)
     if form not in _types:
         kinds: Any = numba
@@ -249,8 +249,8 @@ def type_of(value: Any) -> Any:
 
 
 def _form(value: Any) -> Any:
-    """Key that determines the Numba type of a value: for numbers and arrays their types, for a tuple the keys of its members,
-    and else the value itself."""
+    """Key that determines the Numba type of a value. It is the type of a number or an array, the keys of the members of a
+    tuple, or else the value itself."""
     if isinstance(value, tuple):
         return type(value), *map(_form, value)
     if isinstance(value, np.ndarray):
@@ -292,7 +292,7 @@ def _through_cache(
     try:
         made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
     except Exception:
-        # The files in the cache may be damaged or read-only: compile again without the cache.
+        # The files in the cache may be damaged or read-only, so compile again without the cache.
         made = compiled(_marked(function, names, digest, None, inline), False)
     finally:
         settings.LOOP_VECTORIZE = usual
@@ -314,14 +314,16 @@ def _marked(
         if not first:
             first.append(copy)
             return copy
-        # Python never calls these inner functions: wrappers for Python would take half of the compilation time.
+        # Make no wrappers for Python, since Python never calls these inner functions. The wrappers would take half of the
+        # compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         options["forceinline"] = not inline or copy.__module__ in inline
         return numba.njit(copy, **options, **(NUMERIC if inline else {}))
 
     copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
     if cached is not None:
-        # Numba stores compiled code beside the source file of a function: pretend that the source is a file in our cache.
+        # Numba stores compiled code in the folder of a function's source file, so pretend that the source is a file in our
+        # cache.
         copy.__code__ = copy.__code__.replace(co_filename=str(cached))
     return copy
 
@@ -329,8 +331,8 @@ def _marked(
 def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     """Plain values from which the digest of a function is computed: its code, defaults, closure, and the globals that it
     uses."""
-    # Look inside wrappers: an intrinsic of Numba wraps the generator of its machine code, a dispatcher its source, a cached
-    # function the plain function.
+    # Look inside wrappers. An intrinsic of Numba wraps the generator of its machine code, a dispatcher wraps its source, and a
+    # cached function wraps the plain function.
     for wrapped in ("_defn", "py_func", "__wrapped__"):
         function = getattr(function, wrapped, function)
     if not isinstance(function, types.FunctionType):

@@ -25,7 +25,7 @@ def cache_file(digest: str) -> Path | None:
                 _warn_of_cache(one)
                 return None
         if not path.exists():
-            # Another process may write the same file at the same time: write a temporary file, then rename it.
+            # Write a temporary file and then rename it, since another process may write the same file at the same time.
             aside = path.with_suffix(f".{os.urandom(8).hex()}")
             with aside.open("x", encoding="utf-8") as stream:
                 stream.write("# asrsim keeps compiled code beside this file; safe to delete.\n")

@@ -1,7 +1,7 @@
 """Records in memory that compiled code receives by address, so that one compiled function serves arrays of all sizes.
 
 A record is a named tuple of integers, C-contiguous arrays and records. In memory it is an array of words: an integer is one
-word, an array is its address followed by its shape.
+word, and an array is its address followed by its shape.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Runs scripts on untrusted files, each in a process of its own with limited time and memory."""
+"""Runs scripts on untrusted files, each in a separate process with limited time and memory."""

@@ -32,7 +32,7 @@ def run_confined(script: Path, request: Mapping[str, Any], *, seconds: float, me
     Raises ConfinedError if a limit is exceeded or the script ends with an error.
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
-    # -P: the script must not import modules from its own folder.
+    # Use the option -P, so that the script does not import modules from its own folder.
     command = [sys.executable, "-P", str(Path(__file__).with_name("child.py")), str(seconds), str(memory), str(script)]
     try:
         done = subprocess.run(

@@ -34,8 +34,8 @@ class MeasuredCurve:
 def measured_curve(
     source: Source, path: Path, mapping: Sequence[str] = (), *, rate: float | None = None, locked: bool = False
 ) -> MeasuredCurve:
-    """Torque over deflection in a recording: from a column `deflection`, or from motor and link positions; the torque is
-    `link_torque`, or the sum of the elastic torques.
+    """Curve of torque over deflection in a recording. The deflection comes from a column `deflection`, or from motor and link
+    positions. The torque is `link_torque`, or the sum of the elastic torques.
 
     mapping: meanings of columns, as items of `--map`; rate: sampling rate of a recording without time, Hz; locked: whether a
     link without recorded positions stands at 0. Raises RecordingError if a column is missing.

@@ -26,7 +26,7 @@ class Published:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """One line of a data sheet: a number and how it was found."""
+    """One line of a data sheet: a number and the method by which it was found."""
 
     key: str
     words: str
@@ -34,8 +34,8 @@ class Entry:
     value: float | None
     """Number in SI units; None if it is unknown."""
     how: str
-    """How the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`. For an unknown number, the tag or key
-    that would state it, or the reason why the number does not apply to the actuator.
+    """Method by which the number was found: `closed form: ...`, `simulation: ...` or `stated: ...`. For an unknown number, the
+    tag or key that would state it, or the reason why the number does not apply to the actuator.
     """
 
     @property
@@ -44,7 +44,7 @@ class Entry:
         return self.value is not None and math.isfinite(self.value)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """Entry as plain data."""
         value, found = (self.value, self.how.partition(":")[0]) if self.known else (None, None)
         return {"words": self.words, "unit": self.unit, "value": value, "found": found, "how": self.how}
 
@@ -88,7 +88,7 @@ class Sheet:
         return {one.key: one for one in self.entries}[key]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data of numbers; charts are left out."""
+        """Numbers of the sheet as plain data; charts are left out."""
         return {
             "name": self.name,
             "title": self.title,

@@ -19,7 +19,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 NUDGE = 1e-6
 """Displacement in rad of the finite differences of the torques."""
 LOWEST, HIGHEST, FREQUENCIES = 1e-3, 1e4, 8001
-"""Lowest and highest frequency of the search in Hz, and number of frequencies between them."""
+"""LOWEST, HIGHEST: lowest and highest frequency of the search, Hz; FREQUENCIES: number of frequencies of the search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Load:
 
 def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
     """Frequency in Hz at which the motion of the link, in response to small motions of the equilibrium, first falls by 3 dB;
-    None if it never falls that far.
+    None if the motion never falls so far.
     """
     by_q, by_motor = _slopes(drive, preset)
     references = over_arrays(drive.actuator.motor_references)
@@ -59,7 +59,7 @@ def position_bandwidth(drive: Drive, preset: float, load: Load) -> float | None:
 
 def preset_bandwidth(drive: Drive, preset: float) -> float | None:
     """Frequency in Hz at which the motions of the motors against each other, in response to small changes of the preset on a
-    locked link, first fall by 3 dB; None if they never fall that far.
+    locked link, first fall by 3 dB; None if the motions never fall so far.
     """
     _, by_motor = _slopes(drive, preset)
     count = drive.actuator.motors

@@ -61,8 +61,8 @@ def comparison_page(sheets: Sequence[Sheet]) -> str:
 
 
 def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
-    """First two rows of charts, common to all sheets: each sheet gives its first and its last curve, but only the first for the
-    limits of the motors. All curves of an actuator have one colour.
+    """First two rows of charts, common to all sheets. Each sheet gives its first and its last curve; for the limits of the
+    motors, it gives only its first curve. All curves of an actuator have one colour.
     """
     rows, names = [], names_of(sheets)
     for r in range(2):
@@ -76,7 +76,7 @@ def common_charts(sheets: Sequence[Sheet]) -> list[tuple[Chart, ...]]:
                     label = f"{name}, {'stiffest' if curve else 'softest'}" if len(ends) > 1 else name
                     lines.append(replace(curves[curve], label=label, colour=style.variant_colour(i), dash=1 if curve else 0))
             chart = sheets[0].rows[r][c]
-            logarithmic = "y" if chart.words == "stiffness" else ""  # the stiffness of actuators differs by orders of magnitude
+            logarithmic = "y" if chart.words == "stiffness" else ""  # actuators differ in stiffness by orders of magnitude
             top = max(float(one.y.max(initial=0.0)) for one in lines)
             charts.append(replace(chart, lines=lines, logarithmic=logarithmic, span=(0.0, 1.1 * top) if r else None))
         rows.append(tuple(charts))

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 HEIGHT = 2.0
 """Height of a row of charts in inches."""
 LINE, LETTER, SIZE = 0.175, 0.066, 8.0
-"""Height of a line of the table in inches, width of a letter in inches, and font size in pt."""
+"""LINE: height of a line of the table, inch; LETTER: width of a letter, inch; SIZE: font size, pt."""
 LEFT, TOP, GAP = 0.12, 0.42, 0.25
-"""Space in inches left of the table, above it, and between its columns."""
+"""Space in inches. LEFT: left of the table; TOP: above the table; GAP: between its columns."""
 
 
 def save_sheet(path: Path, sheet: Sheet) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Published values of actuators, with their sources. Values for which no source was found are missing here on purpose."""
+"""Published values of actuators, with their sources. Values for which no source was found are left out on purpose."""
 
 from __future__ import annotations
 

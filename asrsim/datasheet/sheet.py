@@ -28,8 +28,8 @@ WIDE = 50.0
 LAW = "closed form"
 WITHIN = f"{LAW}: largest value of the law over presets and deflections within the limits of springs, motors and joint"
 SOFTEST = 1e-9
-"""A setting counts as having no stiffness up to this fraction of the largest stiffness: a bandwidth from so little
-stiffness would be a rounding error.
+"""Fraction of the largest stiffness up to which a setting counts as having no stiffness. A bandwidth from so little stiffness
+would be a rounding error.
 """
 
 
@@ -45,7 +45,7 @@ def make_sheet(
     Args:
         source: The actuator and its values.
         presets: Smallest and largest second reference; None: the range of the actuator.
-        inertia: Inertia of the test load, kg m^2; None: the one with a natural frequency of 3 Hz on the mean stiffness.
+        inertia: Inertia of the test load, kg m^2; None: the inertia with a natural frequency of 3 Hz on the mean stiffness.
         measured: Curves of test benches, drawn beside the law.
 
     Raises InputError for presets that the actuator cannot have.

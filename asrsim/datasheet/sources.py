@@ -1,4 +1,5 @@
-"""What a data sheet can describe: an actuator by name, the actuators of a plugin file, or those on a robot's joints."""
+"""Actuators that a data sheet can describe: an actuator by name, the actuators of a plugin file, or the actuators on a robot's
+joints."""
 
 from __future__ import annotations
 
@@ -58,8 +59,8 @@ def sources_of(
     """Actuators of all targets: names of actuators, plugin files (.py), robots (.urdf, .xacro), and scenarios (.yaml).
 
     joints: joints of robots; empty: all joints with actuators. arguments, packages: arguments and package folders of xacro
-    files. plugins: plugin files that are loaded already. Raises InputError for an unknown name, joint or file, and if joints
-    are named but no robot or scenario.
+    files. plugins: plugin files that have already been loaded. Raises InputError for an unknown name, joint or file, and if
+    joints are named but no robot or scenario.
     """
     found: list[Source] = []
     for target in targets:
@@ -76,9 +77,9 @@ def sources_of(
         elif target in ACTUATORS:
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
+            found_none = ACTUATORS.unknown(target)
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
-            message = "is not an actuator"
-            raise InputError(message, key=target, choices=ACTUATORS.names(), meant=target, hint=hint, code="unknown-actuator")
+            raise InputError(replace(found_none, hint=f"{found_none.hint}. {hint}"))
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
         raise InputError("requires a robot file or a scenario", key="--joint", value=joints[0], code="no-robot")
     names = [one.name for one in found]

@@ -17,10 +17,9 @@ from asrsim.errors import InputError
 from asrsim.samples import Array
 
 POINTS, PRESETS = 1001, 21
-"""Number of deflections and number of presets at which the laws are evaluated."""
+"""POINTS: number of deflections at which the laws are evaluated; PRESETS: number of presets."""
 NEAR = 1e-4
-"""The search for the largest value of a law ends when its values at the presets beside the best one differ by less than this,
-relative to the largest."""
+"""Relative difference between the values of a law at neighbouring presets at which the search for its largest value ends."""
 WIDEST = math.pi
 """Largest deflection in rad that is evaluated for a drive without a deflection limit."""
 MARGIN = 0.75
@@ -75,8 +74,8 @@ class Statics:
 
     @cached_property
     def highest_preset(self) -> float:
-        """Largest preset that the unloaded joint can have: there the springs, the motors or the adjuster's lever reach a limit.
-        Infinite without such a limit.
+        """Largest preset that the unloaded joint can have. At this preset the springs, the motors or the adjuster's lever reach
+        a limit. It is infinite without such a limit.
         """
         if self.drive.actuator.adjuster:
             return self.drive.values.get("lever_length", math.inf)
@@ -136,7 +135,7 @@ class Statics:
 
     def _largest(self, law: Callable[[Array, Array], Array]) -> float:
         """Largest value of a law over presets and deflections. Where a limit begins to act, the largest value over the
-        deflections has a sharp peak over the presets, so the presets near the best one are searched more finely.
+        deflections has a sharp peak over the presets, so the presets near the best preset are searched more finely.
         """
         low, high = self.presets
         closest = ROUNDING * high
@@ -193,20 +192,20 @@ class Statics:
 
     @cached_property
     def softest(self) -> float:
-        """The end of the range of presets at which the unloaded stiffness is smaller."""
+        """End of the range of presets at which the unloaded stiffness is smaller."""
         low, high = self.presets
         ends = self.stiffness(np.zeros(2), np.array([low, high]))
         return low if ends[0] <= ends[1] else high
 
     @cached_property
     def stiffest(self) -> float:
-        """The other end of the range of presets."""
+        """End of the range of presets at which the unloaded stiffness is larger."""
         low, high = self.presets
         return high if self.softest == low else low
 
     def motor_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m of all motors together at a steady speed (n,) in rad/s: the largest torque within their limits of
-        torque and voltage, minus damping and friction.
+        """Torque (n,) in N m of all motors together at a steady speed (n,) in rad/s. It is the largest torque within their
+        limits of torque and voltage, minus damping and friction.
         """
         drive, total = self.drive, np.zeros_like(speed)
         for i, one in enumerate(drive.electric):
@@ -216,8 +215,8 @@ class Statics:
         return total
 
     def driving_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m on the link at a steady speed (n,) in rad/s: `motor_torque`, limited to the largest torque that
-        springs and joint transmit.
+        """Torque (n,) in N m on the link at a steady speed (n,) in rad/s. It is `motor_torque`, limited to the largest torque
+        that springs and joint transmit.
         """
         return np.minimum(self.motor_torque(speed), self.peak_torque)
 

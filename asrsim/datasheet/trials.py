@@ -23,18 +23,19 @@ from asrsim.metrics import measure
 from asrsim.samples import Array
 
 FREQUENCY, RATIO = 3.0, 0.2
-"""Natural frequency in Hz and damping ratio of the test load while the motors stand still. The assumed stiffness is the
-geometric mean of the softest and the stiffest setting.
+"""FREQUENCY: natural frequency in Hz of the test load while the motors stand still; RATIO: damping ratio of the test load. The
+assumed stiffness is the geometric mean of the softest and the stiffest setting.
 """
 SOFTEST = 1e-4
 """Smallest stiffness that enters the mean for the test load, as a fraction of the largest stiffness."""
 STEP, LEAST = 0.2, 0.05
-"""Size of the step of the equilibrium position: as a fraction of the largest deflection of the softest setting, but at least
-`LEAST` rad."""
+"""Size of the step of the equilibrium position. It is the fraction `STEP` of the largest deflection of the softest setting, but
+at least `LEAST` rad."""
 AT, LASTS = 0.1, 2.0
-"""Time at which the references step, and duration of a trial, s."""
+"""AT: time at which the references step, s; LASTS: duration of a trial, s."""
 BAND = 0.1
-"""The stiffness counts as settled while it differs from its new value by less than this fraction of its change."""
+"""Largest difference from the new stiffness at which the stiffness counts as settled, as a fraction of the change of the
+stiffness."""
 MEASURE = "settling"
 OPTIONS: dict[str, Any] = {"start": AT, "band": BAND}
 """Options of `MEASURE`, the measure that gives the time in which the stiffness changes."""
@@ -51,7 +52,7 @@ JOINT = "joint_1"
 
 @dataclass(frozen=True, kw_only=True)
 class Trials:
-    """Results of the trials, by variant of the scenario; a message for each trial that could not be simulated."""
+    """Results of the trials, by variant of the scenario, and a message for each trial that could not be simulated."""
 
     files: Mapping[str, str]
     results: Mapping[str, Result]
@@ -83,7 +84,7 @@ def usual_load(statics: Statics) -> Load:
 
 
 def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
-    """Results of all trials of an actuator. load: the load on its joint."""
+    """Results of all trials of an actuator. load: load on the actuator's joint."""
     step = float(f"{max(LEAST, STEP * statics.reach(statics.softest)):.3g}")
     torque, under = _torque(statics)
     variants, robot = _variants(source, statics, step, torque), f"{source.name}.urdf"
@@ -116,7 +117,8 @@ def run_trials(source: Source, statics: Statics, load: Load) -> Trials:
 
 
 def _torque(statics: Statics) -> tuple[float, str]:
-    """Load in N m during the change of stiffness, and its description. It is the nominal torque if every setting holds that."""
+    """Load in N m during the change of stiffness, and its description. It is the nominal torque if every setting holds this
+    torque."""
     nominal = None if statics.lasting is None else statics.lasting.peak_torque
     if nominal is not None and nominal <= statics.held_torque:
         torque, words = nominal, "the nominal torque"
@@ -202,5 +204,5 @@ def _scenario(source: Source, variants: Mapping[str, Mapping[str, Any]], claims:
         head += (
             "# Steps from the softest to the stiffest setting, without and with a load: the claims are the sheet's numbers.\n"
         )
-    # Copy the data through JSON: YAML would write shared parts as aliases, which are harder to read.
+    # Copy the data through JSON, since YAML would write shared parts as aliases, which are harder to read.
     return head + yaml.safe_dump(json.loads(json.dumps(data)), sort_keys=False, default_flow_style=None, width=100)

@@ -21,7 +21,8 @@ KINDS = {".html": "page", ".json": "json", ".yaml": "sheet scenario", ".urdf": "
 def write_sheets(
     sheets: Sequence[Sheet], folder: Path, *, compare: bool = False, formats: Sequence[str] = ("png",)
 ) -> tuple[Path, ...]:
-    """Write the files of all sheets, and return their paths. compare: also a page with all actuators side by side.
+    """Write the files of all sheets, and return their paths. compare: whether a page with all actuators side by side is also
+    written.
 
     formats: formats of the pictures: png, pdf, svg. Raises OutputError, and InputError for an unknown format, or for sliding
     and turning joints side by side.

@@ -1,4 +1,4 @@
-"""Experiment design: the motion within limits that gives the most information about unknown parameters (`asrsim design`)."""
+"""Experiment design (`asrsim design`): finds the motion within limits that tells the most about unknown parameters."""
 
 from __future__ import annotations
 

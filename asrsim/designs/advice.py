@@ -1,5 +1,5 @@
-"""The next experiment after a fit: motions that would identify further parameters, and limits within which `asrsim design`
-finds a motion.
+"""Advice on the next experiment after a fit: motions that would identify further parameters, and a limits file for `asrsim
+design`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from asrsim.plugins import plugin_options
 from asrsim.robot.model import INERTIAS
 
 LOAD_CELL = 0.05
-"""Assumed noise of a torque sensor that the robot could get, N m."""
+"""Assumed noise of a torque sensor that could be added to the robot, N m."""
 REPEATED = 10.0
 """Largest factor by which the advice proposes to lengthen the recording."""
 LONGEST = 600
@@ -30,7 +30,7 @@ LONGEST = 600
 
 @dataclass(frozen=True)
 class _Motion:
-    """Motion of a joint in the recordings: unit and range of its positions, largest speed, and bandwidth (Hz)."""
+    """Motion of a joint in the recordings: unit and range of its positions, largest speed, and bandwidth `band` in Hz."""
 
     unit: str
     low: float = np.inf
@@ -52,14 +52,15 @@ def _moved(result: FitResult) -> dict[str, _Motion]:
 
 
 def advice(result: FitResult) -> Iterator[str]:
-    """Sentences that name the motions by which parameters with wide intervals could be identified; empty if causes of a misfit
-    are suspected, which must be corrected first.
+    """Sentences on motions by which parameters with wide intervals could be identified. There are none if causes of a misfit
+    are suspected, since these must be corrected first.
     """
     if result.causes:
         return
     moved, children = _moved(result), {joint.child: joint.name for joint in result.robot.joints}
     wanted: dict[str, list[str]] = {}
-    # If an interval is narrow but its verdict is weak, the model is in doubt: no further motion removes that doubt.
+    # Leave out weak parameters with a narrow interval. They are weak since the model is doubtful, and no further motion removes
+    # this doubt.
     wide = [one for one in result.estimates if not (one.verdict == WEAK and one.margin <= CLOSE)]
     for one in wide:
         if one.verdict in (IDENTIFIED, AT_BOUND):
@@ -72,15 +73,17 @@ def advice(result: FitResult) -> Iterator[str]:
             wanted.setdefault("record a torque, or fix one of these parameters", []).append(one.name)
     yield from (f"{', '.join(names)}: {text}" for text, names in wanted.items())
     if result.misfit:
-        # If the model is wrong, a longer recording does not reduce the errors.
+        # If the model is wrong, a longer recording does not reduce the errors of the estimates.
         return
     longer = {one.name: (one.margin / CLOSE) ** 2 for one in wide if one.verdict == WEAK}
     if near := {name: factor for name, factor in longer.items() if factor <= REPEATED}:
-        yield f"{', '.join(near)}: a recording that is {max(near.values()):.1f} times as long brings the interval to 5 %"
+        yield f"{', '.join(near)}: a recording that is {max(near.values()):.1f} times as long reduces the interval to 5 %"
 
 
 def _movement(name: str, joint: str, was: _Motion) -> str:
-    """Motion by which a parameter can be identified, in words, given how its joint has moved; empty if none is known."""
+    """Text on a motion by which a parameter can be identified; empty if no such motion is known. was: recorded motion of the
+    parameter's joint.
+    """
     unit, speed, band = was.unit, was.speed, was.band
     if "friction" in name:
         return f"move {joint} at less than {0.1 * speed:.2g} {unit}/s, and reverse often (recorded: up to {speed:.2g})"
@@ -95,8 +98,9 @@ def _movement(name: str, joint: str, was: _Motion) -> str:
 
 
 def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
-    """Write a limits file with the recorded ranges. Returns its path, and the command that designs the next experiment within
-    these limits. Both are empty if every parameter is identified, or if causes of a misfit must be corrected first.
+    """Write a limits file with the recorded ranges. Return its path, and the command that designs the next experiment within
+    these limits. The two are empty if every parameter is identified, if no motion is recorded, or if causes of a misfit must be
+    corrected first.
     """
     import yaml
 

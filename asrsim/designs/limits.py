@@ -1,4 +1,4 @@
-"""The limits file: limits of joints, noise of sensors, and the gains and sensors that a design may choose."""
+"""The limits file. It states limits of joints, noise of sensors, and gains and sensors that a design may choose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asrsim.document.yaml_reader import read_yaml
 from asrsim.errors import InputError, Problem
 
 SENSORS = "sensors"
-"""Key of `choose` that lists sensors; all other keys are gains."""
+"""Key of `choose` whose values are sensors. All other keys are gains."""
 _RANGE = Either((ListOf(of=NUMBER, names=("low", "high")), POSITIVE))
 
 
@@ -44,12 +44,12 @@ class DesignLimits:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """Quantities that additional sensors could record, if the design chooses these sensors."""
+        """Quantities of additional sensors that a design may choose."""
         return tuple(map(str, self.choose.get(SENSORS, ())))
 
     @property
     def gains(self) -> dict[str, tuple[float, ...]]:
-        """Values of gains that a design may choose from, by `joint.parameter`."""
+        """Values from which a design may choose each gain, by `joint.parameter`."""
         return {key: tuple(values) for key, values in self.choose.items() if key != SENSORS}
 
 
@@ -57,7 +57,7 @@ LIMITS: Block[DesignLimits] = block_of(DesignLimits, "file of limits")
 
 
 def read_limits(path: Path) -> DesignLimits:
-    """Read a limits file. Raises InputError with every problem."""
+    """Contents of a limits file. Raises InputError with all problems."""
     found = read_file(LIMITS, path)
     with located(path):
         if problems := list(_faults(found)):
@@ -84,13 +84,13 @@ def _faults(limits: DesignLimits) -> Iterator[Problem]:
 
 
 def interval(given: Any) -> tuple[float, float]:
-    """Low and high limit. One number states a symmetric limit, two numbers state both ends."""
+    """Low and high limit. given: one number for a symmetric limit, or two numbers for the two ends."""
     return (-given, given) if isinstance(given, float | int) else (given[0], given[1])
 
 
 @contextmanager
 def located(path: Path) -> Iterator[None]:
-    """Context manager that adds file and line to problems of keys of a limits file."""
+    """Context that adds the file and the line of the key to problems of a limits file."""
     try:
         yield
     except InputError as error:
@@ -99,8 +99,9 @@ def located(path: Path) -> Iterator[None]:
 
 
 def _line(node: Node, key: str) -> int | None:
-    """Line of a dotted key in the file; if the file lacks the key, of its longest leading part that the file contains. Names in
-    the key may contain dots."""
+    """Line of a dotted key in the file. If the file lacks the key, it is the line of the longest leading part of the key that
+    the file contains. Names in the key may contain dots.
+    """
     if isinstance(node.value, dict):
         for name, inner in node.value.items():
             if key == name or key.startswith(f"{name}."):

@@ -1,4 +1,6 @@
-"""The robot in an experiment: from the motion of its references, how far it uses its limits, and the Fisher information."""
+"""The robot in an experiment. From the motion of its references, computes the used fractions of its limits, and the Fisher
+information.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +23,10 @@ from asrsim.scenario.data import Scenario
 from asrsim.signals.sampled import Sampled
 
 POSITION_NOISE = 1e-3
-"""Noise of measured positions if the limits file gives no noise, rad (m)."""
+"""Noise of measured positions if the limits file states no noise, rad (m)."""
 GROWTH = 20.0
-"""Largest sensitivity of a sensor to a relative change of a parameter, as a multiple of the motion that the sensor records. A
-larger sensitivity indicates chaos.
+"""A robot is near chaos if the sensitivity of a sensor to a relative change of a parameter exceeds this multiple of the motion
+that the sensor records.
 """
 
 
@@ -46,7 +48,7 @@ class Reference:
         return f"{self.joint}.reference_{self.slot + 1} [{self.unit}]"
 
     def values(self, share: Array) -> Array:
-        """Values in the reference's unit, for shares from -1 (low end of its range) to 1 (high end)."""
+        """Values in the reference's unit. share: fractions of the reference's range, from -1 (low end) to 1 (high end)."""
         return self.home + np.where(share > 0.0, share * (self.high - self.home), share * (self.home - self.low))
 
 
@@ -62,13 +64,13 @@ class LimitBound:
 
 @dataclass(frozen=True)
 class DesignChannel:
-    """A sensor of a joint, whose recording gives information."""
+    """A sensor of a joint. Its recording gives information about the parameters."""
 
     joint: str
     quantity: str
     noise: float
     sensor: str
-    """Name of the additional sensor; empty for a sensor that is always recorded."""
+    """Name of the additional sensor; empty if the sensor is always recorded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +78,13 @@ class MotionOutcome:
     """Results of a motion: used fractions of the limits, and Fisher information."""
 
     use: Array
-    """Used fraction (bounds, windows) of each limit, by the robot that uses most of it; above 1 the limit is exceeded."""
+    """Used fraction of each limit, (bounds, windows), the largest of all robots. Above 1 the limit is exceeded."""
     information: Array | None
-    """Fisher matrices (robots, n, n); None if they were not computed, or if a robot is near chaos."""
+    """Fisher matrices (robots, n, n). None if they were not computed, or if a robot is near chaos."""
 
 
 class DesignPlant:
-    """A scenario whose references are designed, played on several robots with different parameters."""
+    """A scenario whose references are designed. It is simulated for several robots with different parameters."""
 
     def __init__(
         self, scenario: Scenario, robot: Robot, layout: Layout, limits: DesignLimits, seconds: float, robots: Sequence[Array]
@@ -112,14 +114,13 @@ class DesignPlant:
         self.own = np.array(
             [[bound.joint == one.joint or bound.joint not in moved for bound in self.bounds] for one in self.references]
         )
-        """Mask (references, bounds) of the limits that each reference must keep: those of its own joint, and those of joints
-        without references.
+        """Mask (references, bounds) of the limits that each reference must keep: the limits of its own joint, and the limits of
+        joints without references.
         """
         self.robots, self.gains, self.substeps = robots, dict[str, float](), self.door.substeps
 
     def under(self, gains: Mapping[str, float]) -> DesignPlant:
-        """The same plant with other gains of controllers, and with the number of substeps that the stiffest robot then
-        needs."""
+        """The same plant with other gains of controllers, and with the number of substeps that all robots then need."""
         found = copy(self)
         found.gains = dict(gains)
         needed = np.array([self.door.substeps_of(found._numbers(x)) for x in self.robots])
@@ -164,7 +165,7 @@ class DesignPlant:
             if signal is not None:
                 home = float(signal.values(np.zeros(1))[0])
             if bound is None:
-                # A preset for which no limits are stated stays constant.
+                # A preset without stated limits stays constant.
                 if not preset:
                     message = f"the range of {name} is missing: give a limit of {name}, or of link_position"
                     self._fault(f"limits.{drive.name}.{name}", message)
@@ -190,22 +191,23 @@ class DesignPlant:
         return numbers_of({**self.layout.table(x, 0), **self.gains})
 
     def motion(self, pieces: Sequence[Piece], rows: int) -> Array:
-        """Motion (references, rows) in the references' units."""
+        """Motion (references, rows) of successive pieces, in the references' units."""
         shares = joined(pieces, self.step, rows)
         return np.array([one.values(share) for one, share in zip(self.references, shares, strict=True)])
 
     def play(
         self, motion: Array, robots: int, *, changes: Sequence[Array | float] = (), windows: int = 1, sensor: str = ""
     ) -> MotionOutcome | None:
-        """Outcome of a motion (references, rows) for the first robots; None if the simulation of a robot diverges.
+        """Outcome of a motion for the first robots of the plant; None if the simulation of a robot diverges.
 
         Args:
-            motion: In the references' units.
+            motion: Motion (references, rows) in the references' units.
             robots: Number of robots.
-            changes: Relative changes of each parameter; sensitivities are means over these changes. Without changes no
-                information is computed.
+            changes: Changes of each parameter, in units of the parameter vector. Sensitivities are means over these changes.
+                Without changes, no information is computed.
             windows: Number of equal parts of the motion in which the use of limits is measured.
-            sensor: Additional sensor whose information is computed; empty: all sensors that are always recorded.
+            sensor: Additional sensor whose information is computed. Empty: the information of all sensors that are always
+            recorded is computed.
         """
         time = np.asarray(self.step * np.arange(motion.shape[1]), dtype=np.float64)
         signals: dict[str, dict[str, Sampled]] = {}
@@ -228,7 +230,7 @@ class DesignPlant:
         return MotionOutcome(np.max(shares, axis=0), np.array(known) if len(known) == robots else None)
 
     def _use(self, values: Array, windows: int) -> Array:
-        """Used fraction (bounds, windows) of each limit, for values (bounds, rows) of the limited quantities."""
+        """Used fraction of each limit, (bounds, windows). values: values (bounds, rows) of the limited quantities."""
         ends = np.array([(one.low, one.high) for one in self.bounds]).reshape(-1, 2)
         low, high = ends[:, :1], ends[:, 1:]
         shares = np.nan_to_num(np.abs(2.0 * values - high - low) / (high - low))
@@ -237,7 +239,7 @@ class DesignPlant:
 
     def _fisher(self, runs: Sequence[Array | None], moves: Sequence[Array], sensor: str) -> Array | None:
         """Fisher matrix (n, n) of a robot, from a run with its parameters and runs with slightly changed parameters. None if a
-        run diverges, or if a sensitivity indicates chaos.
+        run diverges, or if the robot is near chaos.
         """
         rows = [run[len(self.bounds) :] for run in runs if run is not None]
         if len(rows) < len(runs):
@@ -256,8 +258,8 @@ class DesignPlant:
 
 
 def _quantities(name: str) -> list[str]:
-    """Quantities of a joint that a name in a limits file stands for; empty if the name is unknown. `motor_torque` stands for
-    the torques of all motors, `elastic_torque` for those of all springs.
+    """Quantities of a joint that a name in a limits file means; empty if the name is unknown. `motor_torque` means the torques
+    of all motors, and `elastic_torque` means the torques of all springs.
     """
     each = ([*each_motor(name.replace("motor_", "motor_{}_"))], [*each_motor(name + "_{}")])
     known = comparable()

@@ -28,20 +28,26 @@ from asrsim.scenario.data import Scenario
 from asrsim.workers import one_thread
 
 ROUNDS = 10
-"""Number of rounds of the search with the best gains; each choice of gains is first tried for a fifth of this number."""
+"""Number of rounds of the search with the best gains. First, each choice of gains is tried for a fifth of this number."""
 SHORTEST, PROBE = 0.5, 0.2
-"""Duration of the shortest experiment, s; time in s for which a robot must keep the limits while its references rest."""
+"""SHORTEST: duration of the shortest experiment, s.
+PROBE: time for which a robot must keep the limits while its references are constant, s.
+"""
 TRIED = 12
-"""Number of random pieces that are tried after the chirps, before a parameter counts as without effect."""
+"""Number of random pieces that are tried after the chirps. A parameter counts as without effect if it had no effect in any of
+them.
+"""
 CHECKS, FACTOR = 48, 2.0
-"""Number of further robots on which a robust design must keep the limits; largest factor by which their parameters differ."""
+"""CHECKS: number of further robots on which a robust design must keep the limits.
+FACTOR: largest factor by which the parameters of further robots differ from the model.
+"""
 WANTED = 0.05
-"""Half-width of an interval, relative to the value, for which the necessary duration is computed."""
+"""Half width of a 95 % interval, relative to the value, for which the necessary duration is computed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Design:
-    """A designed motion, and the predicted intervals of the parameters."""
+    """A designed motion, with the predicted intervals of the parameters."""
 
     scenario: Scenario
     references: tuple[Reference, ...]
@@ -50,8 +56,8 @@ class Design:
     keys: tuple[str, ...]
     found: Found
     intervals: Mapping[str, Array]
-    """Half-widths (n,) of the 95 % intervals, relative to the parameter's value or typical size. The keys are `design`, the
-    names of plain motions, and the names of additional sensors.
+    """Half widths (n,) of the 95 % intervals, relative to each parameter's value or typical size. The keys are `design`, the
+    names of plain motions, and `with SENSOR` for each additional sensor.
     """
     remarks: tuple[str, ...]
     interrupted: bool
@@ -63,8 +69,9 @@ class Design:
 
     @property
     def needed(self) -> Array:
-        """Durations in s for which the motion must be repeated until the half-width of each parameter's interval falls to
-        `WANTED`; at least `SHORTEST`."""
+        """For each parameter, the duration for which the motion must be repeated so that the half width of the parameter's
+        interval falls to `WANTED`, s. It is at least `SHORTEST`.
+        """
         return np.asarray(np.maximum(SHORTEST, self.seconds * (self.intervals[DESIGN] / WANTED) ** 2))
 
 
@@ -82,21 +89,22 @@ def design(
     stop: Stop = never,
     **options: Any,
 ) -> Design:
-    """Design of the motion, within limits, that gives the smallest intervals of the free parameters.
+    """Design of the motion within limits that gives the smallest intervals of the free parameters.
 
     Args:
-        scenario: Scenario, with `free` among the options; or a fit file, whose recordings count as earlier experiments.
-        limits: File with the keys `limits`, `noise` and `choose`.
+        scenario: Scenario, for which `options` contain `free`; or a fit file, whose recordings count as earlier experiments.
+        limits: Limits file, with the keys `limits`, `noise`, `rate` and `choose`.
         duration: Duration of the experiment, s.
         experiments: Recordings of earlier experiments.
-        robust: Number of further robots for which the motion is also designed; their parameters differ by up to a factor of 2.
+        robust: Number of further robots for which the motion is also designed. Their parameters differ from the model by up to
+        a factor of 2.
         rounds, seed: Number of rounds of the search, and its random seed.
-        progress: Called with the finished fraction of the search.
-        stop: Called often; if it returns True, the search ends with the best motion so far.
+        progress: Function that is called with the finished fraction of the search.
+        stop: Function that is called often. If it returns True, the search ends with the best motion so far.
         options: Options of `asrsim.identification.task_of`.
 
     Raises:
-        InputError: The files are wrong, no recorded quantity depends on a free parameter, or no motion keeps the limits.
+        InputError: A file is wrong, no recorded quantity depends on one of the free parameters, or no motion keeps the limits.
     """
     path, read = Path(limits), read_limits(Path(limits))
     if not duration >= SHORTEST:
@@ -119,7 +127,7 @@ def design(
             searches = [Search(one, 1 + robust, known, np.random.default_rng(seed), stop) for one in choices]
             _probe(searches[0])
         search, best, tried = _searched(searches, rounds, progress)
-        # The interval of a parameter is relative to its value or, if the value is zero, to the parameter's typical size.
+        # The interval of a parameter is relative to its value or, if the value is 0, to the parameter's typical size.
         sizes = np.array([one.slope(0.0) / (abs(one.value(0.0)) or one.size) for one in layout.entries])
         known_by = {DESIGN: best.information}
         known_by |= {name: one.information for name, one in search.motions.items() if name != DESIGN}
@@ -147,18 +155,18 @@ def design(
 
 
 def design_task(scenario: Path, experiments: Sequence[str | Path], options: Mapping[str, Any]) -> Task:
-    """Task of `identify` with the free parameters of a scenario or fit file, and with the earlier recordings. Raises
-    InputError."""
+    """Task of `asrsim identify` from a scenario or a fit file, with the earlier recordings. Raises InputError."""
     files = tuple(Experiment(file=Path(one).absolute()) for one in experiments)
     if kind_of(scenario) == "fit":
         task = task_of(scenario, **options)
         return replace(task, experiments=task.experiments + files)
-    # `task_of` needs a recording, but a design may precede the first one: the scenario stands in for it.
+    # `task_of` requires a recording, but a design may precede the first recording. Therefore name the scenario as a recording,
+    # and replace it.
     return replace(task_of(scenario, [scenario], **options), experiments=files)
 
 
 def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
-    """Scenario, robot of the robot file, free parameters, and remarks. Raises InputError."""
+    """Scenario of a task, robot of the robot file, layout of the free parameters, and remarks. Raises InputError."""
     scenario, given, robot = read_scenario(task)
     joints = [joint.name for joint in robot.moving_joints]
     known = parameters_of(
@@ -178,8 +186,9 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
 
 
 def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
-    """Fisher matrix (n, n) of the parameters from recordings, with the parameters of the recordings, such as offsets, also
-    estimated."""
+    """Fisher matrix (n, n) of the robot's parameters from recordings. The parameters of the recordings, such as offsets, are
+    estimated, too.
+    """
     whole = fit.whole
     slopes = jacobian(whole, np.zeros(len(whole.layout)))
     covariance = np.linalg.inv(slopes.T @ slopes + PRIOR * np.eye(slopes.shape[1]))
@@ -189,8 +198,8 @@ def _of_recordings(fit: FitProblem, layout: Layout) -> Array:
 
 
 def altered(layout: Layout, generator: np.random.Generator, *, corner: bool = False) -> Array:
-    """Parameter vector of a robot that differs from the model: each parameter by a random factor of up to `FACTOR`. corner:
-    each parameter is multiplied or divided by exactly this factor.
+    """Parameter vector of a robot that differs from the model. Each parameter is multiplied or divided by a random factor of up
+    to `FACTOR`. corner: whether the factor is always `FACTOR`.
     """
     exponents = generator.choice([-1.0, 1.0], len(layout)) if corner else generator.uniform(-1.0, 1.0, len(layout))
     places = [entry.place(entry.value(0.0) * FACTOR**e) for entry, e in zip(layout.entries, exponents, strict=True)]
@@ -198,8 +207,8 @@ def altered(layout: Layout, generator: np.random.Generator, *, corner: bool = Fa
 
 
 def _probe(search: Search) -> None:
-    """Raise InputError if the start exceeds limits, no motion keeps the limits, or no recorded quantity depends on
-    a parameter.
+    """Raise InputError if the robot exceeds limits at rest, if no motion keeps the limits, or if no recorded quantity depends
+    on one of the parameters.
     """
     plant = search.plant
     home = np.array([[one.home] * (round(PROBE / plant.step) + 1) for one in plant.references])
@@ -208,7 +217,7 @@ def _probe(search: Search) -> None:
         raise InputError("the simulation of the resting robot diverges", key="limits", code="start-limit")
     if resting.use.max(initial=0.0) > 1.0:
         bound = plant.bounds[int(np.argmax(resting.use))]
-        message = "the robot exceeds this limit while its references stand still: "
+        message = "the robot exceeds this limit while its references are constant: "
         message += f"{bound.quantity} reaches {resting.use.max():.3g} times its limit"
         hint = None if plant.scenario.initial_equilibrium else "Let it begin at rest: `initial: equilibrium` in the scenario"
         raise InputError(message, key=f"limits.{bound.joint}.{bound.quantity}", hint=hint, code="start-limit")
@@ -228,7 +237,7 @@ def _probe(search: Search) -> None:
 
 
 def _searched(searches: Sequence[Search], rounds: int, progress: Tell) -> tuple[Search, Found, list[str]]:
-    """Search with the best gains, its best motion, and a remark about each choice of gains. Raises InputError."""
+    """Search with the best gains, its best motion, and a remark on each choice of gains. Raises InputError."""
     several, remarks = len(searches) > 1, []
     for i, one in enumerate(searches if several else []):
         one.run(rounds // 5)

@@ -1,4 +1,6 @@
-"""The search for a motion: pieces are scaled into the limits, varied, and joined; the Fisher matrices of the pieces add up."""
+"""The search for a motion. Pieces are scaled so that they keep the limits, varied, and joined. The information of a motion is
+the sum of the Fisher matrices of its pieces.
+"""
 
 from __future__ import annotations
 
@@ -14,39 +16,48 @@ from asrsim.progress import Progress, Stop, Tell, never, tell_nobody
 from asrsim.samples import Array
 
 LENGTH, MOST = 2.0, 8
-"""Usual length of a piece, s; largest number of pieces of a motion."""
+"""LENGTH: usual duration of a piece, s.
+MOST: largest number of pieces of a motion.
+"""
 FRESH, BATCH = 100, 40
-"""Number of random pieces at the start; number of variations of pieces in each round."""
+"""FRESH: number of random pieces at the start of the search.
+BATCH: number of variations of pieces in each round.
+"""
 FREQUENCIES, WHOLE = (0.5, 1.0, 1.7, 2.5, 3.5, 5.0, 7.0, 10.0), 3
-"""First and last frequencies of chirps, Hz; number of the best chirps with each preset that are extended to whole motions."""
+"""FREQUENCIES: first and last frequencies of chirps, Hz.
+WHOLE: number of the best chirps with each preset that are extended to whole motions.
+"""
 FULL, ENOUGH = 0.97, 0.93
-"""Fraction of each limit to which a motion is scaled; fraction of its goal from which a motion counts as large enough."""
+"""FULL: fraction of each limit to which a motion is scaled.
+ENOUGH: a motion is large enough if it uses more than this fraction of its goal.
+"""
 MARGIN = 0.88
-"""Fraction of each limit that a robust design may use on the robots that are tried, since other robots may use more of it."""
+"""Fraction of each limit that a robust design may use on the simulated robots. Other robots may use a larger fraction."""
 TRIES, SHRINKING = 8, 4
-"""Largest number of simulations in which a motion is scaled into the limits; number of the last of these simulations, in which
-the motion may only shrink.
+"""TRIES: largest number of simulations by which a motion is scaled so that it keeps the limits.
+SHRINKING: number of the last of these simulations. After them the motion may only become smaller.
 """
 FEW = 4
-"""Number of further robots on which each piece keeps the limits; the whole motion keeps them on all further robots."""
+"""Number of further robots on which each piece must keep the limits. The whole motion must keep them on all robots."""
 ONE_STEP, CHIRP, DESIGN, PIECE = "one step", "chirp", "design", "piece"
 """Names of the motions."""
 SMALL, LARGER, LARGEST, AGREE = (1e-6,), (0.1, 1.0), 1e-3, (0.5, 1.25)
-"""Relative changes of the parameters for sensitivities; larger changes with which the predicted deviations are checked, as
-fractions of the predicted standard deviation or of `LARGEST`, whichever is less; accepted range of the ratio of the deviations
-from larger changes to those from small changes.
+"""SMALL: changes of the parameters for sensitivities, in units of the parameter vector.
+LARGER: larger changes, with which the predicted standard deviations are checked. They are fractions of the predicted standard
+deviation or of `LARGEST`, whichever is smaller.
+AGREE: accepted range of the ratio of two standard deviations: predicted with larger changes, and predicted with small changes.
 
-If friction sticks and slips, slopes from small changes do not hold up to the ends of the intervals. Where the deviations from
-small and from larger changes differed by a factor of 1.8, the results of fits scattered 2.2 times as far as predicted; with a
-factor of 9.5, they scattered 9.4 times as far.
+If joints stick and slip, derivatives from small changes do not hold up to the ends of the intervals. In one case, the two
+standard deviations differed by a factor of 1.8, and the results of fits scattered 2.2 times as far as predicted. In another
+case, the factor was 9.5, and the results scattered 9.4 times as far.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
-"""Probability that a piece of the library is varied in place of a picked piece; parameter of the geometric distribution from
-which the rank of this piece in the library is drawn.
+"""ELSEWHERE: probability that a piece of the library is varied instead of a picked piece.
+CHOSEN: parameter of the geometric distribution of this piece's rank in the library.
 """
 PRIOR = 1.0 / np.log(10.0) ** 2
-"""Information about the logarithm of each parameter before any experiment. It corresponds to a standard deviation of a factor
-of ten.
+"""Information about the logarithm of each parameter before any experiment. It corresponds to a standard deviation of ln 10, a
+factor of ten.
 """
 
 
@@ -74,13 +85,13 @@ class Search:
     generator: np.random.Generator
     stop: Stop = never
     motions: dict[str, Found] = field(default_factory=dict)
-    """Best whole motions by name: `design`, chirps and one step."""
+    """Best whole motion of each name: `design`, `chirp` and `one step`."""
     best: Found | None = None
-    """Best whole motion so far whose information is confirmed."""
+    """Best whole motion so far, with confirmed information."""
     library: list[Found] = field(default_factory=list)
-    """Pieces within the limits that have been tried."""
+    """Pieces that were tried and that keep the limits."""
     picked: list[Found] = field(default_factory=list)
-    """Pieces from which the motion is made. Larger changes of the parameters have confirmed their information."""
+    """Pieces of which the motion consists. Larger changes of the parameters have confirmed their information."""
     joined: list[Found] = field(default_factory=list)
     """Pieces of the last whole motion whose information has been confirmed."""
 
@@ -101,18 +112,21 @@ class Search:
         return np.asarray(np.sqrt(np.maximum(variances, 1e-30)))
 
     def score(self, information: Array) -> Array:
-        """Mean (...,) of the logarithms of the predicted deviations, over robots and parameters; a smaller score is better."""
+        """Mean (...,) over robots and parameters of the logarithms of the predicted standard deviations. A smaller score is
+        better.
+        """
         return np.asarray(np.log(self.deviations(information)).mean(axis=(-1, -2)))
 
     def rank(self, found: Found) -> float:
-        """Score of a motion without other pieces."""
+        """Score of a motion or piece alone."""
         return float(self.score(found.information))
 
     def fitted(self, pieces: Sequence[Piece], rows: int, robots: int) -> Sequence[Piece] | None:
-        """The pieces, scaled into the limits; None if no size that was tried keeps the limits.
+        """The pieces, scaled so that they keep the limits. None if no tried size keeps the limits.
 
-        A single piece is scaled in each window until each joint uses its goal, a fraction of its limits. Several pieces
-        together are only made smaller.
+        A single piece is scaled in each window until each joint uses a fraction of its limits, the goal of the piece. Several
+        pieces together are only made smaller. rows: number of rows of the motion; robots: number of robots that must keep the
+        limits.
         """
         presets, best, most = self.plant.presets, None, -1.0
         goals = FULL * np.maximum(np.hstack([one.goals for one in pieces]), 0.02)
@@ -131,7 +145,8 @@ class Search:
                 factors[:] = (
                     np.clip(goals / own, 0.3, 2.0) if growing else np.minimum(FULL / use.max(axis=0, initial=1e-6), 1.0)
                 )
-                # The motion in a window also affects the next window: shrink a window too if the next one must shrink.
+                # The motion in a window also affects the next window. Therefore also shrink a window if the next window must
+                # shrink.
                 following = np.hstack([factors[:, 1:], factors[:, -1:]])
                 factors = np.minimum(factors, np.where(following < 1.0, np.sqrt(following), np.inf))
             factors[presets] = 1.0
@@ -140,8 +155,8 @@ class Search:
         return best
 
     def judged(self, name: str, pieces: Sequence[Piece]) -> Found | None:
-        """A scaled piece, or a whole motion if `name` is not `PIECE`, with its information. None if no size keeps the limits,
-        or if a robot is near chaos.
+        """A scaled piece, or a scaled whole motion if `name` is not `PIECE`, with its information. None if no size keeps the
+        limits, or if a robot is near chaos.
         """
         rows, robots = self.plant.rows, len(self.plant.robots)
         if name == PIECE:
@@ -156,8 +171,9 @@ class Search:
         return Found(name, fitting, motion, outcome.information)
 
     def confirmed(self, found: Found | None, others: Array | float = 0.0, agree: tuple[float, float] = AGREE) -> Found | None:
-        """The motion with the smallest of three estimates of its information: one from small and two from larger changes of the
-        parameters. None if the estimates do not agree. others: information of the other pieces of the motion.
+        """The motion with the smallest of three estimates of its information. One estimate is from small changes of the
+        parameters, and two are from larger changes. None if the estimates do not agree. others: information of the other pieces
+        of the motion; agree: as `AGREE`.
         """
         if found is None:
             return None
@@ -174,9 +190,10 @@ class Search:
         return replace(found, information=least)
 
     def start(self) -> None:
-        """Try usual test motions: one step, and chirps with stiffness presets at their start value or an end of their range.
+        """Try usual test motions: one step, and chirps with stiffness presets at their initial value or at an end of their
+        range.
 
-        Chirps are tried as pieces first; the best chirps are then extended to the whole motion.
+        First, chirps are tried as pieces. Then the best chirps are extended to whole motions.
         """
         presets, stepped = self.plant.presets, step(self.plant.presets)
         chirps = list[Found]()
@@ -198,14 +215,15 @@ class Search:
             self.motions.setdefault(ONE_STEP, least)
 
     def keep(self, found: Found | None) -> None:
-        """Store a confirmed whole motion if it is better than all motions so far, or than those with its name."""
+        """Store a confirmed whole motion if it is better than all motions so far, or better than the motions with its name."""
         if found is not None:
             self.motions[found.name] = min(found, self.motions.get(found.name, found), key=self.rank)
             self.best = min(found, self.best or found, key=self.rank)
 
     def try_piece(self, piece: Piece) -> Found | None:
-        """Scale a piece into the limits and add it to the library. None if no size can be used, or if the search has been
-        stopped."""
+        """Scale a piece so that it keeps the limits, add it to the library, and return it. None if no size can be used, or if
+        the search was stopped.
+        """
         if self.stop() and self.library:
             return None
         found = self.judged(PIECE, [piece])
@@ -218,13 +236,13 @@ class Search:
             self.try_piece(fresh(self.generator, self.plant.presets))
 
     def pick(self) -> None:
-        """Pick the pieces of the motion one after the other: each time the piece that, with the pieces picked before, has the
-        best score. Pieces whose information is not confirmed leave the library.
+        """Pick the pieces of the motion one after the other. Each time, pick the piece that has the best score together with
+        the pieces that were picked before. Pieces whose information is not confirmed are removed from the library.
         """
         while len(self.picked) < self.count and self.library:
             others = self._others(len(self.picked))
             totals = others + np.array([one.information for one in self.library])
-            # Until enough pieces are picked, the score is that of the picked pieces repeated to the length of the motion.
+            # Until enough pieces are picked, assume that the picked pieces are repeated over the duration of the motion.
             place = int(np.argmin(self.score(totals * (self.count / (len(self.picked) + 1)))))
             found = self.confirmed(self.library[place], others)
             if found is None:
@@ -238,8 +256,8 @@ class Search:
         return np.asarray(sum(one.information for i, one in enumerate(self.picked) if i != place))
 
     def vary(self) -> None:
-        """Try to replace a picked piece: by a variation of itself, or by a variation of a library piece that scores well
-        together with the other picked pieces.
+        """Try to replace a picked piece by a variation. The variation is of the piece itself, or of a library piece that has a
+        good score together with the other picked pieces.
         """
         place = int(self.generator.integers(len(self.picked)))
         old, others = self.picked[place], self._others(place)
@@ -256,8 +274,8 @@ class Search:
                 self.picked[place] = better
 
     def join(self) -> None:
-        """Join the picked pieces to a whole motion. If the information of this motion is not confirmed, return to the pieces of
-        the last confirmed motion.
+        """Join the picked pieces into a whole motion. If the information of this motion is not confirmed, return to the pieces
+        of the last confirmed motion.
         """
         found = self.confirmed(self.judged(DESIGN, [one.pieces[0] for one in self.picked]))
         self.keep(found)

@@ -1,4 +1,6 @@
-"""Files of a design: the motion as CSV, a scenario that plays it, and a picture; also the table of the predicted intervals."""
+"""Files of a design: the motion as CSV, a scenario that plays it, and a picture. Also makes the table of the predicted
+intervals.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ LIMITS = "range of the reference"
 
 
 def write_design(found: Design, path: Path, *, plot: bool = True) -> list[Path]:
-    """Write CSV, scenario and picture into one folder, and return their paths. Raises OutputError."""
+    """Write the CSV file, the scenario and the picture to one folder, and return their paths. path: path of the CSV file.
+    Raises OutputError.
+    """
     import yaml
 
     time = found.step * np.arange(found.found.motion.shape[1])
@@ -59,7 +63,9 @@ def interval_columns(found: Design) -> list[TableColumn]:
 
 
 def charts(found: Design) -> list[list[Chart]]:
-    """Rows of charts: each reference with its range, and the interval of each parameter predicted for each motion."""
+    """Rows of charts. A chart for each reference shows its motion and its range. The last chart shows the predicted interval of
+    each parameter for each motion.
+    """
     time: Array = found.step * np.arange(float(found.found.motion.shape[1]))
     ends = time[[0, -1]]
     rows = []

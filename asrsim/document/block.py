@@ -27,7 +27,7 @@ def declare(
     spread: bool = False,
     field_default: Any = None,
 ) -> Any:
-    """Dataclass field that is at the same time a key of a document.
+    """Dataclass field that is also a key of a document.
 
     Args:
         kind: Kind of the value.
@@ -38,7 +38,7 @@ def declare(
         shown: Description of the default in tables, as in `Key`.
         spread: Whether the key sets several constructor arguments, as in `Key`.
         field_default: Default of the dataclass field, if it differs; REQUIRED: no default; a function: its result is the
-        default.
+            default.
     """
     if not isinstance(kind, Kind):
         raise TypeError(f"declare(...) takes a kind of asrsim.document.kinds, such as Number(), not {kind!r}")
@@ -124,7 +124,7 @@ class Block(Kind[T], Generic[T]):
                 found = attempt(key.kind, given, (*path, key.name), reading)
                 if found is not None:
                     arguments.update(found[0] if key.spread else {key.argument: found[0]})
-        # A block that is read into a plain mapping keeps its valid keys; an object cannot be built without the invalid ones.
+        # A block that becomes a plain mapping keeps its valid keys. An object cannot be built if one of its keys is invalid.
         if len(reading.problems) > before and self.build is not dict:
             raise Rejected
         return self._built(arguments, node, path, reading)
@@ -141,7 +141,7 @@ class Block(Kind[T], Generic[T]):
             for problem in error.problems:
                 head, *inner = (problem.key or "").split(".")
                 own = [key.name for key in self.keys if head in (key.argument, key.name)][:1]
-                # A problem in another file names a key of that file: keep this key.
+                # A problem in another file names a key of that file, so keep its key.
                 elsewhere = problem.file is not None
                 item, place = node, path
                 for name in own if elsewhere or not own else (*own, *inner):

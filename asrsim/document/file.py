@@ -45,7 +45,8 @@ KEYS = {
     "fit": {"free", "experiments", "ties", "validate"},
     "study": {"over", "scenario"},
 }
-"""Top-level keys by which a file is recognised: one of these keys is enough, and the first kind with such a key wins."""
+"""Top-level keys by which a file is recognised. One of these keys is enough. If a file has keys of several kinds, it is of the
+first kind."""
 DOCUMENTS = (".yaml", ".yml", ".json")
 """Endings of files whose kind is detected by their keys."""
 
@@ -62,7 +63,8 @@ def lfs_pointer(start: bytes, wanted: str) -> Problem | None:
 
 
 def kind_of(path: Path, root: Node | None = None) -> str | None:
-    """Kind of a file by its ending, else by its keys; None if both are unknown. root: Root node, if already read."""
+    """Kind of a file by its ending, else by its keys; None if both are unknown. root: root node of the file, if it has already
+    been read."""
     if path.is_dir():
         return next((kind for name, kind in FOLDERS.items() if (path / name).exists()), None)
     if not path.exists():

@@ -14,6 +14,7 @@ from typing import Any, ClassVar, Generic, TypeVar, cast
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath, Rejected
 from asrsim.errors import counted, did_you_mean
+from asrsim.registry import Registry
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -241,7 +242,7 @@ class Text(Kind[str]):
     text: str = "text"
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
-        if isinstance(node.value, int | float):  # for example 1 or true as the name of a joint
+        if isinstance(node.value, int | float):  # for example, 1 or true is the name of a joint
             return str(node.value).lower()
         if not isinstance(node.value, str) or not node.value.strip():
             raise self.wrong(node, path, reading)
@@ -294,6 +295,32 @@ class Choice(Kind[str]):
     @property
     def text(self) -> str:
         return self.noun or " or ".join(f"`{word}`" for word in self.words)
+
+
+@dataclass(frozen=True)
+class Entry(Kind[str]):
+    """Kind of value: the name of an entry of a registry, which is searched only when needed."""
+
+    registry: Registry[Any]
+    noun: str = ""
+    """Noun for all names together, for tables; "": tables list the names."""
+
+    def fits(self, node: Node) -> bool:
+        return isinstance(node.value, str)
+
+    def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> str:
+        value = str(node.value)
+        if value not in self.registry:
+            found = self.registry.unknown(value)
+            raise reading.fault(node, path, found.message, choices=found.choices, hint=found.hint, code=found.code, show=False)
+        return value
+
+    def schema(self) -> Schema:
+        return {"enum": list(self.registry.names())}
+
+    @property
+    def text(self) -> str:
+        return self.noun or " or ".join(f"`{name}`" for name in self.registry.names())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -452,7 +479,7 @@ class MapOf(Kind[dict[str, T]], Generic[T]):
         for_all = [isinstance(node.value, dict) and self._is_bare(node) for node in (base, over)]
         if all(for_all):
             return self.of.merge(base, over)
-        # A value for all names and a mapping from names replace each other, as values that are not mappings do.
+        # A value for all names and a mapping from names replace each other instead of being merged.
         return over if any(for_all) else super().merge(base, over)
 
     def _is_bare(self, node: Node) -> bool:

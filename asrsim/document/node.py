@@ -69,6 +69,6 @@ def node_from_data(data: object) -> Node:
         return Node([node_from_data(value) for value in data])
     if data is None or isinstance(data, int | float | str):
         return Node(data)
-    if hasattr(data, "item"):  # numpy scalars
+    if hasattr(data, "item"):  # data is a NumPy scalar
         return Node(data.item())
     return Node(str(data))

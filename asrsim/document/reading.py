@@ -55,7 +55,7 @@ class DocumentReading:
         return Rejected(message)
 
     def locate(self, text: str, *, folder: bool) -> Path:
-        """Path of the file with this name in the document. folder: the name may be that of an attached folder."""
+        """Path of the file with this name in the document. folder: whether the name may be the name of an attached folder."""
         if text in self.files:
             return self.files[text]
         inside = next((path for name, path in self.files.items() if name.startswith(f"{text}/")), None)

@@ -9,8 +9,8 @@ With mass matrix M, viscous damping C, implicitness w and the lengths t of the p
     q += h v
 
 where v_whole = 1.5 v - 0.5 v_before is the velocity at the whole step; v and v_before are the velocities before this kick and
-before the previous one. In a run that is not staggered v_whole = v. So the damping torque is -C (v + w dv): w = 1/2 is the
-midpoint rule.
+before the previous kick. In a run that is not staggered v_whole = v. So the damping torque is -C (v + w dv). With w = 1/2 this
+is the midpoint rule.
 """
 
 from __future__ import annotations
@@ -28,19 +28,20 @@ if TYPE_CHECKING:
 
 POSITION, VELOCITY, TORQUE, DAMPING, FRICTION, MIDDLE = range(6)
 """Columns of an exchange, an array (p, n, 6) with a row for each piece of the kick and each joint. A step reads torque (N m,
-N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece. To the rows of the last piece it
-writes position (rad, m) and velocity (rad/s, m/s) at the end of the step. There it may also write the velocities in the middle
-of the kick, which are then logged; else the means of the velocities before and after the kick are logged."""
+N), viscous damping (N m s/rad, N s/m) and level of Coulomb friction (N m, N) of each piece. The step writes position (rad, m)
+and velocity (rad/s, m/s) at the end of the step into the rows of the last piece. It may also write the velocities in the middle
+of the kick (`MIDDLE`) into these rows, which are then logged. Otherwise the means of the velocities before and after the kick
+are logged."""
 ROUNDING = 1e-9
-"""Largest deviation by rounding of the sum of the lengths of a kick's pieces from 1."""
+"""Largest deviation from 1 of the sum of the lengths of a kick's pieces that counts as a rounding error."""
 GROUND, ROBOT = "ground", "robot"
-"""Names that stand for the ground and for the robot in the names of contact forces."""
+"""GROUND, ROBOT: names of the ground and of the robot in the names of contact forces."""
 NOTHING = (0.0, 0.0, 0.0)
 
 
 def whole_kick(exchange: Array, wrenches: Array, lengths: Array) -> tuple[Array, Array, float]:
     """Exchange (n, 6) and wrenches (1, w, 6), each averaged over all pieces of a kick, and the length of the kick as a fraction
-    of a step; for engines that cannot divide a kick into pieces."""
+    of a step. Engines that cannot divide a kick into pieces use these values."""
     total = float(lengths.sum())
     shares = lengths / total
     whole = 1.0 if abs(total - 1.0) < ROUNDING else total
@@ -53,14 +54,14 @@ class Scene(NamedTuple):
     bodies: Mapping[str, tuple[float, ...]]
     """Poses (x, y, z, qx, qy, qz, qw) of the world's objects, and of the robot's root link if this link floats, by name."""
     contacts: Mapping[str, tuple[float, float, float]]
-    """Contact forces on objects in N, world frame, summed over points; the key "object/other" names both bodies."""
+    """Contact forces on objects in N, world frame, summed over points; the key "object/other" names the two bodies."""
 
 
 def contact_forces(world: World, points: Iterable[tuple[str, str, Array]]) -> dict[str, tuple[float, float, float]]:
     """Contact forces in N, world frame, each summed over all points at which two bodies touch; 0 without contact.
     "object/other": force on the object by the other body; "robot/ground": force on the robot by the ground.
 
-    points: for each contact point, both bodies and the force (3,) on the first body.
+    points: for each contact point, the two bodies and the force (3,) on the first body.
     """
     others = [*(item.name for item in world.solids), ROBOT]
     total: dict[str, Any] = {
@@ -76,11 +77,11 @@ def contact_forces(world: World, points: Iterable[tuple[str, str, Array]]) -> di
 
 
 class NativeRecord(NamedTuple):
-    """Parameters of the robot and work space for a native step. Each thread needs a record of its own."""
+    """Parameters of the robot and work space for a native step. Each thread needs a separate record."""
 
     address: int
     memory: Any
-    """Reference to the record's memory, which keeps it alive; the engine must be kept alive as well."""
+    """Reference that keeps the record's memory alive. The engine must be kept alive as well."""
 
 
 class Native(NamedTuple):
@@ -92,7 +93,7 @@ class Native(NamedTuple):
     size: int
     """Number of values of a state."""
     make_record: Callable[[int], NativeRecord]
-    """Function that makes a record for steps of the given length, in steps of the run."""
+    """Function that makes a record for steps of a length. Its argument is this length as a number of steps of the run."""
 
 
 MEMBERS = "joints", "version", "state", "takes_wrenches", "start", "step", "scene", "vary", "native", "close"
@@ -102,8 +103,8 @@ MEMBERS = "joints", "version", "state", "takes_wrenches", "start", "step", "scen
 class Engine(Protocol):
     """A world with one robot (or a prescribed motion), advanced in fixed steps by the rule in the docstring of the module.
 
-    The defaults of `takes_wrenches`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a fixed base without
-    contacts, in an engine that has no compiled step and nothing to release.
+    The defaults of `takes_wrenches`, `takes_weightless`, `holdable`, `hold`, `scene`, `native` and `close` suit a robot on a
+    fixed base without contacts, in an engine that has no compiled step and nothing to release.
     """
 
     joints: tuple[str, ...]
@@ -114,19 +115,22 @@ class Engine(Protocol):
     """A copy of the whole state. If the state is set to such a copy, the engine continues from it with identical bits."""
     takes_wrenches: bool = True
     """Whether the wrenches of a step act on the robot. If not, scenarios with wrenches are refused."""
+    takes_weightless: bool = False
+    """Whether the engine keeps gravity off the mass `link.weightless` of each link. If not, such robots are refused."""
 
     def start(
         self, positions: Sequence[float], velocities: Sequence[float], *, step: float, staggered: bool, implicitness: float
     ) -> tuple[Sequence[float], Sequence[float]]:
-        """Begin a run in steps of `step` s at the given joint positions and velocities; all other bodies begin at their start.
+        """Begin a run in steps of `step` s at the given joint positions and velocities; all other bodies begin at their initial
+        poses.
 
-        Returns positions and velocities of the joints, which differ from the given ones if the engine prescribes the motion.
+        Returns positions and velocities of the joints. They differ from the given values if the engine prescribes the motion.
         """
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance the world by one step. exchange: (p, n, 6), see `POSITION`. wrenches: force (N) and torque (N m) of each
-        wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or 1/2
-        in the first step of a staggered run. All arrays are C-contiguous."""
+        """Advance the world by one step. exchange: exchange (p, n, 6), see `POSITION`. wrenches: force (N) and torque (N m) of
+        each wrench of the scenario, (p, w, 6). lengths: lengths (p,) of the pieces as fractions of the step; their sum is 1, or
+        1/2 in the first step of a staggered run. All arrays are C-contiguous."""
 
     @property
     def holdable(self) -> tuple[str, ...]:
@@ -134,17 +138,18 @@ class Engine(Protocol):
         return ()
 
     def hold(self, wrenches: Sequence[HeldWrench]) -> None:
-        """Let wrenches act on bodies in all further steps, in addition to the wrenches of `step`. They replace the wrenches of
-        an earlier call, and are not part of a state. wrenches: on bodies of `holdable`, at most one on each."""
+        """Let wrenches act on bodies in all further steps, in addition to the wrenches of `step`. These wrenches replace the
+        wrenches of an earlier call, and are not part of a state. wrenches: wrenches on bodies in `holdable`, at most one on
+        each body."""
         return
 
     def scene(self) -> Scene:
-        """Poses of the bodies, and contact forces, at the present state."""
+        """Poses of the bodies, and contact forces, in the present state."""
         return Scene({}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Replace the inertials by those of a robot with the same structure; called before `start`. False: the engine cannot do
-        this, and a new engine is needed."""
+        """Replace the inertials by the inertials of a robot with the same structure. This method is called before `start`. It
+        returns False if the engine cannot replace inertials, so that a new engine is needed."""
 
     @property
     def native(self) -> Native | None:

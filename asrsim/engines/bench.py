@@ -50,6 +50,7 @@ class BenchEngine(Engine):
     duration the links stand still. The state is the number of the present row of the motion, (1,)."""
 
     version = "bench"
+    takes_weightless = True
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._scenario = scenario
@@ -92,7 +93,7 @@ class BenchEngine(Engine):
         self._state[:] = values
 
     def vary(self, robot: Robot) -> bool:
-        """True without any change: the inertials of the robot have no effect on a prescribed motion."""
+        """Return True and change nothing, since the inertials of the robot have no effect on a prescribed motion."""
         return True
 
     @property

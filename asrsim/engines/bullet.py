@@ -5,10 +5,10 @@ the step (`BulletContacts`). The MuJoCo engine and the PyBullet engine share onl
 `asrsim.engines.exact_friction`, which contain no data of the robot.
 
 Bullet's step has friction and stops of joints among its constraints. It has no implicit damping, evaluates torques that depend
-on velocity half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias,
-correct the first two. Before a first kick that is shorter than a full kick, the velocities are set back. The damping torque is
-computed from the change of velocity that the joints would have without contacts. If an input jumps, its mean over the kick
-acts.
+on velocity half a step late, and supports full kicks only. Additional joint torques, computed from mass matrix and bias, supply
+the implicit damping and correct the late torques. If the first kick is shorter than a full kick, the velocities before it are
+chosen so that a full kick ends with the right velocities. The damping torque is computed from the change of velocity that the
+joints would have without contacts. If an input jumps, its mean over the kick acts.
 """
 
 from __future__ import annotations
@@ -54,25 +54,25 @@ from asrsim.scenario.data import Scenario, WorldObject
 from asrsim.versions import version
 
 SOLVER_ITERATIONS, SOLVER_RESIDUAL = 500, 1e-18
-"""Limits of the contact solver: iterations, and residual at which it ends. With Bullet's defaults (50 iterations, 1e-7), bodies
-and joints that should stick creep by 1e-4 m/s and 1e-3 rad/s; with these limits by 1e-9 m/s and 1e-5 rad/s. They cost little,
-since most steps converge sooner."""
+"""SOLVER_ITERATIONS: largest number of iterations of the contact solver; SOLVER_RESIDUAL: residual at which the solver ends.
+With Bullet's defaults (50 iterations, 1e-7), bodies and joints that should stick creep by 1e-4 m/s and 1e-3 rad/s; with these
+limits they creep by 1e-9 m/s and 1e-5 rad/s. The limits cost little time, since most steps converge sooner."""
 NO_LIMIT = 1e9
 """Position in rad or m of a stop that a joint lacks, and speed in rad/s at which Bullet clips the velocities of joints (by
-default 100): so large that it never acts."""
+default 100). It is so large that neither the stop nor the clipping ever acts."""
 BEYOND = 1e-9
-"""Distance in rad or m beyond its stop at which a joint at its stop rests."""
+"""Distance in rad or m beyond a stop at which a joint rests that is at this stop."""
 ARREST = 1e9
-"""Largest torque in N m of the motor that stops a joint at its stop: more than any impact needs."""
+"""Largest torque in N m of the motor that stops a joint at its stop. No impact needs a larger torque."""
 PARTS = (9, 7), (10, 11), (12, 13)
-"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of both friction forces."""
+"""Indices into Bullet's contact points: (force in N, direction) of the normal force and of the two friction forces."""
 UNDAMPED = {"linearDamping": 0, "angularDamping": 0}
 """Arguments that switch off Bullet's damping of a body."""
 
 
 def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any) -> None:
     """Set `push` (v,) to the torques in N m of wrenches and joints, including damping, in a kick of one piece. Set
-    `room.change` to the change of velocity in this kick if there were no contacts.
+    `room.change` to the change of velocity that this kick would cause without contacts.
 
     This function runs as Python or compiled.
     """
@@ -87,8 +87,8 @@ def find_torques(room: Any, push: Any, exchange: Any, forces: Any, lengths: Any)
 
 
 class _Saved:
-    """A saved state in Bullet's memory. Deleting this object removes the state, unless the physics client has ended: another
-    client may then have the same number."""
+    """A saved state in Bullet's memory. Deleting this object removes the state. If the physics client has ended, the state is
+    not removed, since another client may have the same number."""
 
     def __init__(self, client: Client) -> None:
         self.number, self._client = client.saveState(), client
@@ -100,6 +100,8 @@ class _Saved:
 
 class BulletEngine(RigidEngine):
     """A robot in a world without contacts; PyBullet gives mass matrix and bias."""
+
+    takes_weightless = True
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self.version = f"pybullet {version('pybullet')}"
@@ -165,17 +167,17 @@ class BulletContacts(BulletEngine):
                 lower, upper = np.clip(joint.stops, -NO_LIMIT, NO_LIMIT).tolist()
                 p.changeDynamics(self._body, index, jointLowerLimit=lower, jointUpperLimit=upper)
         p.setGravity(*scenario.gravity)
-        # With erp 0, a stop removes a joint's velocity but does not push the joint back; see `_motors`.
+        # If erp is 0, a stop removes a joint's velocity but does not push the joint back; see `_motors`.
         p.setPhysicsEngineParameter(numSolverIterations=SOLVER_ITERATIONS, solverResidualThreshold=SOLVER_RESIDUAL, erp=0.0)
         self._indices = [joints.index(joint) for joint in robot.moving_joints]
         self._bodies = {item.name: self._add_object(item) for item in world.solids}
         """Bullet's body number of the ground and of each object, by name."""
         if world.ground and scenario.fixed_base:
-            # A fixed base often touches the ground on which it stands; this must not give contact forces.
+            # A fixed base often touches the ground on which it stands. Exclude the contact forces of this pair.
             p.setCollisionFilterPair(self._bodies[GROUND], self._body, -1, -1, 0)
         movable = [self._body, *(self._bodies[item.name] for item in world.objects)]
         self._poses = {number: p.getBasePositionAndOrientation(number) for number in movable}
-        """Pose of the robot and of each object at the start, by Bullet's body number."""
+        """Initial pose of the robot and of each object, by Bullet's body number."""
         self._before = np.zeros(len(self._room.qvel))
         """Velocities before the last kick."""
         self._pushed: tuple[HeldWrench, ...] = ()
@@ -195,7 +197,7 @@ class BulletContacts(BulletEngine):
     # -- stepping ---------------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Set Bullet's bodies to their start."""
+        """Set Bullet's bodies to their initial states."""
         first, size = len(self._room.qpos), len(self._before)
         self._p.setTimeStep(self._room.scheme[STEP])
         for body, pose in self._poses.items():
@@ -228,7 +230,7 @@ class BulletContacts(BulletEngine):
             room.qpos[self._start :], room.velocity[base:], *_ = states
         if base:
             centre, principal = p.getBasePositionAndOrientation(body)
-            # Rotations are multiplied as matrices, since Bullet multiplies quaternions in single precision.
+            # Multiply rotations as matrices, since Bullet multiplies quaternions in single precision.
             rotation = rotation_of(principal) @ self._axes.T
             x, y, z, w = quaternion(roll_pitch_yaw(rotation))
             room.qpos[: self._start] = *centre, w, x, y, z
@@ -252,13 +254,15 @@ class BulletContacts(BulletEngine):
         targets, bounds = self._motors(loads[:, FRICTION], (now + room.change)[dynamics.free :])
         self._before[:] = now
         if fraction != 1.0:
-            # Bullet supports full kicks only: choose start velocities with which a full kick ends like this shorter kick.
+            # Bullet supports only full kicks. Therefore choose initial velocities with which a full kick ends like this shorter
+            # kick.
             self._before -= room.change
             self._place(now - (1.0 / fraction - 1.0) * room.change)
             self._move_objects((fraction - 1.0) * room.scheme[STEP] * np.array(self._scenario.gravity))
             self._read()
         push += dynamics.lift(dynamics.ordered(positions), rotation)
-        # Bullet evaluates the bias at the velocities that it stores, not at the whole step: correct the difference.
+        # Bullet evaluates the bias at the velocities that it stores, not at the velocities at whole steps. Correct the
+        # difference.
         push += dynamics.bias(dynamics.ordered(positions), room.velocity, rotation) - room.full_bias
         if self._indices:
             set_motors = partial(p.setJointMotorControlArray, self._body, self._indices)
@@ -268,7 +272,7 @@ class BulletContacts(BulletEngine):
             p.applyExternalForce(self._body, -1, push[:3].tolist(), room.qpos[:3].tolist(), p.WORLD_FRAME)
             p.applyExternalTorque(self._body, -1, (rotation @ push[3:6]).tolist(), p.WORLD_FRAME)
         for item in self._pushed:
-            # Bullet's kick is a full one: reduce the force in proportion to the length of this shorter kick.
+            # Bullet's kick is a full kick, so reduce the force in proportion to the length of this shorter kick.
             self._push_object(item, fraction)
         p.stepSimulation()
         self._read()
@@ -296,18 +300,19 @@ class BulletContacts(BulletEngine):
 
     def _motors(self, friction: Array, ends: Array) -> tuple[Array, Array]:
         """Target velocities (n,) and largest torques (n,) of Bullet's velocity motors. With the target 0, a motor acts as
-        Coulomb friction. If a joint would pass its stop in this step, its motor stops it there: Bullet's stops act only on
-        joints that are already beyond a stop.
+        Coulomb friction. If a joint would pass its stop in this step, its motor stops it at the stop, since Bullet's own stops
+        act only on joints that are already beyond a stop.
 
-        ends: velocities of the joints at the end of the step if there were no contacts. With these velocities, a joint reaches
-        its stop at most.
+        ends: velocities that the joints would have at the end of the step without contacts. With these velocities, no joint
+        passes its stop.
         """
         room, step = self._room, float(self._room.scheme[STEP])
         speeds = np.array([ends, room.velocity[self._dynamics.free :]])
         reaches = (np.where(speeds > 0.0, room.upper, room.lower) - room.qpos[self._start :]) / step
         hits = (np.sign(reaches) * np.sign(speeds) > 0.0) & (np.abs(speeds) + BEYOND > np.abs(reaches))
         reach, stops = np.where(hits[0], *reaches), hits.any(axis=0)
-        # With this target velocity the joint ends slightly beyond its stop, so that Bullet's stop acts from the next step on.
+        # With this target velocity the joint ends slightly beyond its stop, so that Bullet's stop acts in the next step and
+        # later.
         targets = np.where(stops, reach + np.sign(reach) * BEYOND / step, 0.0)
         return targets, np.where(stops, ARREST, friction)
 
@@ -326,13 +331,13 @@ class BulletContacts(BulletEngine):
     # -- surroundings -----------------------------------------------------------------------------------------------
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base link if it floats; contact forces."""
+        """Poses of the world's objects, and of the base link if the base floats; and contact forces."""
         p, world, poses = self._p, self._scenario.world, dict(super().scene().bodies)
         for item in world.objects:
             position, orientation = p.getBasePositionAndOrientation(self._bodies[item.name])
             poses[item.name] = (*position, *orientation)
         names = {number: name for name, number in self._bodies.items()} | {self._body: ROBOT}
-        # Read all points in one call: if one pair of bodies is requested, Bullet reverses the normal forces but not the
+        # Read all points in one call. If one pair of bodies were requested, Bullet would reverse the normal forces but not the
         # friction.
         points = (
             (names[point[1]], names[point[2]], sum((point[i] * np.array(point[at]) for i, at in PARTS), np.zeros(3)))
@@ -341,13 +346,13 @@ class BulletContacts(BulletEngine):
         return Scene(poses, contact_forces(world, points))
 
     def close(self) -> None:
-        """Disconnect both physics clients, that of the step and that of mass matrix and bias."""
+        """Disconnect the two physics clients: the client of the step, and the client of mass matrix and bias."""
         self._p.close()
         super().close()
 
 
 def _refuse_in_contacts(robot: Robot) -> None:
-    """Raise RobotError for coupled joints and rotors, which Bullet's own step does not know."""
+    """Raise RobotError for coupled joints and rotors, which Bullet's own step cannot simulate."""
     hint = "engine: mujoco simulates it; a world without ground and objects also works in PyBullet"
     problems = [
         Problem(

@@ -34,7 +34,7 @@ symmetry."""
 
 
 class Client:
-    """PyBullet's functions on a physics client of their own (28 MB of memory), and its constants. Only this class imports
+    """PyBullet's functions on a separate physics client (28 MB of memory), and PyBullet's constants. Only this class imports
     PyBullet.
 
     `close` ends the client; the client ends at the latest when this object is garbage-collected.
@@ -75,15 +75,15 @@ def make_body(
     of its joint in `robot.outward_joints`; the base has the number -1.
 
     unit: mass in kg that Bullet takes as 1. lift: increase of the principal moments of inertia, kg m^2. mass: mass of the base
-    in kg; 0 for a fixed base. shapes: Bullet's number of the shape of each link that has one. pose: arguments `basePosition`
-    and `baseOrientation`.
+    in kg; 0 for a fixed base. shapes: Bullet's number of the shape of each link that has a shape. pose: arguments
+    `basePosition` and `baseOrientation`.
     """
     joints, links = robot.outward_joints, {link.name: link for link in robot.links}
     carried = [links[joint.child] for joint in joints]
     numbers = {robot.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
     number_of = shapes or {}
-    # Bullet's routines for mass matrix and bias use the axes of the base's inertia even if the base is fixed: leave this
-    # inertia out then.
+    # Bullet's routines for mass matrix and bias use the axes of the base's inertia even if the base is fixed. Therefore leave
+    # this inertia out.
     root = robot.root if mass else Link(name=robot.root.name, mass=None, inertia=None)
     moments, (turned, *axes) = zip(*map(principal_axes, (root, *carried)), strict=True)
     body: int = p.createMultiBody(
@@ -113,7 +113,7 @@ def make_body(
 def make_shape(p: Client, what: str, shapes: Sequence[Shape]) -> int:
     """Bullet's number of a new shape that consists of the given shapes. Each mesh becomes its convex hull.
 
-    what: the body, for the error. Raises SimulationError.
+    what: name of the body, for the error message. Raises SimulationError.
     """
     sizes = [(*shape.size, 0.0, 0.0, 0.0) for shape in shapes]
     frames: dict[str, Any] = {}
@@ -149,7 +149,7 @@ def _lift(link: Link) -> float:
 
 
 def _weightless(link: Link) -> Link:
-    """Point mass of the mass of a link on which gravity does not act, in place of the link."""
+    """Link that replaces a link on which gravity does not act. It is a point mass with the mass of this link."""
     mass, centre = link.weightless
     return replace(link, mass=mass, centre_of_mass=centre, inertia=None, inertial_rpy=ZERO)
 
@@ -169,11 +169,11 @@ class BulletDynamics:
         self._robot = robot if scenario.fixed_base else with_base_joints(robot)
         ours = [joint.name for joint in self._robot.moving_joints]
         self._to_bullet = [ours.index(joint.name) for joint in self._robot.outward_joints]
-        """Index among our joints of each of Bullet's joints. Bullet needs parents before children; files may have another
+        """Index in asrsim's order of each joint in Bullet's order. Bullet needs parents before children; files may have another
         order."""
         order = np.argsort(self._to_bullet)
         self._same = self._to_bullet == sorted(self._to_bullet)
-        # Indexing with `...` is faster than with indices that change nothing.
+        # Use `...` as the index if the order is the same, since it is faster than a list of indices.
         self._from_bullet: Any = ... if self._same else order
         self._block: Any = ... if self._same else np.ix_(order, order)
         self._still = [0.0] * len(ours)
@@ -185,21 +185,21 @@ class BulletDynamics:
         heavy links must become small numbers. The results are bitwise the same, since this unit is a power of two."""
         self._body = make_body(p, self._robot, unit=self._unit)
         self._parts: list[tuple[float, int]] = []
-        """Factors and Bullet's numbers of further bodies, whose mass matrices and biases are added to those of the body
-        `_body`."""
+        """Factors and Bullet's numbers of further bodies, whose mass matrices and biases are added to the mass matrix and bias
+        of `_body`."""
         if ours:
             self._set_up()
         floats = tuple(_weightless(link) for link in self._robot.links)
         self._floats = (
             make_body(p, replace(self._robot, links=floats), unit=self._unit) if any(one.mass for one in floats) else None
         )
-        """Bullet's number of a body made of the masses on which gravity does not act; None if there are none."""
+        """Bullet's number of a body made of the masses on which gravity does not act; None if there are no such masses."""
 
     def _set_up(self) -> None:
         """Call Bullet's dynamics for the first time, since this call prints warnings about axes that are inexact by rounding.
 
         Bullet rejects physically impossible inertias, which some published robots have. Mass matrix and bias f are linear in
-        the inertias, so their values for an impossible inertia I follow from two possible ones as 2 f(I + s) - f(I + 2 s).
+        the inertias, so their values for an impossible inertia I follow from two possible inertias as 2 f(I + s) - f(I + 2 s).
         """
         with quiet():
             try:
@@ -220,17 +220,17 @@ class BulletDynamics:
                     file=self._robot.path,
                     line=worst.line,
                     key=worst.name,
-                    hint="Correct the inertia, or use engine: mujoco, which does not test it",
+                    hint="Correct the inertia, or use engine: mujoco, which does not test inertias",
                     code="engine-load",
                 ) from error
 
     def ordered(self, values: Array) -> list[float]:
-        """Values (v,) in Bullet's order. For values (n,) of the joints alone, the base gets 0."""
+        """Values (v,) in Bullet's order. For values (n,) of the joints only, the values of the base are 0."""
         plain = [0.0] * (len(self._to_bullet) - len(values)) + values.tolist()
         return plain if self._same else [plain[j] for j in self._to_bullet]
 
     def _set_gravity(self, rotation: Array) -> None:
-        """Rotate gravity instead of the base. rotation: (3, 3) rotation of the base."""
+        """Rotate gravity instead of the base. rotation: rotation matrix (3, 3) of the base."""
         self._p.setGravity(*(self._gravity @ rotation).tolist())
 
     def _sum(self, routine: Any, *arguments: Sequence[float]) -> Array:
@@ -243,7 +243,8 @@ class BulletDynamics:
         return total
 
     def matrix(self, positions: Sequence[float], rotation: Array | None) -> Array:
-        """Mass matrix (v, v). positions: see `ordered`. rotation: (3, 3) rotation of a floating base, None for a fixed base."""
+        """Mass matrix (v, v). positions: see `ordered`. rotation: rotation matrix (3, 3) of a floating base, None for a fixed
+        base."""
         full = np.asarray(self._sum(self._p.calculateMassMatrix, positions)[self._block])
         if rotation is not None:
             full[:3] = rotation @ full[:3]
@@ -256,7 +257,7 @@ class BulletDynamics:
         if rotation is not None:
             self._set_gravity(rotation)
             x, y, z = velocity[3:6].tolist()
-            # Bullet's base turns about three axes one after the other: these accelerations keep its angular velocity constant.
+            # Bullet's base turns about three axes one after the other. These accelerations keep its angular velocity constant.
             turning = np.array([0.0, 0.0, 0.0, -y * z, x * z, -x * y, *self._still[BASE:]])
             accelerations = self.ordered(turning)
             velocity = np.concatenate([velocity[:3] @ rotation, velocity[3:]])

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asrsim.engines.consistency import inconsistency
 from asrsim.engines.rigid import RigidEngine, make_room
 from asrsim.errors import Problem, RobotError, SimulationError
 from asrsim.registry.engines import ENGINES
@@ -16,15 +17,21 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
+from asrsim.scenario.starts import start_positions
 
 ROUNDING = 1e-8
 """Largest asymmetry of a mass matrix, relative to its largest entry, that counts as a rounding error."""
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
 NODES, WEIGHTS = 0.5 + 0.5 * NODES, 0.5 * WEIGHTS
-"""Points and weights of Gauss's quadrature from 0 to 1."""
+"""NODES: points of Gauss's quadrature from 0 to 1; WEIGHTS: weights of these points."""
+CONTRACT = "docs/architecture.md, 'An engine of your own', states what mass matrix and bias contain"
+"""Hint for equations that contradict each other."""
 NUDGE = 1e-6
-"""Displacement of the finite differences of the equations, rad (m)."""
+"""Displacement of the joints for finite differences of the equations, rad (m)."""
+REACH = {"prismatic": 1.0}
+"""Distance in m from the initial position up to which the equations are tested, unless a stop is nearer. For other joints, this
+distance is half a turn."""
 
 
 class EquationEngine(RigidEngine):
@@ -32,7 +39,7 @@ class EquationEngine(RigidEngine):
 
     A derived class defines `version`, `mass_matrix` and `bias`. The step has friction, stops, damping and wrenches as in all
     engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Write `mass_matrix` and `bias`
-    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds both.
+    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -53,20 +60,33 @@ class EquationEngine(RigidEngine):
 
     @abstractmethod
     def bias(self, positions: Array, velocities: Array) -> ArrayLike:
-        """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,)."""
+        """Torques (n,), N m, that balance gravity, Coriolis and centrifugal forces at joint positions and velocities (n,).
 
-    def begin(self) -> None:
-        """Check that the mass matrix and bias at the start are valid. Raises RobotError."""
-        positions = self._state[: len(self.joints)]
-        self.checked(positions, np.zeros_like(positions))
+        They may also balance springs and drag. At rest they are the gradient of an energy, and in motion they create no energy
+        (`asrsim.engines.consistency`).
+        """
+
+    def test(self, scenario: Scenario) -> None:
+        """Test the equations at the initial positions and at random positions between the stops. Raises RobotError with the
+        fault."""
+        start = np.array([*start_positions(scenario, self.robot).values()])
+        self.checked(start, np.zeros_like(start))
+        reach = np.array([REACH.get(joint.kind, math.pi) for joint in self.robot.moving_joints])
+        room = self._room
+        lower, upper = (np.clip(start + side * reach, room.lower, room.upper) for side in (-1.0, 1.0))
+        fault = inconsistency(self.checked, self.joints, lower, upper)
+        if fault is not None:
+            raise RobotError([replace(fault, key=f"engine '{scenario.engine}' ({type(self).__name__})", hint=CONTRACT)])
 
     def checked(self, positions: Array, velocities: Array) -> tuple[Array, Array]:
-        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if they do not
-        have these shapes or are not valid numbers.
+        """Mass matrix (n, n) in kg m^2 and bias (n,) in N m at positions and velocities (n,). Raises RobotError if mass matrix
+        or bias has another shape or is not valid.
         """
         matrix, bias, fault = self._equations(positions, velocities)
         if fault:
-            raise RobotError([replace(fault, message=f"{fault.message}, at the positions {positions.tolist()}")])
+            at = f"at the positions {positions.tolist()}"
+            at += f" and the velocities {velocities.tolist()}" if velocities.any() else ""
+            raise RobotError([replace(fault, message=f"{fault.message}, {at}")])
         return matrix, bias
 
     def look(self, wrenches: Array, forces: Array) -> None:
@@ -79,7 +99,7 @@ class EquationEngine(RigidEngine):
         room.full_matrix[:], room.full_bias[:] = matrix, bias
 
     def _equations(self, positions: Array, velocities: Array) -> tuple[Array, Array, Problem | None]:
-        """Mass matrix, bias, and the fault that was found in one of them (None if both are valid)."""
+        """Mass matrix, bias, and the fault that was found in the mass matrix or in the bias (None if the two are valid)."""
         count, key = len(self.joints), type(self).__name__
         positions, velocities = positions.copy(), velocities.copy()
         positions.flags.writeable = velocities.flags.writeable = False
@@ -102,7 +122,7 @@ class EquationEngine(RigidEngine):
 
 
 class EquationModel(RobotModel):
-    """Model of a robot whose masses and forces come from the equations of an engine. Only its kinematics come from the robot's
+    """Model of a robot whose masses and forces come from the equations of an engine. Only the kinematics come from the robot's
     file.
     """
 
@@ -113,12 +133,12 @@ class EquationModel(RobotModel):
         self._engine, self._scenario = engine, scenario
 
     def varied(self, robot: Robot) -> EquationModel:
-        """Model of a robot whose links have other inertias; it gets an engine of its own."""
+        """Model of a robot whose links have other inertias. The new model gets a separate engine."""
         engine, _ = ENGINES.get(self._scenario.engine).make(self._scenario, robot)
         return EquationModel(engine, self._scenario, robot)
 
     def chain(self) -> None:
-        """None: the equations are not derived from the chain of the links."""
+        """None, since the equations are not derived from the chain of the links."""
 
     def mass_matrix(self, positions: ArrayLike) -> Array:
         """Mass matrix (..., n, n) in kg m^2 (kg)."""
@@ -157,7 +177,7 @@ class EquationModel(RobotModel):
         return np.asarray(0.5 * v @ matrix @ v), np.asarray(potential)
 
     def _equations(self, q: Array, v: Array | None = None) -> tuple[Array, Array]:
-        """Mass matrices (..., n, n) with rotors, and biases (..., n), both without couplings. v: velocities (..., n); None: at
+        """Mass matrices (..., n, n) with rotors, and biases (..., n), without couplings. v: velocities (..., n); None: at
         rest."""
         n = q.shape[-1]
         rows = zip(q.reshape(-1, n), np.zeros_like(q).reshape(-1, n) if v is None else v.reshape(-1, n), strict=True)

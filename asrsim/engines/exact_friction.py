@@ -9,9 +9,9 @@ These functions run as Python or compiled. In one step each degree of freedom is
      AT_UPPER   it reaches its upper stop at the end of the step, or rests there
 
 Stops are inelastic. A joint that would pass its stop during the step gets the velocity with which it just reaches the stop; in
-the next step the joint rests at the stop, or is pushed back: `asrsim.engines.rigid` counts the forces from the time of the
-impact on. The impulse of the impact is thus divided over the two steps, in proportion to the time for which it acts in each, so
-that the positions of the other joints remain second-order accurate.
+the next step the joint rests at the stop, or is pushed back: `asrsim.engines.rigid` counts only the forces after the time of
+the impact. The impulse of the impact is thus divided over the two steps, in proportion to the time for which it acts in each,
+so that the positions of the other joints remain second-order accurate.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ SLACK = 1e-12
 def settle(room: Any) -> None:
     """Compute `room.change`, the change of velocity in a step under the applied impulses, friction and stops.
 
-    `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `diagonal` (v,), its
-    diagonal with implicit damping; `parent` (v,), see `asrsim.engines.rigid.Room`; `impulse` (v,) N m s of all forces except
-    friction and stops; `velocity` (v,) before the step; `bound` (v,) N m s, largest impulse of friction; `slowest` (v,) <= 0
-    and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,), the states of the degrees of
-    freedom, on entry those of the last step. Work space: `square` (v, v) and `push` (v,).
+    `room` has arrays for the v degrees of freedom. Inputs: `matrix` (v, v) kg m^2, positive definite; `diagonal` (v,), the
+    diagonal of `matrix` with implicit damping; `parent` (v,), see `asrsim.engines.rigid.Room`; `impulse` (v,) N m s, impulse of
+    all forces except friction and stops; `velocity` (v,), velocity before the step; `bound` (v,) N m s, largest impulse of
+    friction; `slowest` (v,) <= 0 and `fastest` (v,) >= 0, the velocities that the stops allow. Input and output: `regime` (v,),
+    the states of the degrees of freedom, which on entry are the states of the last step. Work space: `square` (v, v) and `push`
+    (v,).
     """
     size = room.freedoms
     for i in range(size):
@@ -68,7 +69,7 @@ def solve_states(room: Any) -> None:
             elif regime[i] == AT_UPPER:
                 goal = room.fastest[i]
             change[i] = goal - room.velocity[i]
-    # Move the known changes of velocity to the right-hand side of the equations for the unknown ones.
+    # Move the known changes of velocity to the right-hand side of the equations for the unknown changes.
     for k in range(size):
         if change[k] != 0.0:
             for i in range(size):
@@ -145,14 +146,14 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """Next state of degree of freedom `i`, which sticks or rests at a stop, for which it needs the impulse `impulse` in N m
-    s."""
+    """Next state of degree of freedom `i`, which sticks or rests at a stop. impulse: impulse in N m s that it needs for
+    this."""
     most, slack, state = room.bound[i], SLACK * room.bound[i], room.regime[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER
     if state == AT_UPPER and impulse <= slack - most:
         return AT_UPPER
-    # A joint that already stands at its stop can also stick there by its friction.
+    # A joint that is already at its stop can also stick there by its friction.
     lowest = room.slowest[i] if state == AT_LOWER else 0.0
     highest = room.fastest[i] if state == AT_UPPER else 0.0
     if most > 0.0 and lowest == 0.0 and highest == 0.0:

@@ -26,10 +26,10 @@ def quiet() -> Iterator[None]:
             os.close(nowhere)
             yield
         finally:
-            # Ctrl-C may interrupt any of these lines: the streams must be restored whatever happens.
+            # Ctrl-C may interrupt any of these lines, so the streams are restored in `finally`.
             try:
-                # The C library buffers output to a pipe or a file: flush the buffer before the streams are restored, else it
-                # appears later.
+                # The C library buffers output to a pipe or a file. Flush the buffer before the streams are restored, since the
+                # output would otherwise appear later.
                 _flush()
             finally:
                 for number, copy in saved:
@@ -50,6 +50,6 @@ def _flush() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
-    # Flush the buffers of this process's C library; on Windows, extension modules share `ucrtbase`.
+    # Flush the buffers of the C library of this process. On Windows, extension modules share the library `ucrtbase`.
     with suppress(OSError, AttributeError):
         (ctypes.CDLL("ucrtbase") if sys.platform == "win32" else ctypes.CDLL(None)).fflush(None)

@@ -9,6 +9,6 @@ from asrsim.versions import version
 
 
 def numeric_versions() -> dict[str, str]:
-    """Versions of Python, asrsim and the numerical libraries: with other versions, a repeated run may give other numbers."""
+    """Versions of Python, asrsim and the numerical libraries. With other versions, a repeated run may give other numbers."""
     found = {"python": ".".join(map(str, sys.version_info[:2])), "asrsim": version("asrsim"), "mujoco": library_version()}
     return found | {name: version(name) for name in ("numpy", "pybullet", "numba", "scipy")}

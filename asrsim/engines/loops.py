@@ -1,8 +1,9 @@
-"""Closed chains of one freedom: the joints of a linkage follow its master with ratios that depend on the positions.
+"""Closed chains with one degree of freedom. The joints of a linkage follow the master of the linkage, with ratios that depend
+on the positions.
 
 `asrsim.robot.loops` states the equations. Here an entry is a joint on one side of a loop, with its column of the Jacobian J;
 the normal equations of a linkage collect the entries of its loops and its couplings. Newton's method corrects the positions in
-every step, so that the gaps between the ends of the two sides do not grow.
+every step, so that the gaps between the ends of the two sides of a loop do not grow.
 
 The functions run as Python or compiled.
 """
@@ -52,7 +53,7 @@ class Loops(NamedTuple):
     axis: AnyArray
     """Axis (k, 3) of each joint in its frame."""
     ends: AnyArray
-    """Points that must coincide, in the frames behind the last joints of both sides, (loops, 6), m."""
+    """Points that must coincide, in the frames behind the last joints of the two sides, (loops, 6), m."""
     follower: AnyArray
     """Index of the first follower of each linkage in the next three arrays, then the number of all followers, (chains + 1,)."""
     follower_joint: AnyArray
@@ -193,7 +194,7 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
     """Compute the vector dJ/dt v of a loop (`work[24:27]`) at the velocities v. Call `find_columns` before.
 
     dJ/dt v is the sum of v_i v_k (axis x column) over all joints i and k on the same side: the axis of the earlier of the two
-    joints, if it is a hinge, and the column of the later one.
+    joints, if this joint is a hinge, and the column of the later joint.
     """
     work, arms = loops.work, loops.arms
     for i in range(3):
@@ -201,8 +202,8 @@ def find_drift(loops: Any, loop: int, v: Any) -> None:
     for side in range(2):
         begin = loops.second[loop] if side else loops.first[loop]
         end = loops.first[loop + 1] if side else loops.second[loop]
-        # Column k changes by axis_i x column_k for a hinge i at or before k. For a joint i behind k, the change is axis_k x
-        # column_i, so both orders give the same product.
+        # For a hinge i at or before k, column k changes by axis_i x column_k. For a joint i behind k, the change is axis_k x
+        # column_i. Therefore the two orders give the same product.
         for k in range(begin, end):
             for i in range(begin, end):
                 near, far = (i, k) if i <= k else (k, i)
@@ -264,8 +265,8 @@ def solve_normal(normal: Any, count: int, width: int, sides: int) -> None:
     """Solve symmetric positive definite equations by Cholesky's decomposition. Their matrix (count, count) is at the beginning
     of the table `normal`, and is overwritten. A singular system gives values that are not finite.
 
-    width: first column with a right-hand side; sides: number of right-hand sides. Their solutions are in the columns behind
-    them.
+    width: first column with a right-hand side; sides: number of right-hand sides. The solutions are in as many columns after
+    the right-hand sides.
     """
     for k in range(count):
         for i in range(k + 1):

@@ -48,15 +48,15 @@ from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
 
 NORMAL_STEPS, FRICTION_STEPS = 10.0, 20.0
-"""Time constants of contacts along the normal and of their friction, in steps: chosen by measurements on a sliding box
-(docs/validation.md)."""
+"""NORMAL_STEPS: time constant of contacts along the normal, in steps; FRICTION_STEPS: time constant of the friction of
+contacts, in steps. The values were chosen by measurements on a sliding box (docs/validation.md)."""
 LIGHTER = 1e-2
-"""Factor on the inverse inertia by which MuJoCo regularises friction. With it, errors of velocities below 5e-8 rad/s were
-measured."""
+"""Factor on the inverse inertia by which MuJoCo regularises friction. With this factor, errors of velocities below 5e-8 rad/s
+were measured."""
 REACH = 2.0
-"""A stop is near if a joint that moves 1 rad/s faster than now can reach it within this number of steps."""
+"""Number of steps within which a joint that moves 1 rad/s faster than at present can reach a stop that counts as near."""
 TOLERANCE = 1e-12
-"""MuJoCo's solver ends when a round improves its scaled cost by less than this."""
+"""Smallest improvement of the scaled cost in a round of MuJoCo's solver; the solver ends after a smaller improvement."""
 SEARCH = 1000
 """Largest number of iterations of a line search in MuJoCo's solver. With 50, its default, 1 % of the steps of a sliding box
 ended far from the solution."""
@@ -64,6 +64,8 @@ ended far from the solution."""
 
 class MujocoEngine(RigidEngine):
     """A robot in a world without contacts; MuJoCo gives mass matrix and bias."""
+
+    takes_weightless = True
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         self._mujoco = mujoco = load()
@@ -81,7 +83,8 @@ class MujocoEngine(RigidEngine):
         self._set_inertials(merged.robot.links, self._d)
         home = self._m.qpos0.copy()
         self._places = {name: self._place(place) for name, place in merged.places.items()}
-        """MuJoCo body of each link and movable object, and position (3,) in m and rotation (3, 3) of its frame in that body."""
+        """MuJoCo body of each link and movable object, and position (3,) in m and rotation (3, 3) of the frame of the link or
+        object in this body."""
         for item in scenario.world.objects if not scenario.world.empty else ():
             if item.mass:
                 self._places[item.name] = self._m.body(f"object.{item.name}").id, np.zeros(3), np.eye(3)
@@ -96,7 +99,7 @@ class MujocoEngine(RigidEngine):
         self._hand = mujoco_step.empty_hand(len(self._places))
         """Wrenches that are held on bodies; all records share this object."""
         self._record, self._lent = self._make_record(self._d), False
-        """Work space of the engine's own step, and whether a compiled kernel uses this work space too."""
+        """_record: work space of the engine's own step; _lent: whether a compiled kernel also uses this work space."""
         make = partial(compiled_step, self.version, unused(self._record.room))
         step = Calculation(bound(mujoco_step.step), self._record, make, own=WORK_SPACE)
         super().__init__(self._record.room, home, step, scenario=scenario)
@@ -120,7 +123,8 @@ class MujocoEngine(RigidEngine):
         self._mujoco.mj_setConst(m, data)
 
     def _body(self, link: str) -> int:
-        """Number of the MuJoCo body of a link that is not merged; 0, the world's body, for a fixed base without contacts."""
+        """Number of the MuJoCo body of a link that is not merged. It is 0, the world's body, for a fixed base without
+        contacts."""
         return max(int(self._mujoco.mj_name2id(self._m, self._mujoco.mjtObj.mjOBJ_BODY, link_body(link))), 0)
 
     def _place(self, place: LinkPlacement) -> tuple[int, Array, Array]:
@@ -147,12 +151,12 @@ class MujocoEngine(RigidEngine):
 
     def _make_native_record(self, stride: int) -> NativeRecord:
         if stride == 1 and not self._lent:
-            # A kernel may use the engine's own record: the engine itself does not step while the kernel steps.
+            # One kernel may use the engine's own record, since the engine does not step while the kernel steps.
             self._lent = True
             return NativeRecord(self._calculation.packed.ctypes.data, self._calculation)
         data = self._mujoco.MjData(self._m)
         record = self._make_record(data)
-        # All records share the numbers that `start` and `vary` set, since all runs of an engine have the same step.
+        # All records share the array that `start` and `vary` set, since all runs of an engine have the same step.
         scheme = self._room.scheme
         if stride > 1:
             scheme = scheme.copy()
@@ -164,7 +168,7 @@ class MujocoEngine(RigidEngine):
     # -- stepping ---------------------------------------------------------------------------------------------------
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance by one step. It runs compiled once `native` has been read; the results are bitwise the same."""
+        """Advance by one step. The step runs compiled after `native` has been read. The results are bitwise the same."""
         self._calculation(self._state, exchange, wrenches, lengths)
 
     @property
@@ -209,7 +213,7 @@ class MujocoContacts(MujocoEngine):
     """A robot in a world with contacts. MuJoCo computes the step."""
 
     native = None
-    # No other inertials can be set: the constraints depend on those of the first robot.
+    # No other inertials can be set, since the constraints depend on the inertials of the first robot.
     vary = RigidEngine.vary
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -236,8 +240,9 @@ class MujocoContacts(MujocoEngine):
         m.pair_solreffriction[:] = (FRICTION_STEPS * step, 1.0)
 
     def step(self, exchange: Array, wrenches: Array, lengths: Array) -> None:
-        """Advance by one step as without contacts, but MuJoCo computes friction, stops and contacts, from the means over the
-        pieces of the kick. In place of `regime`, the state has the accelerations from which the solver starts."""
+        """Advance by one step. The difference from a step without contacts is that MuJoCo computes friction, stops and
+        contacts, from the means over the pieces of the kick. In place of `regime`, the state has the accelerations from which
+        the solver starts."""
         mj, m, d, room, state = self._mujoco, self._m, self._d, self._room, self._state
         loads, forces, fraction = whole_kick(exchange, wrenches, lengths)
         step, first, size = float(room.scheme[STEP]), len(d.qpos), len(d.qvel)
@@ -280,23 +285,24 @@ class MujocoContacts(MujocoEngine):
         exchange[-1, :, VELOCITY] = d.qvel[room.joint_v]
 
     def _aim_at_stops(self, kick: float, step: float) -> None:
-        """Make stops inelastic: no joint has passed its stop at the end of the step (see `asrsim.engines.exact_friction`). A
-        joint that is already beyond its stop rests where it is."""
+        """Make stops inelastic, so that no joint has passed its stop at the end of the step (see
+        `asrsim.engines.exact_friction`). A joint that is already beyond its stop rests where it is."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT
         slowest = -np.maximum(d.efc_pos[rows], 0.0) / step
         d.efc_aref[rows] = (slowest - d.efc_vel[rows]) / kick
 
     def _couple(self, kick: float, step: float) -> None:
-        """Make couplings of joints exact: at the end of the step, each follower stands where its master's position puts it."""
+        """Make couplings of joints exact, so that the position of each follower at the end of the step follows from the
+        position of its master."""
         d = self._d
         rows = d.efc_type == self._mujoco.mjtConstraint.mjCNSTR_EQUALITY
         d.efc_aref[rows] = -(d.efc_pos[rows] / step + d.efc_vel[rows]) / kick
 
     def scene(self) -> Scene:
-        """Poses of the world's objects, and of the base link, if it floats; contact forces."""
+        """Poses of the world's objects, and of the base link if the base floats; and contact forces."""
         d, world, poses = self._d, self._scenario.world, dict(super().scene().bodies)
-        # The poses that MuJoCo stores are those of the last step: compute the present ones.
+        # The poses that MuJoCo stores are from the last step, so compute the present poses.
         d.qpos[:] = self._state[: len(d.qpos)]
         self._mujoco.mj_kinematics(self._m, d)
         for item in world.objects:
@@ -310,7 +316,8 @@ class MujocoContacts(MujocoEngine):
         for index, contact in enumerate(self._d.contact):
             first, second = (self._owner[geom] for geom in contact.geom)
             self._mujoco.mj_contactForce(self._m, self._d, index, values)
-            # MuJoCo's contact frame points from the first shape to the second; the force in it acts on the second shape.
+            # MuJoCo's contact frame points from the first shape to the second. The force in this frame acts on the second
+            # shape.
             yield second, first, values[:3] @ contact.frame.reshape(3, 3)
 
 

@@ -1,4 +1,4 @@
-"""A MuJoCo model of a scenario's robot and world, made from asrsim's data about them."""
+"""A MuJoCo model of a scenario's robot and world, made from asrsim's data about robot and world."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ from asrsim.robot.poses import quaternion, rotation_matrix
 from asrsim.scenario.data import Scenario, World
 
 ROBOT_BIT, WORLD_BIT = 1, 2
-"""Collision classes. The robot collides only with the world; objects of the world also collide with each other."""
+"""ROBOT_BIT: collision class of the robot; WORLD_BIT: collision class of the world. The robot collides only with the world;
+objects of the world also collide with each other."""
 IMPEDANCE_RATIO = 1000.0
-"""Ratio of a contact's stiffness against slip to its stiffness against penetration: MuJoCo's `impratio`."""
+"""Ratio of a contact's stiffness against slip to its stiffness against penetration, called `impratio` in MuJoCo."""
 HIDDEN_GROUP = 4
 """Group of the sites in the model; MuJoCo's viewers hide this group."""
 HARD = (0.9999, 0.9999, 0.001, 0.5, 2.0)
-"""Impedance of constraints: the hardest one that MuJoCo accepts."""
+"""Impedance of constraints. It is the hardest impedance that MuJoCo accepts."""
 
 
 def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
@@ -46,8 +47,8 @@ def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
         for mesh in spec.meshes:
             mesh.uservert = convex_hull(Path(mesh.file), mesh.scale).vertices.ravel()
             mesh.file, mesh.scale = "", [1.0, 1.0, 1.0]
-        # MuJoCo merges a fixed base into the world: without contacts it needs no body. This saves a tenth of a step with one
-        # joint.
+        # Let MuJoCo merge a fixed base into the world, since the base needs no body if there are no contacts. This saves a
+        # tenth of the time of a step with one joint.
         spec.compiler.fusestatic = not contacts
         return spec.compile()
     except ValueError as error:
@@ -56,7 +57,8 @@ def build(scenario: Scenario, robot: Robot, origin: Vector) -> Any:
 
 
 def assemble(scenario: Scenario, robot: Robot, origin: Vector, *, shapes: bool) -> Any:
-    """Editable model (MjSpec) of a robot without fixed joints in its world. Its joints have no limits, its bodies 1 kg each.
+    """Editable model (MjSpec) of a robot without fixed joints in its world. Its joints have no limits, and each body has a mass
+    of 1 kg.
 
     origin: origin of the base's frame in the frame of the root link, m. shapes: whether the links have their collision
     shapes.
@@ -150,14 +152,14 @@ def couple(spec: Any, robot: Robot, impedance: Sequence[float], lag: float | Non
 
 
 def _pair(spec: Any, scenario: Scenario) -> None:
-    """Set the friction coefficient of each contact to the product of those of both bodies, as in PyBullet. MuJoCo's default is
-    the larger of the two."""
+    """Set the friction coefficient of each contact to the product of the coefficients of the two bodies, as in PyBullet.
+    MuJoCo's default is the larger of the two coefficients."""
     frictions = {f"object.{item.name}": item.friction for item in scenario.world.solids}
     base = spec.worldbody.bodies[0].name if scenario.fixed_base else ""
     shapes = [(shape.name, body.name == base) for body in spec.bodies for shape in body.geoms if shape.name not in frictions]
     named = list(frictions)
     pairs = [(a, b) for index, a in enumerate(named) for b in named[index + 1 :]]
-    # A fixed base may stand on the ground: the two must not have contact forces.
+    # A fixed base may stand on the ground. Leave out this pair, so that it has no contact forces.
     pairs += [(shape, other) for shape, fixed in shapes for other in named if not (fixed and other == f"object.{GROUND}")]
     for a, b in pairs:
         mu = frictions.get(a, 1.0) * frictions.get(b, 1.0)

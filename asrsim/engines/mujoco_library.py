@@ -21,7 +21,7 @@ PACKAGES = {"mujoco": "mujoco", "mujoco_core": "mujoco-core"}
 
 
 def load() -> Any:
-    """The module `mujoco`, whose warnings are ignored from now on. Raises SimulationError if it cannot be imported."""
+    """The module `mujoco`. Its warnings are ignored after this call. Raises SimulationError if it cannot be imported."""
     try:
         import mujoco
     except ImportError as error:
@@ -61,7 +61,8 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
     if len(set(found.values())) < 2:
         return ()
     message = f"{' and '.join(' '.join(one) for one in found.items())} overwrite each other's files in {folder / 'mujoco'}"
-    # Before version 4, `mujoco` itself contained the library; since then, it depends on `mujoco-core` of the same version.
+    # Before version 4, the package `mujoco` contained the library. Since version 4, it depends on `mujoco-core` of the same
+    # version.
     alone = "--no-deps " if found["mujoco"].startswith(("2.", "3.")) else ""
     hint = (
         "run `pip uninstall -y mujoco mujoco-core`, then `pip install mujoco-core`, or, if another package needs this version "
@@ -74,9 +75,9 @@ def overlaps(folder: Path | None = None) -> tuple[Problem, ...]:
 def _library() -> Any:
     """The C library that the Python bindings use, opened by ctypes."""
     files = [path for pattern in LIBRARY for path in sorted(Path(load().__file__).parent.glob(pattern))]
-    # Another version of the package may have left a second library in the folder: take that of the loaded version.
+    # Another version of the package may have left a second library in the folder, so use the library of the loaded version.
     path = next((path for path in files if library_version() in path.name), files[0])
-    # PyDLL keeps the interpreter's lock: releasing it would take longer than the routines run.
+    # PyDLL keeps the interpreter's lock. To release the lock would take longer than the routines.
     library = ctypes.PyDLL(str(path))
     kinds = {"m": ctypes.c_void_p, "i": ctypes.c_int}
     for name, arguments in mujoco_step.ROUTINES.items():

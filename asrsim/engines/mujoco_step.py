@@ -1,7 +1,8 @@
 """One step of a robot without contacts, by MuJoCo's rigid-body routines. The functions run as Python or compiled.
 
-`asrsim.engines.mujoco_library` binds the routines named below: through ctypes to the loaded library for Python, to the symbols
-of the library for compiled code. Threads can share the model, which is only read; each thread needs a record of its own.
+`asrsim.engines.mujoco_library` binds the routines named below. In Python it binds them through ctypes to the loaded library; in
+compiled code it binds them to the symbols of the library. Threads can share the model, which is only read. Each thread needs a
+separate record.
 """
 
 from __future__ import annotations
@@ -167,7 +168,7 @@ def carry(record: MujocoRecord) -> None:
 def apply(record: MujocoRecord, body: int, points: Any, index: int, target: int) -> None:
     """Add the generalised forces of the force and the torque in `vectors` to the array at the address `target`.
 
-    points: points (m) in the frame of the body; the force acts at the one with the index `index`.
+    points: points (m) in the frame of the body; the force acts at the point with the index `index`.
     """
     vectors, xmat = record.vectors, record.xmat
     for row in range(3):

@@ -1,14 +1,14 @@
 """Steps of a robot without contacts, by the rule of `asrsim.engines.base`. A library gives the mass matrix and the bias.
 
-`aim` sets the state at which the library evaluates mass matrix and bias, `kick` computes a piece of the kick, `finish` the
-drift; these functions run as Python or compiled. A state is a vector: configuration (base position in m, base orientation
-w x y z, joint positions), velocities (base in m/s, base in rad/s about the axes of the base link, joints), the same velocities
-before the last kick, and the states of friction and stops, `regime` of `asrsim.engines.exact_friction`.
+`aim` sets the state at which the library evaluates mass matrix and bias, `kick` computes a piece of the kick, and `finish`
+computes the drift. These functions run as Python or compiled. A state is a vector: configuration (base position in m, base
+orientation w x y z, joint positions), velocities (base in m/s, base in rad/s about the axes of the base link, joints), the same
+velocities before the last kick, and the states of friction and stops, `regime` of `asrsim.engines.exact_friction`.
 
-The library knows no couplings. A joint that follows another one (`asrsim.robot.couplings`) has no velocity in the state: its
-velocity is that of its master times the ratio. Let dq = N dz, where dz are the velocities of the joints that follow none. The
-equations of motion of these joints have the mass matrix N^T M N and the bias N^T bias: exact for every step, and solved like
-those of a robot without couplings.
+The library contains no couplings. A joint that follows another one (`asrsim.robot.couplings`) has no velocity in the state: its
+velocity is the velocity of its master times the ratio. Let dq = N dz, where dz are the velocities of the joints that follow no
+other joint. The equations of motion of these joints have the mass matrix N^T M N and the bias N^T bias. This is exact for every
+step, and the equations are solved like the equations of a robot without couplings.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ from asrsim.samples import Array, HeldWrench
 from asrsim.scenario.data import Scenario
 
 STEP, NOW, BEFORE, IMPLICITNESS = range(4)
-"""Entries of `Room.scheme`: step in s; weights of the present and the previous velocity, whose sum is the velocity at the whole
-step; implicitness."""
+"""Entries of `Room.scheme`. STEP: length of a step in s; NOW, BEFORE: weights of the present and of the previous velocity in
+the velocity at the whole step; IMPLICITNESS: implicitness of the damping."""
 SLOW = 1e-9
-"""Speed in rad/s or m/s below which a joint at its stop counts as resting there: a margin for rounding errors."""
+"""Speed in rad/s or m/s below which a joint at its stop counts as resting there, as a margin for rounding errors."""
 INLINE = (
     "asrsim.engines.rigid",
     "asrsim.engines.loops",
@@ -66,15 +66,15 @@ class Room(NamedTuple):
     freedoms: int
     """Number v of degrees of freedom."""
     speeds: int
-    """Number w of velocities that the library has; it knows no couplings of joints."""
+    """Number w of velocities in the library, which contains no couplings of joints."""
     coordinates: int
     """Number q of values in a configuration."""
     scheme: AnyArray
     """Constants of the integration scheme, (4,); see `STEP`."""
     free: int
-    """1 if the base floats, else 0."""
+    """Flag: 1 if the base floats, else 0."""
     reduced: int
-    """1 if joints are coupled or have rotors: the equations of the library must then be reduced by `reduce`."""
+    """Flag: 1 if joints are coupled or have rotors, so that `reduce` must reduce the equations of the library; else 0."""
     qpos: AnyArray
     """Configuration (q,) at which the library evaluates mass matrix and bias."""
     qvel: AnyArray
@@ -83,7 +83,7 @@ class Room(NamedTuple):
     """Mass matrix (w, w) that the library computes, kg m^2. If `reduced` is 0, this array, `full_bias` and `full_force` are the
     arrays `matrix`, `bias` and `force` themselves."""
     full_bias: AnyArray
-    """Torques (w,) in N m that the library computes: they balance gravity, Coriolis and centrifugal forces."""
+    """Torques (w,) in N m that the library computes. These torques balance gravity, Coriolis and centrifugal forces."""
     full_force: AnyArray
     """Generalised forces (w,) of the wrenches in a piece of the kick, N m."""
     owner: AnyArray
@@ -126,7 +126,7 @@ class Room(NamedTuple):
     joint_z: AnyArray
     """Degree of freedom of each joint, (n,)."""
     master: AnyArray
-    """Index of the joint that each joint follows, (n,); its own index for a joint that follows none."""
+    """Index of the joint that each joint follows, (n,). A joint that follows no other joint has its own index."""
     ratio: AnyArray
     """Ratio of each joint's velocity to the velocity of its degree of freedom, (n,)."""
     offset: AnyArray
@@ -154,7 +154,7 @@ def make_room(
 ) -> Room:
     """Work space for a robot. qpos, qvel: arrays that the library reads. parent: parents of the library's velocities, as in
     `Room`; parents precede the degrees of freedom that they carry. None: the mass matrix may have no zeros. reduce: whether
-    asrsim adds couplings and rotors of joints to the equations; False: the library has them."""
+    asrsim adds couplings and rotors of joints to the equations; False: the library contains couplings and rotors."""
     w, joints = len(qvel), robot.moving_joints
     tree, at = np.arange(-1, w - 1) if parent is None else parent.astype(np.int64), np.array(joint_v, dtype=np.int64)
     lower, upper = np.array([joint.stops for joint in joints], dtype=float).reshape(-1, 2).T.copy()
@@ -199,7 +199,7 @@ def _reduced_tree(parent: AnyArray, owner: AnyArray, size: int) -> AnyArray:
         below = np.flatnonzero(coupled[a, :a])
         if below.size:
             tree[a] = below[-1]
-            # The elimination of a couples to each other all degrees of freedom to which a is coupled.
+            # The elimination of degree of freedom a couples all degrees of freedom that are coupled to a.
             coupled[np.ix_(below, below)] = True
     return tree
 
@@ -213,7 +213,7 @@ WORK_SPACE = (
 
 def plain(record: Any, own: Collection[str] = ()) -> Any:
     """The record with memoryviews in place of arrays, since Python reads single numbers from memoryviews several times faster.
-    own: names of the arrays that no other code uses; they become lists, from which Python reads faster still."""
+    own: names of the arrays that no other code uses. These arrays become lists, from which Python reads numbers even faster."""
 
     def field(name: str, value: Any) -> Any:
         if isinstance(value, np.ndarray):
@@ -229,8 +229,8 @@ def aim(room: Any, state: Any) -> None:
 
     Consider a joint that has struck its stop in the last drift, after the fraction f of the drift. Until then it had its old
     velocity v_before, so f = v / v_before, where v is the velocity that leads exactly to the stop. The forces of this kick act
-    on the joint from the impact on, for 1.5 - f steps instead of one. `room.rebound` stores this number; for all other degrees
-    of freedom it stores 1.
+    on the joint only after the impact, for 1.5 - f steps instead of one step. `room.rebound` stores this number; for all other
+    degrees of freedom it stores 1.
     """
     qpos, qvel, scheme, velocity, regime, rebound = room.qpos, room.qvel, room.scheme, room.velocity, room.regime, room.rebound
     first, size, impacts = room.coordinates, room.freedoms, 0
@@ -258,7 +258,7 @@ def aim(room: Any, state: Any) -> None:
 
 
 def reduce(room: Any) -> None:
-    """Compute mass matrix and bias of the degrees of freedom from those of the library."""
+    """Compute mass matrix and bias of the degrees of freedom from the mass matrix and bias of the library."""
     for i in range(room.freedoms):
         room.bias[i] = 0.0
         for k in range(room.freedoms):
@@ -277,7 +277,7 @@ def reduce(room: Any) -> None:
 
 
 def reduce_force(room: Any) -> None:
-    """Compute the generalised forces on the degrees of freedom from those on the library's velocities."""
+    """Compute the generalised forces on the degrees of freedom from the generalised forces on the library's velocities."""
     for i in range(room.freedoms):
         room.force[i] = 0.0
     for a in range(room.speeds):
@@ -292,7 +292,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
     that have struck them in the last drift.
     """
     count, length, last = room.joints, lengths[piece], piece == len(lengths) - 1
-    # Time from the beginning of the piece to the middle of the kick, as a fraction of a step.
+    # Compute the time from the beginning of the piece to the middle of the kick, as a fraction of a step.
     ahead = 0.0
     for k in range(len(lengths)):
         ahead += 0.5 * lengths[k] if k >= piece else -0.5 * lengths[k]
@@ -300,9 +300,9 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # Whether this part covers the rest of the piece. Only then, search for a velocity that becomes 0 in the part.
+    # `whole`: whether this part covers the rest of the piece. Only then is a velocity searched that becomes 0 in the part.
     part, whole = 0.0 if impact else length, not impact
-    # Call `find_change` at one place only, since the compiler copies it to every place where it is called.
+    # Call `find_change` at only one place, since the compiler copies it to each place at which it is called.
     while True:
         find_change(room, exchange, piece, part, last and not free)
         if whole and splits < count and not free:
@@ -313,7 +313,7 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
                 continue
         if ahead > 0.0 and not noted:
             if not free and _has_strike(room):
-                # The middle of the kick is before the impact: compute the change up to the middle without the stop.
+                # The middle of the kick is before the impact, so compute the change up to the middle without the stop.
                 free = True
                 continue
             share = min(ahead / part, 1.0) if part > 0.0 else 1.0
@@ -328,7 +328,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         if whole:
             break
         if resting != -1:
-            # The velocity is 0 up to rounding. If damping acts, or if another joint strikes its stop in this part, it is not.
+            # Set a velocity that is 0 except for rounding errors to 0. If damping acts, or if another joint strikes its stop in
+            # this part, the velocity is larger.
             if abs(room.velocity[resting]) < ROUNDING * abs(room.change[resting]):
                 room.velocity[resting] = 0.0
             length -= part
@@ -350,8 +351,8 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
     """Compute `room.change`, the change of velocity in a part of a piece of the kick. In this part no sliding direction
     changes.
 
-    length: length of the part as a fraction of a step; last: whether the drift follows this part. If it does not, stops act
-    only on joints that rest at them.
+    length: length of the part as a fraction of a step; last: whether the drift follows this part. If the drift does not follow,
+    stops act only on joints that rest at them.
     """
     step, implicitness = room.scheme[STEP], room.scheme[IMPLICITNESS]
     velocity, impulse, diagonal, bound = room.velocity, room.impulse, room.diagonal, room.bound
@@ -375,7 +376,7 @@ def find_change(room: Any, exchange: Any, piece: int, length: float, last: bool)
             diagonal[i] += implicitness * time * damping
             bound[i] += time * exchange[piece, j, FRICTION]
         position = room.qpos[room.joint_q[j]]
-        # The drift after the kick takes a joint to its stop at most. A joint that is already beyond its stop stays there:
+        # The drift after the kick moves a joint at most to its stop. A joint that is already beyond its stop stays there, since
         # pushing it back would give it a velocity.
         slowest[i] = min((room.lower[j] - position) / step, 0.0)
         fastest[i] = max((room.upper[j] - position) / step, 0.0)
@@ -429,8 +430,8 @@ def _reaches_zero(room: Any, i: int) -> bool:
 def _leave_stops(room: Any, state: Any) -> None:
     """Multiply the velocity of each joint that leaves its stop after an impact by `rebound`, with an impulse on this joint.
 
-    If forces reverse the motion of a joint within a step, its velocity does not give the time of its impact: its `rebound` then
-    becomes 1.
+    If forces reverse the motion of a joint within a step, its velocity does not give the time of its impact: the `rebound` of
+    this joint then becomes 1.
     """
     old, leaving = room.coordinates + room.freedoms, 0
     for i in range(room.freedoms):
@@ -439,8 +440,8 @@ def _leave_stops(room: Any, state: Any) -> None:
         if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
-            # Twice a sliding state is the state at a stop, in which `solve_states` gives the joint the velocity prescribed
-            # here.
+            # Twice a sliding state is the state at a stop. In this state, `solve_states` gives the joint the velocity that is
+            # prescribed here.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
             leaving += 1
@@ -466,7 +467,7 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
     rest = 1.0 - 1.0 / total
     for i in range(size):
         before, after = state[first + i], room.velocity[i]
-        # After a first kick that is shorter than a step, store as the old velocity the one from which a full kick would have
+        # After a first kick that is shorter than a step, store a hypothetical old velocity, from which a full kick would have
         # led to the new velocity.
         state[first + size + i] = before + rest * (after - before)
         state[first + i] = after
@@ -495,7 +496,8 @@ def finish(room: Any, state: Any, exchange: Any, lengths: Any) -> None:
 
 
 def _place_followers(room: Any, state: Any, step: float) -> None:
-    """Set the positions of the joints that follow others, after a drift of `step` s; 0 s at the start."""
+    """Set the positions of the joints that follow other joints, after a drift of `step` s. At the start of a run, `step` is
+    0."""
     loops, first = room.loops, room.coordinates
     for k in range(loops.follower[loops.chains]):
         j = loops.follower_joint[k]
@@ -564,7 +566,7 @@ def unused(room: Any) -> tuple[str, ...]:
 
 
 def skip(*arguments: Any) -> None:
-    """Do nothing: replaces each function that `unused` names."""
+    """Do nothing. This function replaces each function that `unused` names."""
 
 
 @cache
@@ -576,7 +578,7 @@ class Calculation:
     """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Its further
     arguments are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
 
-    The function runs as Python until it is compiled; both give bitwise the same results.
+    The function runs as Python until it is compiled. Python and compiled code give bitwise the same results.
     """
 
     def __init__(
@@ -594,7 +596,8 @@ class Calculation:
         self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
         self._arrays: tuple[Array, ...] = ()
-        """Arrays of the last call, with the arguments made from them: callers often pass the same arrays again."""
+        """Arrays of the last call, with the arguments that were made from them, since callers often pass the same arrays
+        again."""
         self._arguments: tuple[Any, ...] = ()
         self._call = function
 
@@ -603,7 +606,7 @@ class Calculation:
         if self._compiled is None:
             kind = compiling.type_of(self._record)
             self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
-            # A call through CFUNCTYPE releases the interpreter's lock.
+            # Call through CFUNCTYPE, which releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()
         return self._compiled
@@ -637,7 +640,7 @@ class RigidEngine(Engine):
     def __init__(
         self, room: Room, home: Array, calculation: Calculation | None = None, *, scenario: Scenario | None = None
     ) -> None:
-        """home: configuration (q,) at the start; its joint positions are not used. calculation: the part of a step that may be
+        """home: initial configuration (q,); its joint positions are not used. calculation: the part of a step that may be
         compiled; None: kick and drift. scenario: scenario whose wrenches act on the robot; None: the engine refuses scenarios
         with wrenches."""
         self.takes_wrenches = scenario is not None
@@ -677,7 +680,8 @@ class RigidEngine(Engine):
         room, model = self._room, self._make_model()
         positions, rotation, base = room.qpos[room.joint_q], self.rotation, None
         if rotation is not None:
-            # Place a floating robot with the origin of its base's frame at 0: the torques on the base are about this point.
+            # Place a floating robot so that the origin of its base's frame is at 0, since the torques on the base are about
+            # this point.
             base = frame(-rotation @ self.origin, rotation)
         for link, point, world, values in loads:
             at, turned = model.pose(positions, link, point, base)
@@ -731,7 +735,8 @@ class RigidEngine(Engine):
         return positions, velocities
 
     def _check_loops(self) -> None:
-        """Raise RobotError if a linkage is not closed at the start, or if its master stands at a dead centre there."""
+        """Raise RobotError if a linkage is not closed at the initial positions, or if its master stands at a dead centre
+        there."""
         room = self._room
         for linkage in self.robot.couplings.linkages if room.loops.chains else ():
             reason = linkage.fault(self._state[room.joint_q])
@@ -779,7 +784,8 @@ class RigidEngine(Engine):
         self._changed = True
 
     def scene(self) -> Scene:
-        """Pose of the base link, if it floats. The base position in a state is that of the point `origin` of this link."""
+        """Pose of the base link, if the base floats. The base position in a state is the position of the point `origin` of this
+        link."""
         if not self._room.free:
             return Scene({}, {})
         w, *vector = self._state[3:7].tolist()
@@ -787,5 +793,5 @@ class RigidEngine(Engine):
         return Scene({self.root: (*origin.tolist(), *vector, w)}, {})
 
     def vary(self, robot: Robot) -> bool:
-        """Whether the robot has the same inertials as before: an engine that can change inertials overrides this method."""
+        """Whether the robot has the same inertials as before. An engine that can change inertials overrides this method."""
         return robot.inertials == self.robot.inertials

@@ -41,24 +41,26 @@ def make_env(
             axis), and return arrays (N,). This is much faster for many environments.
         adaptive: Whether each environment takes fewer substeps while its springs are soft enough, as in `asrsim.Worlds`; such
             environments are up to twice as fast, and differ from runs within the error of the step. While references of the
-            scenario itself jump, they take all substeps.
+            scenario itself jump, the environments take all substeps.
         randomise: Law (values, range or distribution) of each key, as in `asrsim sweep --over`; a value is drawn from each law
-            at every reset. `key & key`: both keys get the same value.
+            at every reset. `key & key`: the two keys get the same value.
             Allowed are values that do not require reading the scenario again: parameters, damping, masses, constant references,
             and the delays `imperfections.sensors.JOINT.delay` and `imperfections.commands.JOINT.delay`, whose laws have an
             upper bound (the option `delay` delays actions).
         fit: `fit.json` of `asrsim identify`: at every reset the fitted parameters are drawn from the fit's covariance.
-        push: Laws of the external torques on joints, in N m, drawn at every reset; each acts during the whole episode.
+        push: Laws of the external torques on joints, in N m. A torque is drawn at every reset, and acts during the whole
+            episode.
         delay: Delay of the actions in s, or a law of this delay, drawn at every reset and rounded to control periods.
-        noise: Standard deviation of the noise of each observed quantity, by name, in its unit. It does not affect rewards.
+        noise: Standard deviation of the noise of each observed quantity, by name, in the unit of the quantity. The noise does
+            not affect rewards.
         history: Number of earlier control periods whose observed values and actions belong to an observation, after the goal.
-        initial: Laws of the start positions by joint, in rad or m.
+        initial: Laws of the initial positions by joint, in rad or m.
         goal: Laws of goal values by name, drawn at every reset. The values are the last entries of the observation.
         tip: Name of a link, and a point on it in m. The position of this point in the world can be observed as `tip`.
 
     Raises:
         InputError: gymnasium is not installed, or an option is unknown or wrong.
-        ScenarioError, RobotError: as `asrsim.run`.
+        ScenarioError, RobotError: As in `asrsim.run`.
     """
     library("gymnasium", "gym")
     from asrsim.environment.env import SoftRobotEnv
@@ -86,15 +88,15 @@ def make_vec_env(
         scenario: Scenario file, or a loaded scenario.
         num_envs: Number of environments.
         threads: Number of threads that step the environments, if the engine has a compiled step.
-        engine, device: As in `asrsim.Worlds`: with the engine `mujoco_warp`, the worlds are on a device of Warp.
+        engine, device: As in `asrsim.Worlds`. With the engine `mujoco_warp`, the worlds are on a device of Warp.
         render_mode, size: As in `make_env`: `render` returns a tuple of pictures, which `gymnasium.wrappers.vector.RecordVideo`
             records.
         autoreset: `next_step`: an environment whose episode is over is reset at the next step, which ignores its action;
-            `same_step`: it is reset at once, and the infos have its last observation as `final_obs`.
+            `same_step`: the environment is reset at once, and the infos contain its last observation as `final_obs`.
         options: As in `make_env`; `reward` and `terminated` are called for each environment, unless `batched` is set.
 
     Raises:
-        InputError, ScenarioError, RobotError: as `make_env`.
+        InputError, ScenarioError, RobotError: As in `make_env`.
     """
     library("gymnasium", "gym")
     from asrsim.environment.options import checked

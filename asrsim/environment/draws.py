@@ -26,8 +26,8 @@ class Draws:
     """Laws of random values. For each episode, one value per key is drawn from them."""
 
     def __init__(self, laws: Mapping[str, Any]) -> None:
-        """laws: list of values, range or distribution by key, as in sweeps; `key & key`: both keys get the same value. Raises
-        InputError.
+        """laws: list of values, range or distribution by key, as in sweeps; `key & key`: the two keys get the same value.
+        Raises InputError.
         """
         self._axes = [axis_of(present_name(name), value) for name, value in laws.items()]
         problems = [
@@ -64,7 +64,7 @@ def plan(keys: Sequence[str], prepared: Prepared) -> KeyPlan:
     found = plan_keys([key for key in keys if key not in late], dict.fromkeys(keys, True), prepared.scenario, prepared.robot)
     numbers = {**found.numbers, **{key: _late_joints(key, name, prepared) for key, name in late.items()}}
     wrong = [key for key in keys if key not in numbers and key not in found.references]
-    # These keys could be drawn if the scenario did not start in equilibrium, which depends on them: say so in the error.
+    # Some keys could be drawn if the scenario did not start at equilibrium, which depends on them. The error states this.
     freed = replace(prepared.scenario, initial_equilibrium=False) if prepared.scenario.initial_equilibrium else None
     able = plan_keys(wrong, dict.fromkeys(wrong, True), freed, prepared.robot).numbers if freed and wrong else {}
     problems = [
@@ -129,6 +129,6 @@ def _is_number(value: Any) -> bool:
 def _drawn(law: Values | Distribution, chance: np.random.Generator) -> Any:
     if isinstance(law, Values):
         return law.values[int(chance.integers(len(law.values)))]
-    # Leave out 0 and 1, since the quantiles of a law without bounds are infinite there.
+    # Leave out 0 and 1, at which the quantiles of a law without bounds are infinite.
     share = np.clip(chance.random(1), 1e-12, 1.0 - 1e-12)
     return float(law.quantile(share)[0])

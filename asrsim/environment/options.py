@@ -59,7 +59,7 @@ def _fits(value: Any, types: Any) -> bool:
 _NAMES = "a name or a list of names"
 _LAWS: Any = {}, Mapping, "a mapping from keys to laws, such as {'joint_1.motor_1_inertia': 'uniform(0.01, 0.02)'}"
 _FUNCTION: Any = None, Callable | None, "a function of the state, or None"
-# The names are in sequences: the order of a set would differ from process to process.
+# Use sequences of names, since the order of a set would differ from process to process.
 _FORMS: dict[str, tuple[Any, Any, str]] = {
     "variant": (None, object, ""),
     "overrides": ((), object, ""),

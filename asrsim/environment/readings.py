@@ -16,8 +16,8 @@ from asrsim.simulation.worlds import Worlds
 
 _LINKS = ("link_position", "link_velocity")
 _MOTORS = {f"motor_{i + 1}_{what}": (f"motor_{what}", i) for i in range(MOST_MOTORS) for what in ("position", "velocity")}
-"""Quantities of the motors at the present time: name of the field of the worlds' observation, and index of the motor in it. For
-motors without dynamics, the positions are those of the last step.
+"""Quantities of the motors at the present time: name of the field of the worlds' observation, and index of the motor in this
+field. For motors without dynamics, the positions are the positions of the last step.
 """
 _STEP = (
     "link_torque",
@@ -29,8 +29,8 @@ _STEP = (
     "external_torque",
     "stiffness",
 )
-"""Quantities that belong to a step rather than to a time. Their values are those of the last step; at the start of an episode,
-of the first step.
+"""Quantities that belong to a step rather than to a time. Their values are the values of the last step, or, at the start of an
+episode, of the first step.
 """
 TIP = "tip"
 KNOWN = (*_LINKS, *_MOTORS, *_STEP, TIP)
@@ -40,7 +40,7 @@ precision."""
 
 
 class Links(NamedTuple):
-    """Positions and velocities of the links only: they are read faster than an observation that also contains the motors."""
+    """Positions and velocities of the links only, which are read faster than an observation that also contains the motors."""
 
     link_position: Array
     link_velocity: Array
@@ -111,6 +111,6 @@ class Readings:
         logged = step[name][..., joints]
         if motor >= motors.shape[-1]:
             return logged
-        # Motors without dynamics have no state, so their values are those of the last step.
+        # Motors without dynamics have no state, so use their values of the last step.
         values = motors[..., joints, motor]
         return np.where(np.isnan(values), logged, values)

@@ -53,7 +53,7 @@ class State:
 
 @dataclass(frozen=True)
 class Episode:
-    """Random values that are drawn for an episode: parameters, goal values and start positions, each by name."""
+    """Random values that are drawn for an episode: parameters, goal values and initial positions, each by name."""
 
     parameters: Mapping[str, float] = field(default_factory=dict)
     goal: Mapping[str, float] = field(default_factory=dict)
@@ -97,13 +97,14 @@ class ControlTask:
         )
         for joint in self._push.keys:
             prepared.slot_of(joint, EXTERNAL_TORQUE)
-        # A start position beyond a stop must raise an error now, not after hours of training.
+        # Test the bounds of the initial positions now, so that a position beyond a stop does not raise an error after hours of
+        # training.
         for places in self._start.bounds():
             positions = dict(zip(self._start.keys, (x if math.isfinite(x) else 0.0 for x in places), strict=True))
             prepared.started(Start(positions=positions))
         drawn = () if self._fit is None else tuple(key for group in self._fit.groups for key in group)
         self._plan = plan((*self._random.keys, *drawn), prepared)
-        # Random values that are physically impossible must also raise an error now.
+        # Test random values now, so that physically impossible values raise an error now, too.
         chance = np.random.default_rng(0)
         for _ in range(TRIED if self._random.keys or drawn else 0):
             prepared.vary(self.changes(self.draw(chance)))
@@ -197,7 +198,7 @@ class ControlTask:
         """References (environments, actions) in SI units for actions (environments, actions) in [-1, 1]. Raises InputError."""
         if actions.shape[1:] != (len(self.actions),) or np.count_nonzero(np.isfinite(actions)) < actions.size:
             raise InputError(f"an action must be {len(self.actions)} finite numbers", value=actions, code="action")
-        # numpy.clip takes twice as long as numpy.minimum and numpy.maximum.
+        # Do not use numpy.clip, which takes twice as long as numpy.minimum and numpy.maximum.
         return self._middle + self._half * np.minimum(np.maximum(actions, -1.0), 1.0)
 
     @property

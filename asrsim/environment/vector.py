@@ -21,7 +21,7 @@ from asrsim.simulation.worlds import Worlds, check_number
 LARGEST = 8192
 """Largest allowed edge of a picture in pixels."""
 AUTORESET = {"next_step": AutoresetMode.NEXT_STEP, "same_step": AutoresetMode.SAME_STEP}
-"""When an environment whose episode is over is reset, by name of the option `autoreset`."""
+"""Time at which an environment whose episode is over is reset, by value of the option `autoreset`."""
 
 
 class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
@@ -103,7 +103,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
         self._delays = np.zeros(num_envs, dtype=int)
         self._spread = {name: deviation for name, deviation in task.noise.items() if deviation}
         self._seen = np.zeros((num_envs, task.history + 1, len(self._readings.bounds()[0])))
-        """Observed values (N, history + 1, n) of the latest control periods, the newest first."""
+        """Observed values (N, history + 1, n) of the latest control periods; the newest values are the first."""
         self._done = np.zeros((num_envs, task.history, actions))
         """Actions of earlier control periods, the newest first; 0 is the middle of a range."""
         self._shown: Single = np.zeros(self.observation_space.shape or (), np.float32)
@@ -157,7 +157,7 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             raise InputError(f"needs {self.num_envs} actions", key="actions", value=len(given), code="action")
         task, worlds, values = self.task, self.worlds, self.task.values_of(given)
         going, fresh = ~self._over, self._over.copy()
-        # None stands for all worlds; it is handled faster than an array of indices or a mask.
+        # None means all worlds, and is faster than an array of indices or a mask.
         which, everyone = None, list(range(self.num_envs))
         if np.count_nonzero(fresh):
             self._begin(fresh)
@@ -225,7 +225,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
             now = np.concatenate(parts[:-1], axis=1)
             if moved:
                 self._seen = np.concatenate([now[:, None], self._seen[:, :-1]], axis=1)
-            # The history of a new episode repeats its start, with actions in the middle of their range, which are 0.
+            # At the start of an episode, the history contains the first observation repeatedly, and actions in the middle of
+            # their range, which are 0.
             self._seen[fresh], self._done[fresh] = now[fresh, None], 0.0
             parts += [self._seen[:, 1:].reshape(self.num_envs, -1), self._done.reshape(self.num_envs, -1)]
         shown = np.concatenate(parts, axis=1, dtype=np.float32, casting="same_kind")

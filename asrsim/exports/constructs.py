@@ -10,7 +10,7 @@ class Constructs:
     """Constructs of MJCF that a program simulates correctly."""
 
     dc_motors: bool = True
-    """DC motors with speed limit, integral action and bristles, and an implicit integrator that keeps the motors' limits. In a
+    """DC motors with speed limit, integral action and bristles, and an implicit integrator that keeps the motors' limits. For a
     program without them, motors are affine actuators, and the integrator is Euler's method.
     """
     curved_springs: bool = True

@@ -1,4 +1,4 @@
-"""A scenario's robot as MJCF: motors are bodies with armature, springs are tendons with polynomial stiffness."""
+"""A scenario's robot as MJCF: motors are bodies with armature, and springs are tendons with polynomial stiffness."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from asrsim.actuators.stages import STAGES
 from asrsim.engines.mujoco_build import HARD, add_shape, assemble, couple, link_body, quaternion_wxyz
 from asrsim.engines.mujoco_library import library_version, load
 from asrsim.errors import Problem, ScenarioError, SimulationError, listed
-from asrsim.exports.constructs import Constructs
 from asrsim.exports.motors import (
     STAGES_OF_MUJOCO,
     TINY,
@@ -28,6 +27,7 @@ from asrsim.exports.motors import (
     springs_of,
     starts_of,
 )
+from asrsim.exports.programs.base import Program
 from asrsim.exports.springs import Spline
 from asrsim.robot.inertia import principal_axes
 from asrsim.robot.merge import merge_fixed
@@ -39,17 +39,18 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 MARGIN, LEAST_REACH = 2.0, 1.0
-"""Range of deflections over which springs are fitted: a multiple of the largest deflection in the scenario's run, but at least
-`LEAST_REACH` rad."""
+"""Range of deflections over which springs are fitted. It is `MARGIN` times the largest deflection in the scenario's run, but at
+least `LEAST_REACH` rad."""
 VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP = 2, 3, 4
-"""Groups of the model's visuals, collision shapes and sites; MuJoCo's viewers show the groups 0 to 2."""
+"""VISUAL_GROUP, COLLISION_GROUP, SITE_GROUP: groups of the model's visuals, collision shapes and sites. MuJoCo's viewers show
+the groups 0 to 2."""
 MOST_NAMES = 5
 """Largest number of joints that a remark names."""
 COUPLING_STEPS = 2.0
-"""Time constant of couplings of joints, in time steps: the smallest value that MuJoCo accepts."""
-ALL = Constructs()
+"""Time constant of couplings of joints, in time steps. It is the smallest value that MuJoCo accepts."""
 STILL = 1e-9
-"""Range of an adjuster's positions in the run, in their unit, below which the adjuster counts as at rest."""
+"""Range of an adjuster's positions in the run, in the unit of the positions, below which the adjuster counts as being at
+rest."""
 CONSTANT = "its friction is constant: the parts that depend on speed or load are left out"
 LACKS = {
     "_load_friction": "the friction of its motors does not depend on load",
@@ -80,27 +81,28 @@ def model_of(
     *,
     knots: int | None = None,
     timestep: float | None = None,
-    constructs: Constructs = ALL,
+    program: Program,
 ) -> Mjcf:
     """Model of a scenario.
 
     Args:
         prepared: The scenario.
-        run: Results of the scenario's run in asrsim; springs are fitted over its deflections.
+        run: Results of the scenario's run in asrsim; springs are fitted over the deflections in this run.
         path: Path of the file that the model is for.
         mesh_file: Function that returns the file that MuJoCo reads in place of a mesh, relative to the folder of the model.
         knots: Number of knots on each side of the splines; None: as many as the laws need.
         timestep: Time step of the model, s; None: half of the scenario's step.
-        constructs: Constructs that the model may use.
+        program: Program that the model is for; the model has only constructs that this program simulates correctly.
 
     Raises:
         ScenarioError: A mode or a spring law that MJCF cannot represent, or a part that needs other constructs.
         SimulationError: MuJoCo refuses the model, or is too old for DC motors.
     """
-    _check(prepared, constructs)
+    constructs = program.constructs
+    _check(prepared, program)
     mujoco, scenario, merged = load(), prepared.scenario, merge_fixed(prepared.robot)
     if constructs.dc_motors and not hasattr(mujoco, "mjtCtrlInput"):
-        # MuJoCo versions before 4 read the gains of DC motors in volts.
+        # Versions of MuJoCo before 4 interpret the gains of DC motors in volts.
         raise SimulationError(
             f"files with DC motors need MuJoCo 4, but MuJoCo {library_version()} is imported here: install mujoco-core 4 in an "
             "environment without mujoco 3, or write for mjx or mjlab, whose files have no DC motors"
@@ -130,8 +132,8 @@ def model_of(
     remarks, splines = [f"shapes are left out ({len(warnings)} groups); the first: {warnings[0]}"] if warnings else [], {}
     lacks: dict[str, list[str]] = {}
     for j, stepped in enumerate(prepared.drives):
-        # Positions and velocities (motors, n) of the motors in the run; the last row is the adjuster's, if the actuator has
-        # one.
+        # Positions and velocities (motors, n) of the motors in the run. If the actuator has an adjuster, the last row belongs
+        # to it.
         positions, speeds = (
             np.array([values[:, j] for name, values in run.items() if name.startswith("motor") and name.endswith(quantity)])
             for quantity in ("position", "velocity")
@@ -159,8 +161,8 @@ def model_of(
             add_motors(spec, drive, () if moving else splines[drive.joint], delay_of(stepped), constructs)
             if moving and not constructs.stiffness_controls:
                 raise ScenarioError(
-                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which the program of --for "
-                    "does not simulate correctly",
+                    f"the stiffness of joint '{drive.joint}' would be the control of a tendon, which "
+                    f"{program.title} does not simulate correctly",
                     key=drive.joint,
                     code="export-construct",
                 )
@@ -190,7 +192,8 @@ def model_of(
     if any(one.delay for one in scenario.sensor_imperfections.values()):
         remarks.append("delays of sensors are not in the model")
     for mesh in spec.meshes:
-        # As a shell, MuJoCo accepts a mesh of any triangles. Its inertia is not used, since each body states its own.
+        # MuJoCo accepts a mesh of any triangles only as a shell. The inertia of the mesh is not used, since each body states
+        # its inertia.
         mesh.inertia, mesh.file = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, mesh_file(mesh.file)
     try:
         model = spec.compile()
@@ -200,15 +203,15 @@ def model_of(
     return Mjcf(spec=spec, splines=splines, remarks=tuple(remarks))
 
 
-def _check(prepared: Prepared, constructs: Constructs) -> None:
-    """Raise ScenarioError if the scenario has parts that need constructs other than `constructs`."""
+def _check(prepared: Prepared, program: Program) -> None:
+    """Raise ScenarioError if the scenario has parts that the program does not simulate correctly."""
     problems = [
-        Problem(f"joint '{stepped.name}': the program of --for does not simulate the {part} correctly", code="export-construct")
+        Problem(f"joint '{stepped.name}': {program.title} does not simulate the {part} correctly", code="export-construct")
         for stepped in prepared.drives
-        for part in refused(stepped, constructs)
+        for part in refused(stepped, program.constructs)
     ]
-    if not constructs.contacts and not prepared.scenario.world.empty:
-        message = "the program of --for does not simulate the contacts of ground and objects correctly"
+    if not program.constructs.contacts and not prepared.scenario.world.empty:
+        message = f"{program.title} does not simulate the contacts of ground and objects correctly"
         problems.append(Problem(message, code="export-construct"))
     if problems:
         raise ScenarioError(problems)
@@ -231,7 +234,7 @@ def _describe(spec: Any, body: Any, link: Link) -> None:
 
 
 def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
-    """Add the start of the scenario to the model as a keyframe. model: the compiled model, as MjModel."""
+    """Add the initial state of the scenario to the model as a keyframe. model: the compiled model, as MjModel."""
     positions, velocities = model.qpos0.copy(), np.zeros(model.nv)
     for name, position, velocity in starts_of(prepared):
         joint = model.joint(name)
@@ -245,8 +248,8 @@ def _add_start(spec: Any, model: Any, prepared: Prepared) -> None:
 def _lacks(
     prepared: Prepared, stepped: SteppedJoint, springs: Sequence[Spline], positions: Array, speeds: Array
 ) -> Iterator[str]:
-    """Sentences about the parts of a joint that the model lacks. positions, speeds: of the joint's motors in the run, (motors,
-    n)."""
+    """Sentences about the parts of a joint that the model lacks. positions, speeds: positions and speeds (motors, n) of the
+    joint's motors in the run."""
     joint, drive = stepped.joint, stepped.drive
     largest = sum(float(np.abs(spring.torque(np.array([-spring.reach, spring.reach]))).max()) for spring in springs)
     if joint.friction_varies:

@@ -19,8 +19,8 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.prepared import Prepared
 
 TINY = 1e-9
-"""Mass (kg) and moments of inertia (kg m^2) of the body of a motor: nearly 0, but MuJoCo rejects bodies without mass. The
-inertia of the motor is the armature of the body's joint.
+"""Mass (kg) and moments of inertia (kg m^2) of the body of a motor. They are nearly 0, since MuJoCo rejects bodies without
+mass. The inertia of the motor is the armature of the body's joint.
 """
 FRICTION_SOLREF, FRICTION_SOLIMP = [0.004, 1.0], [0.99, 0.999, 0.01, 0.5, 2.0]
 """Parameters of MuJoCo's solver with which its friction is nearly Coulomb friction."""
@@ -42,7 +42,7 @@ def motor_name(joint: str, index: int) -> str:
 
 
 def starts_of(prepared: Prepared) -> Iterator[tuple[str, float, float]]:
-    """Name of the model's joint, position and velocity at the start, for each joint and each motor; rad (m), rad/s (m/s)."""
+    """Name of the model's joint, initial position and initial velocity, for each joint and each motor; rad (m), rad/s (m/s)."""
     for drive, *start in zip(prepared.drives, prepared.initial_positions, prepared.initial_velocities, strict=True):
         for i, (position, velocity, *_) in enumerate([start, *drive.motor_starts(drive.dynamic_motors)]):
             yield motor_name(drive.name, i) if i else drive.name, float(position), float(velocity)
@@ -109,8 +109,8 @@ def springs_of(
 
 
 def add_motors(spec: Any, drive: Drive, splines: Sequence[Spline], delay: float, constructs: Constructs) -> None:
-    """Add the motors of a joint with their controllers and springs. splines: one for each motor; empty: other code adds the
-    springs. delay: delay of the motors' commands, s.
+    """Add the motors of a joint with their controllers and springs. splines: a spline for each motor; empty: other code adds
+    the springs. delay: delay of the motors' commands, s.
     """
     for i in range(drive.actuator.motors):
         name, electric = motor_name(drive.joint, i + 1), drive.electric[i]
@@ -177,8 +177,8 @@ def add_servo(
     friction: Sequence[float] = (0.0,) * 5,
 ) -> Any:
     """Add a motor with a PID controller, a speed limit and a torque limit. gains: proportional, integral and derivative gain;
-    empty: no controller, the command is the torque. inertia in kg m^2; limit: torque limit in N m; fastest: speed limit in
-    rad/s; friction: see `_friction`.
+    empty: the motor has no controller, and its command is the torque. inertia in kg m^2; limit: torque limit in N m; fastest:
+    speed limit in rad/s; friction: see `_friction`.
     """
     proportional, integral, derivative = gains or (0.0, 0.0, 0.0)
     if not constructs.dc_motors:
@@ -187,8 +187,9 @@ def add_servo(
         if math.isfinite(fastest):
             _brake(spec, joint, inertia, fastest, limit)
         return actuator
-    # MuJoCo's DC motor has a torque constant of 1 N m/A here, so the limit of its voltage limits its speed. Beyond this speed
-    # its back-EMF brakes the motor with 1 / resistance N m s/rad; below, the controller compensates the back-EMF.
+    # The torque constant of MuJoCo's DC motor is 1 N m/A here, so that the limit of its voltage limits its speed. Above this
+    # speed, the back-EMF brakes the motor with 1 / resistance N m s/rad. Below this speed, the controller compensates the
+    # back-EMF.
     mujoco = load()
     actuator = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     actuator.set_to_dcmotor(
@@ -204,11 +205,11 @@ def add_servo(
 
 def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -> None:
     """Limit the speed of a motor to `fastest` (rad/s) by viscous damping. An actuator without control cancels this damping up
-    to the limit. inertia: of the motor, kg m^2; limit: largest torque of the motor, N m.
+    to the limit. inertia: inertia of the motor, kg m^2; limit: largest torque of the motor, N m.
 
     MuJoCo's Euler integrator takes the damping implicitly, as if the inertia were larger by time step times damping. The
-    armature is reduced by this product, so that the effective inertia is that of the motor. The damping begins to act below the
-    limit, so that the largest torque drives the motor exactly to the limit.
+    armature is reduced by this product, so that the effective inertia is the inertia of the motor. The damping begins to act
+    below the limit, so that the largest torque drives the motor exactly to the limit.
     """
     mujoco = load()
     joint, step = spec.joint(name), spec.option.timestep
@@ -216,7 +217,7 @@ def _brake(spec: Any, name: str, inertia: float, fastest: float, limit: float) -
     joint.armature = (1.0 - IMPLICIT) * inertia
     joint.damping[0] += damping
     actuator = spec.add_actuator(name=f"{name}.speed_limit", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    # With a gain of exactly 0, MuJoCo would read the bias as a damping ratio.
+    # Use a very small gain, since with a gain of exactly 0 MuJoCo would interpret the bias as a damping ratio.
     actuator.gainprm[0], actuator.biastype, actuator.biasprm[2] = 1e-9, mujoco.mjtBias.mjBIAS_AFFINE, damping
     begin = max(damping * fastest - limit, 0.0) if math.isfinite(limit) else damping * fastest
     actuator.forcerange, actuator.ctrlrange = [-begin, begin], [0.0, 1e-9]
@@ -234,14 +235,14 @@ def _actuator(spec: Any, joint: str, gain: float, damping: float, *, limit: floa
 
 
 def _hysteresis(spec: Any, drive: Drive, index: int, own: Any) -> None:
-    """Add the hysteresis of spring `index`: bristles between motor and joint. They bend by the length (rad) before they slip at
-    the level of the torque (N m).
+    """Add the hysteresis of spring `index`, as bristles between motor and joint. The bristles bend by `own.length` (rad) before
+    they slip at the torque `own.level` (N m).
     """
     level, length = own.level, own.length
     mujoco, name = load(), f"{drive.joint}.hysteresis_{index}"
     _tendon(spec, name, motor_name(drive.joint, index), drive.joint)
     actuator = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
-    # The DC motor itself has no effect: only its bristles are used, as the hysteresis.
+    # Use only the bristles of the DC motor, as the hysteresis. The motor has no other effect.
     actuator.set_to_dcmotor(motorconst=[1e-6, 0.0], resistance=1.0, lugre=[level / length, 0.0, level, level, 1.0])
 
 

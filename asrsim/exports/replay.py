@@ -1,4 +1,5 @@
-"""The scenario's motion in another program, compared with that in asrsim: the error of the exported model for each joint."""
+"""The scenario's motion in another program, compared with the motion in asrsim. The difference is the error of the exported
+model for each joint."""
 
 from __future__ import annotations
 
@@ -43,8 +44,8 @@ class Replay:
     theirs: Array
     """Link positions (n, joints) of the other program, rad (m); NaN after a divergence."""
     apart: float
-    """Largest difference in mrad (mm) between the other program and MuJoCo on the same file: an error of the program, not of
-    the file."""
+    """Largest difference in mrad (mm) between the other program and MuJoCo on the same file. Such a difference is an error of
+    the program and not of the file."""
 
     @property
     def error(self) -> Array:
@@ -76,7 +77,7 @@ def run_of(prepared: Prepared) -> dict[str, Array]:
 
 def replay(prepared: Prepared, run: Mapping[str, Array], path: Path, program: Program) -> Replay:
     """Motions in asrsim, in MuJoCo, and in the program that the model at `path` is made for, if it is installed. Each program
-    gets the scenario's references without delay, since the model itself delays them, and its external torques.
+    gets the scenario's external torques, and the scenario's references without delay, since the model itself delays them.
     """
     mujoco = load()
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -119,8 +120,8 @@ def _versioned(program: Program) -> str:
 
 
 def _start_of(model: Any, controls: Array) -> Any:
-    """The start of the model as MjData: the state of its keyframe; its delays begin with the first row of the controls (n,
-    nu)."""
+    """Initial state of the model as MjData, from the keyframe of the model. The delays begin with the first row of the controls
+    (n, nu)."""
     mujoco = load()
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
@@ -134,7 +135,7 @@ def _start_of(model: Any, controls: Array) -> Any:
 
 def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Array]:
     """Controls (n, nu) and external torques (n, nv) of the scenario at the times `stamps` (n,), s, for the model. The controls
-    are not delayed: the model's actuators delay them.
+    are not delayed, since the model's actuators delay them.
     """
     torques, *references = prepared.undelayed_inputs(stamps)
     controls, external = np.zeros((len(stamps), model.nu)), np.zeros((len(stamps), model.nv))
@@ -154,7 +155,7 @@ def inputs_of(prepared: Prepared, model: Any, stamps: Array) -> tuple[Array, Arr
 
 
 def charts(found: Replay) -> list[list[Chart]]:
-    """Rows of charts, one row for each joint: both motions, and their difference."""
+    """Rows of charts, one row for each joint: the two motions, and their difference."""
     rows, title = [], found.program.partition(" (")[0]
     for j, joint in enumerate(found.joints):
         unit = found.units[j]
@@ -174,5 +175,5 @@ def charts(found: Replay) -> list[list[Chart]]:
 
 
 def draw_replay(found: Replay, path: Path) -> list[Path]:
-    """Draw both motions and their difference; the picture goes to the folder of the model. Raises OutputError."""
+    """Draw the two motions and their difference. The picture is written into the folder of the model. Raises OutputError."""
     return save_charts(path.with_suffix(".png"), charts(found), title=f"{path.stem} · replayed in {found.program}")

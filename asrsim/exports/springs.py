@@ -12,9 +12,10 @@ from asrsim.samples import Array
 POINTS = 1001
 """Number of deflections on each side of 0 at which a spring law is evaluated."""
 KNOTS, ERROR = (0, 4, 6, 9, 13, 20, 30), 1e-4
-"""Numbers of knots that are tried in turn; the first one with an error of the spline below `ERROR` rad is taken."""
+"""KNOTS: numbers of knots that are tried in turn. The first number for which the error of the spline is below `ERROR` rad is
+taken."""
 LINE_KNOTS, LINE_ERROR = (0, 6, 12, 20, 30, 45), 5e-4
-"""`KNOTS` and `ERROR` for springs that are made of linear pieces."""
+"""LINE_KNOTS, LINE_ERROR: as `KNOTS` and `ERROR`, for springs that are made of linear pieces."""
 FAR = 1e6
 """End of a dead band that no motion reaches, rad; also the rest position of a weak spring, which gives a nearly constant
 torque.
@@ -48,15 +49,16 @@ class Spline:
 def spline_of(
     law: Callable[[float], float], *, reach: float, limit: float, knots: int | None = None, curved: bool = True
 ) -> Spline:
-    """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first of `KNOTS` with an
-    error below `ERROR`. curved: whether the pieces are cubic; False: they are linear.
+    """Spline of a spring law between -reach and reach. knots: number of knots on each side; None: the first number in `KNOTS`
+    with an error below `ERROR`. curved: whether the pieces are cubic; False: they are linear.
 
     The error of the torque is divided by the stiffness, so that it is a difference of positions under equal torques. limit:
     deflection beyond which the law is constant, rad. If the law is odd, its pieces act for positive and negative deflections.
     """
     saturates, edge = limit <= reach, min(limit, reach)
     x, constant = np.linspace(0.0, edge, POINTS), law(0.0)
-    # Torques over positive deflections x: law(x) for the positive side, and -law(-x) for the negative side.
+    # Compute the torques of each side as a function of positive deflections x. They are law(x) for the positive side, and
+    # -law(-x) for the negative side.
     sides = {
         sign: sign * (np.array([law(sign * value) for value in x.tolist()]) - constant * (1.0 + sign * x / FAR))
         for sign in (1.0, -1.0)
@@ -86,9 +88,9 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     is a knot, and the three coefficients of the piece that begins at this knot.
     """
     stiffness = np.abs(np.gradient(y, x))
-    # In flat parts of a law the stiffness is zero: a lower bound avoids a division by zero.
+    # Apply a lower bound, since in flat parts of a law the stiffness is 0, by which it must not be divided.
     stiffness = np.maximum(stiffness, max(1e-3 * float(stiffness.max()), 1e-12))
-    # The pieces that begin at knots have only a cubic or only a linear term. An odd law has no curvature at zero.
+    # The pieces that begin at knots have only a cubic or only a linear term. An odd law has no curvature at deflection 0.
     last = 3 if curved else 1
     powers = ([x] if odd else [x, x**2]) if curved else []
     columns = np.column_stack([*powers, np.maximum(x[:, None] - knots, 0.0) ** last]) / stiffness[:, None]
@@ -100,7 +102,7 @@ def _fit(x: Array, y: Array, knots: Array, *, odd: bool, saturates: bool, curved
     rows[:, last] = pieces
     rows[0, 1 : 1 + len(powers)] += factors[: len(powers)]
     if saturates:
-        # Beyond the deflection limit, this piece cancels the slope and the curvature of all other pieces.
+        # Add a piece that cancels the slope and the curvature of all other pieces beyond the deflection limit.
         edge = x[-1]
         if curved:
             first, second, _ = rows[0, 1:]

@@ -1,4 +1,6 @@
-"""Curves of a fit: each channel recorded and simulated, its residuals and their spectrum, as a file and as charts."""
+"""Curves of a fit, as a file and as charts: recorded and simulated values of each channel, the residuals, and the residuals'
+spectrum.
+"""
 
 from __future__ import annotations
 
@@ -20,18 +22,18 @@ from asrsim.quantities import shown
 from asrsim.samples import Array
 
 CURVES = "curves.json"
-"""Name of the file in the folder of a fit."""
+"""Name of the file with the curves, in the folder of a fit."""
 BINS = 1000
-"""Number of intervals of a long channel in the file; each keeps its smallest and largest sample."""
+"""Number of intervals of a long channel in the file. Each interval keeps its smallest and its largest sample."""
 SEGMENTS = 8
-"""Number of segments whose spectra are averaged, half of them overlapping."""
+"""Number of segments whose spectra are averaged. Each segment overlaps the next segment by half."""
 NAMES = ("recorded", "before", "after")
 LOOKS: dict[str, dict[str, Any]] = {
     "recorded": {"label": "recorded", "colour": style.LIGHT, "width": style.WIDE},
     "before": {"label": "simulated at the start", "colour": style.BLUE, "width": 0.9},
     "after": {"label": "simulated after the fit", "colour": style.VERMILION},
 }
-"""Style of each line of a channel, by name."""
+"""Style of each line of a channel, by the line's name in `NAMES`."""
 _NUMBERS = [(float, None)]
 SHAPE: PlainShape = {
     "channels": [
@@ -62,7 +64,7 @@ class ChannelCurves:
     """Root mean square of the residuals over the whole recording; nan if the simulation diverges."""
     time: Array
     lines: Mapping[str, Array]
-    """Values (n,) by name of `NAMES`; a simulation that diverges is missing."""
+    """Values (n,) of each line, by its name in `NAMES`. The line of a simulation that diverges is missing."""
     frequency: Array
     """Frequencies (m,) of the residuals' spectrum, Hz."""
     density: Array
@@ -88,7 +90,9 @@ def channel_curves(one: ChannelFit, end: float) -> ChannelCurves:
 
 
 def _density(time: Array, values: Array) -> tuple[Array, Array]:
-    """Frequencies and amplitude spectral density of a series, by Welch's method; both empty for a short series."""
+    """Frequencies and amplitude spectral density of a series, by Welch's method. The two arrays are empty for a short
+    series.
+    """
     from scipy.signal import welch
 
     if len(values) < 16:
@@ -100,7 +104,7 @@ def _density(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def write_curves(path: Path, curves: Sequence[ChannelCurves]) -> None:
-    """Write the curves, long ones thinned, for a report. Raises OutputError."""
+    """Write the curves for a report; long curves are thinned. Raises OutputError."""
     write_json(path, {"channels": [_plain(_thinned(one)) for one in curves]})
 
 
@@ -135,7 +139,7 @@ def _plain(one: ChannelCurves) -> dict[str, Any]:
 
 
 def curves_of(data: Mapping[str, Any]) -> tuple[ChannelCurves, ...]:
-    """Curves of data with the structure `SHAPE`; channels with series of different lengths are left out."""
+    """Curves from data with the structure `SHAPE`. Channels whose series have different lengths are left out."""
 
     def numbers(values: Sequence[float | None]) -> Array:
         return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
@@ -154,7 +158,7 @@ def curves_of(data: Mapping[str, Any]) -> tuple[ChannelCurves, ...]:
 
 
 def channel_charts(one: ChannelCurves) -> list[Chart]:
-    """Charts of a channel: recording over simulations, and residuals."""
+    """Charts of a channel: the recorded curve with the simulated curves, and the residuals."""
     recorded, unit = one.lines["recorded"], one.unit
     owner, _, quantity = one.key.rpartition(".")
     lines = [Line(x=one.time, y=one.lines[name], **look) for name, look in LOOKS.items() if name in one.lines]
@@ -173,7 +177,9 @@ def channel_charts(one: ChannelCurves) -> list[Chart]:
 
 
 def spectrum_chart(one: ChannelCurves) -> Chart:
-    """Chart of the residuals' spectrum, and of the level that white noise with the channel's standard deviation would have."""
+    """Chart of the residuals' spectrum. A second line shows the spectral density of white noise with the standard deviation of
+    the channel's noise.
+    """
     unit = one.unit
     band = float(one.frequency[-1]) if len(one.frequency) else 1.0
     white = one.noise / band**0.5

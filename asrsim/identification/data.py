@@ -1,4 +1,6 @@
-"""Recordings prepared for a fit: played commands, compared channels and their noise."""
+"""Recordings that are prepared for a fit: commands that the simulation plays, and channels that are compared with it, with
+their noise.
+"""
 
 from __future__ import annotations
 
@@ -28,12 +30,13 @@ from asrsim.signals.curve import CubicCurve, curve_through
 PLAYED = 2
 """Operation mode in which motors follow their references exactly."""
 APART = 3.0
-"""Largest zero of a motor's sensor that counts as noise, in standard deviations of its estimate. The zero is the median of
-motor position minus link position minus deflection; noise alone exceeds three standard deviations once in 400 times.
+"""The zero offset of a motor's position sensor becomes a free parameter if it exceeds this number of standard deviations. The
+zero offset is the median of motor position minus link position minus deflection. Noise alone exceeds three standard deviations
+once in 400 times.
 """
 COMPUTED = 1e-3
-"""A column counts as computed from another column if a linear regression on it leaves a smaller relative residual than this:
-the rounding of a file leaves less, and a second sensor leaves more.
+"""A column counts as computed from another column if the relative residual of a linear regression on the other column is below
+this value. The rounding of a file leaves a smaller residual, and a second sensor leaves a larger one.
 """
 
 
@@ -43,7 +46,7 @@ class RecordedSignal:
 
     joint: str
     quantity: str
-    """Measured quantity; of a command: reference_1, reference_2 or external_torque."""
+    """Name of the measured quantity. The name of a command is reference_1, reference_2 or external_torque."""
     unit: str
     time: Array
     """Times (n,) on the simulation's clock, s."""
@@ -61,9 +64,9 @@ class Channel(RecordedSignal):
     """A measured quantity of a joint."""
 
     noise: float
-    """Standard deviation of the channel's noise, stated by the user or estimated from third differences."""
+    """Standard deviation of the channel's noise. The user states it, or it is estimated from differences of its samples."""
     quantum: float
-    """Step of a quantised encoder; 0: not quantised."""
+    """Quantisation step of the sensor; 0: the channel is not quantised."""
     column: Column | None = None
     """Recorded column; None for values without a file."""
 
@@ -79,13 +82,18 @@ class Channel(RecordedSignal):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlayedCommand(RecordedSignal):
-    """A recorded input, which the simulation plays."""
+    """A recorded command, which the simulation plays as its input."""
 
     name: str
-    """Name of the reference in the joint's mode, or `external_torque`."""
+    """Name of the reference in the joint's operation mode, or `external_torque`."""
     hold: bool
     column: Column | None = None
     """Recorded column; None for values without a file."""
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether the command is a recorded motion of a motor, which is smooth, and not what a controller sent."""
+        return self.column is not None and str(self.column.quantity).startswith("motor")
 
     @cached_property
     def curve(self) -> CubicCurve:
@@ -94,8 +102,8 @@ class PlayedCommand(RecordedSignal):
 
     @cached_property
     def noise(self) -> float:
-        """Standard deviation of the command's noise; 0 if it is negligible."""
-        noise = fine_noise(self.values) if not self.hold and len(self.values) > 8 else 0.0
+        """Standard deviation of the command's noise; 0 if the noise is negligible."""
+        noise = fine_noise(self.values, time=self.time) if not self.hold and len(self.values) > 8 else 0.0
         return noise if noise > 2e-6 * np.ptp(self.values) else 0.0
 
 
@@ -119,7 +127,9 @@ class Data:
     """Names of the columns with the torque of each joint's drive, by joint."""
     remarks: tuple[str, ...] = ()
     zeros: Mapping[str, float] = field(default_factory=dict)
-    """Zeros of motors' sensors in rad relative to the joint's other sensors, by key; only zeros that exceed the noise."""
+    """Zero offsets of motor position sensors relative to the joint's other sensors, rad, by key. Only offsets that exceed the
+    noise are included.
+    """
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -142,7 +152,8 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
 def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) -> Data:
     joints = [joint.name for joint in robot.moving_joints]
     recording = read_recording(experiment.file, mapping=list(experiment.mapping) or None, joints=joints, rate=experiment.rate)
-    # `init` writes recorded motor positions as references of mode 2.
+    # Joints whose references the recording may replace. Mode 2 is included, since `init` writes recorded motor positions as
+    # references of mode 2.
     idle = [block.joint for block in robot.actuators if block.mode == PLAYED or not scenario.references_of(block.joint)]
     plan = make_plan(robot, recording, step=scenario.step, idle=idle)
     commanded, recorded = {one.joint for one in plan.played if one.slot == 0}, {joint for joint, _ in plan.compared}
@@ -170,7 +181,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
     zeros = dict(_zeros({channel.key: channel for channel in channels}, robot))
     remarks += [
         f"{key} is estimated, too: the motor's position differs from link position plus deflection by {value:.3g} rad, so "
-        "their sensors have different zeros"
+        "their sensors have different zero offsets"
         for key, value in zeros.items()
     ]
     return Data(
@@ -185,7 +196,7 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
-        # A mapped command without a unit has the unit of the mode.
+        # A mapped command without a unit has the unit of the reference in the joint's mode.
         unit = column.unit or (modes[one.joint].units[0] if one.slot == 0 else "")
         prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
@@ -198,7 +209,7 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
 
 
 def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[Channel]:
-    """Compared channels: all measured quantities that the simulation computes."""
+    """Channels that are compared with the simulation: all measured quantities that the simulation computes."""
     known = comparable()
     possible = {f"{joint}.{column.quantity}": (joint, column) for joint, column in plan.compared if column.quantity in known}
     computed = computed_columns(list(plan.recording.channels.values()), {column.source for _, column in possible.values()})
@@ -210,11 +221,11 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         time, values = column.time[good] - plan.lag, column.values[good]
         reason = ""
         if block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
-            reason = "an adjuster stands at its reference"
+            reason = "an adjuster follows its reference exactly"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
-            reason = "drives compute velocities from positions, and these are compared"
+            reason = "drives compute velocities from positions, and the positions are compared"
         elif mode and not mode.motor and quantity.startswith(("motor", "friction", "equilibrium")):
-            reason = f"motors stand at their references in mode {mode.number} ({mode.name})"
+            reason = f"motors follow their references exactly in mode {mode.number} ({mode.name})"
         elif mode and not mode.spring and quantity.startswith(("elastic", "deflection")):
             reason = f"mode {mode.number} ({mode.name}) has no spring"
         elif quantity.endswith("position") and (
@@ -234,13 +245,15 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             quantum, prismatic = quantum_of(values), plan.robot.joint(joint).kind == "prismatic"
             yield Channel(
                 joint=joint, quantity=quantity, unit=unit_of(quantity, prismatic=prismatic) or column.unit, time=time,
-                values=values, noise=task.noise.get(key) or fine_noise(values, quantum), quantum=quantum, column=column,
+                values=values, noise=task.noise.get(key) or fine_noise(values, quantum, time), quantum=quantum, column=column,
             )  # fmt: skip
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 
 
 def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str, float]]:
-    """Keys and values of the zeros of motors' sensors, for joints with one motor whose spring deflection is also measured."""
+    """Keys and values of the zero offsets of motor position sensors. Only joints with one motor have them, if link position and
+    spring deflection are also measured.
+    """
     for joint in (block.joint for block in robot.actuators if ACTUATORS.get(block.actuator).motors == 1):
         motor, *others = (channels.get(f"{joint}.{what}") for what in ("motor_1_position", "link_position", "deflection"))
         known = [one for one in others if one is not None]
@@ -254,12 +267,14 @@ def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str,
 
 
 MEASURED = ("position", "deflection")
-"""Endings of quantities that are measured rather than computed: torques of springs are computed from deflections."""
+"""Endings of quantities that count as measured if two columns depend linearly on each other. Drives compute spring torques from
+measured deflections, for example.
+"""
 
 
 def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict[str, str]:
     """Mapped columns that are linear functions of another column, each with the name of the other column. If both columns are
-    mapped, the position or deflection counts as measured.
+    mapped, the column with the position or deflection counts as measured, and the other column as computed.
     """
     found: dict[str, str] = {}
     moving = [c for c in columns if np.isfinite(c.values).all() and np.ptp(c.values) > 0.0]
@@ -267,8 +282,8 @@ def computed_columns(columns: Sequence[Column], mapped: Collection[str]) -> dict
         early, late = sorted(pair, key=lambda c: (c.source in mapped, not str(c.quantity).endswith(MEASURED)))
         if len(late.time) != len(early.time) or late.source not in mapped or {late.source, early.source} & found.keys():
             continue
-        # Accept a position that depends on another column, since it may be converted from counts of its encoder; accept a copy,
-        # since a log may contain the same values in two topics.
+        # Accept a position that depends on an unmapped column, since the position may have been converted from the counts of
+        # its encoder. Accept an exact copy of an unmapped column, since a log may contain the same values in two topics.
         converted = str(late.quantity).endswith("position") or np.array_equal(early.values, late.values)
         if early.source not in mapped and converted:
             continue

@@ -1,4 +1,4 @@
-"""Access to simulation, engines and actuators: the only module of this package that imports their inner modules."""
+"""Access to simulation, engines and actuators. Only this module of the package imports their inner modules."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ SOURCES = ("link_position", *each_motor("motor_{}_position"))
 DERIVED = ("equilibrium_position", "deflection")
 """Quantities computed from motor and link positions."""
 OFTEN = 10**7
-"""Expected number of substeps of all simulations of a fit: large enough to compile the kernel."""
+"""Expected number of substeps of all simulations of a fit. With so many substeps, compiling the kernel saves time."""
 ENGINES_KEPT = 3
-"""Number of substep settings whose engines stay open, since fits alternate between settings."""
+"""Number of settings (substeps and recorded quantities) whose engines stay open. A fit alternates between settings."""
 THREADED = 3
-"""Smallest number of joints with which worlds run together, in parallel threads. With one or two joints, threads took 3 to 5 %
-more CPU time for fits of 4 s, and between 5 % less and 5 % more wall-clock time.
+"""Smallest number of joints of a robot at which several worlds run in parallel threads. In fits of 4 s with one or two joints,
+threads took 3 to 5 % more CPU time, and between 5 % less and 5 % more wall-clock time.
 """
 
 Substeps = tuple[int, int]
@@ -50,7 +50,7 @@ def comparable() -> tuple[str, ...]:
 
 
 class Door:
-    """A scenario that is simulated with many sets of parameters."""
+    """Simulation of a scenario with many sets of parameters."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
         faster = ENGINES.get(scenario.engine).faster
@@ -62,24 +62,26 @@ class Door:
         self.positions, self.velocities = self._prepared.initial_positions, self._prepared.initial_velocities
         self.substeps: Substeps = self._prepared.resolution.substeps, self._prepared.resolution.motor_substeps
         self.exact_in_time = not self._prepared.stepping.released
-        """Whether finer substeps reduce the error; false for the released code, which prescribes its steps."""
+        """Whether finer substeps reduce the time-step error. False for the stepping of the released code, which prescribes its
+        steps.
+        """
         self._together = cores() if len(self.joints) >= THREADED else 1
-        """Number of worlds of a rollout."""
+        """Number of worlds that a rollout simulates together."""
         self._made: dict[tuple[Substeps, tuple[str, ...]], Worlds] = {}
-        """Worlds by their substeps and by the quantities that they record."""
+        """Worlds, by their numbers of substeps and by the quantities that they record."""
         self._columns = tuple(columns_of(shape_of(self.drives)))
         """Quantities that the joints have."""
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
-        """Worlds with these substeps. They record those of these quantities that the joints have."""
-        # Record only these quantities: each further quantity lengthens a simulation by a hundredth.
+        """Worlds with these numbers of substeps. Of the given quantities, they record those that the joints have."""
+        # Record only these quantities, since each further quantity lengthens a simulation by 1 %.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)
         if found is None:
             prepared = self._prepared
             if substeps != self.substeps:
-                # The substeps were chosen for the estimates. The springs of the start values may be too stiff for these
-                # substeps.
+                # These numbers of substeps suit the estimates. The springs of the start values may be too stiff for them.
+                # Therefore make the copy by `vary`, which does not check this.
                 resolution = replace(prepared.resolution, substeps=substeps[0], motor_substeps=substeps[1])
                 prepared = replace(prepared, resolution=resolution).vary({})
             count = self._together
@@ -98,9 +100,9 @@ class Door:
         self, names: Sequence[tuple[int, str]], starts: Sequence[Start], *, steps: int | None = None, substeps: Substeps,
         observer: Observer | None = None,
     ) -> Iterator[Array | None]:  # fmt: skip
-        """Yield simulated values (names, rows) at whole steps for each world, at least `steps` rows; None if the simulation
-        diverges. Positions are those before the corrections of the observer. names: pairs of the index of a joint and the name
-        of a quantity.
+        """Yield the simulated values (names, rows) of each start at whole steps, with at least `steps` rows; None if the
+        simulation diverges. Positions are the values before the observer's corrections. names: pairs of the index of a joint
+        and the name of a quantity.
         """
         made = self._worlds(substeps, {*SOURCES, *(name for _, name in names)})
 
@@ -111,7 +113,7 @@ class Door:
             try:
                 found = made.rollout(made.names, start=several, steps=steps, observer=here)
             except RobotError:
-                # If one set of parameters is not physical, simulate each set alone, so that only this set fails.
+                # One of the parameter sets is not physical. Simulate each set alone, so that only this set fails.
                 alone = (one for i, start in enumerate(several) for one in run(first + i, [start]))
                 yield from alone if len(several) > 1 else [None]
                 return
@@ -128,7 +130,7 @@ class Door:
             yield from run(first, starts[first : first + self._together])
 
     def _channel(self, found: Mapping[str, Array], world: int, joint: int, name: str) -> Array:
-        """Values (rows,) of a quantity of a joint; NaN if the simulation does not record the quantity."""
+        """Values (rows,) of a joint's quantity; NaN if the simulation does not record the quantity."""
         missing = np.full(next(iter(found.values())).shape[1], np.nan)
         own = {source: found[source][world, :, joint] if source in found else missing for source in (*SOURCES, name)}
         if name not in DERIVED:
@@ -138,7 +140,7 @@ class Door:
         return np.asarray(rest - position if name == "deflection" else rest)
 
     def substeps_of(self, parameters: Numbers) -> Substeps:
-        """Numbers of substeps that a run with these parameters needs. Raises RobotError, UnresolvedSpringError."""
+        """Numbers of substeps that a simulation with these parameters needs. Raises RobotError or UnresolvedSpringError."""
         found = replace(self._prepared.vary(parameters), scenario=self.scenario).needed_resolution()
         return found.substeps, found.motor_substeps
 

@@ -1,5 +1,5 @@
-"""Extensions of a model: effects that are added to a problem, fitted together with its other parameters, and adopted if they
-reduce the error significantly.
+"""Extensions of a model. An extension adds an effect to a problem. Its parameters are fitted together with the other
+parameters, and the extension is adopted if it reduces the error significantly.
 """
 
 from __future__ import annotations
@@ -28,63 +28,67 @@ from asrsim.identification.task import Tie
 from asrsim.samples import Array
 
 SIGNIFICANT = 20.0
-"""Chi squared above which an extension is significant: noise alone exceeds it with a probability of 1e-5."""
+"""An extension is significant if its chi squared exceeds this value. Noise alone exceeds it with a probability of 1e-5."""
 TRIED, ADOPTED = 4, 4
-"""Largest number of extensions that are refitted in a round, the most promising first, since refits take most of the time;
-largest number of extensions that are adopted.
+"""TRIED: largest number of extensions that are refitted in a round. Only the most promising extensions are refitted, since
+refits take most of the time.
+ADOPTED: largest number of extensions that are adopted.
 """
 PROBE_STEP = 1e-3
-"""Step of finite differences for a new entry of the parameter vector, in the vector's units: 0.1 % of a number, over which
-residuals hardly bend.
+"""Step of finite differences for a new entry of the parameter vector, in the vector's units. A step changes a number by 0.1 %,
+and residuals are nearly linear over such a step.
 """
 FAR_OFF = 4.0
-"""Mean square residual, relative to the noise, above which a model counts as badly fitting: its error is twice the noise."""
-FACTORS = (0.3, 3.0)
-"""Start values of the pre-sliding stiffness, relative to its default in the friction law: half a decade below and above it."""
-MUCH = 0.5
-"""Pre-sliding and staircases are adopted by a badly fitting model, and causes are named, if at most this part of the squared
-misfit beyond the noise remains: they are then more than half of what the model lacks.
+"""A model fits badly if its mean square residual exceeds this multiple of the noise variance. Its error is then more than twice
+the noise.
 """
-STAIRS = 0.9
-"""A command is played as a staircase if at most this fraction of the mean square error then remains: 5 % less error."""
+FACTORS = (0.3, 3.0)
+"""Start values of the pre-sliding stiffness, relative to its default in the friction law. They are half a decade below and
+above the default.
+"""
+MUCH = 0.5
+"""Largest fraction of the squared misfit beyond the noise that may remain with an effect that a model lacks. Causes are named
+only below this limit. In a badly fitting model, pre-sliding friction is adopted only below this limit.
+"""
 FURTHER = 0.8
-"""A further cause is suspected if at most this fraction of the mean square error remains with this cause: 11 % less error."""
+"""A further cause is suspected if at most this fraction of the mean square error remains with this cause, so that the RMS error
+falls by 11 %.
+"""
 DECISIVE = 10.0
-"""Difference of Schwarz's criterion (BIC) above which the evidence for an extension instead of another is very strong (Kass and
-Raftery 1995).
+"""If Schwarz's criterion (BIC) of two extensions differs by more than this value, the evidence for the extension with the
+smaller criterion is very strong (Kass and Raftery 1995).
 """
 NEAR = 4.0
-"""Trials whose criterion (BIC) exceeds that of the best trial by at most NEAR times DECISIVE are fitted further before they are
-compared.
+"""Trials are fitted further before they are compared if their criterion (BIC) exceeds the criterion of the best trial by at
+most NEAR times DECISIVE.
 """
 CLEAR = 0.4
-"""A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it: 37 %
-less error. Smooth residuals count as few independent samples, so that the test would miss such a cause.
+"""A cause is suspected without a test of significance if at most this fraction of the mean square error remains with it, so
+that the RMS error falls by 37 %. Smooth residuals count as few independent samples, so that the test would miss such a cause.
 """
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Extension:
-    """Parameters that become free, ties that are added or removed, or a command that is played as a staircase.
+    """Parameters that become free, and ties that are added or removed.
 
     Attributes:
-        text: Words for the extension as a cause of a misfit; empty: the extension is never reported as a cause.
-        parameters: Parameters that become free, of `problem.fixed`; they stand at the end of the extended parameter vector.
-        size: Function that returns the size of the effect in words, such as `0.29 N m`, from the values of `parameters`, in
-            their order. None: the value of the last parameter.
-        begins: Start values of the new entries of the parameter vector, at which the effect of the extension is simulated;
-            empty: the start is the optimum of the linearised problem.
-        ties: Further parameters that are multiples of free ones, such as `Tie(key="joint_1.motor_2_damping",
+        text: Words that name the effect as a cause of a misfit. Empty: the extension is never reported as a cause.
+        parameters: Parameters of `problem.fixed` that become free. They form the end of the extended parameter vector.
+        size: Function that returns the size of the effect in words, such as `0.29 N m`. Its arguments are the values of
+            `parameters`, in their order. None: the size is the value of the last parameter.
+        begins: Start values of the new entries of the parameter vector. The effect of the extension is simulated at these
+            values. Empty: the start values are the optimum of the linearised problem.
+        ties: Further parameters that become multiples of free parameters, such as `Tie(key="joint_1.motor_2_damping",
             to="joint_1.motor_1_damping")` (`asrsim.identification.task.Tie`).
         untied: Tie that is removed.
-        elastic: Joint whose link becomes elastic, and the frequency of its second mode, rad/s. `parameters` are then those of
-            the second body.
-        staircase: Key of the command whose samples are held.
+        elastic: Joint whose link becomes elastic, and the frequency of the link's second mode, rad/s. `parameters` then belong
+            to the second body.
         restepped: Whether the extension changes the required number of substeps.
-        share: Largest fraction of the mean square error that may remain with the extension. An extension that leaves more is
-            refused.
-        excess: Largest fraction of the misfit beyond the noise that may remain with the extension if the model fits badly. In a
-            badly fitting model any additional parameter reduces the misfit. 1: no limit.
+        share: Largest fraction of the mean square error that may remain with the extension. If a larger fraction remains, the
+            extension is refused.
+        excess: Largest fraction of the squared misfit beyond the noise that may remain with the extension if the model fits
+            badly. In a badly fitting model any additional parameter reduces the misfit. 1: no limit.
     """
 
     text: str = ""
@@ -94,15 +98,12 @@ class Extension:
     ties: tuple[Tie, ...] = ()
     untied: Tie | None = None
     elastic: tuple[str, float] | None = None
-    staircase: str = ""
     restepped: bool = False
     share: float = FURTHER
     excess: float = 1.0
 
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
-        if self.staircase:
-            return problem.played(problem.playing.staircases | {self.staircase})
         if self.elastic is not None:
             tracks = [track.elastic(*self.elastic) for track in problem.tracks]
             problem = replace(problem, tracks=tuple(one for one in tracks if one is not None))
@@ -112,18 +113,21 @@ class Extension:
         return replace(problem, layout=replace(layout, entries=entries, ties=ties + self.ties))
 
     def _released(self, entries: tuple[FitParameter, ...]) -> Iterator[FitParameter]:
-        """Entries in which initial positions have no bounds if their sensor's zero or scale becomes free."""
+        """The given entries. An initial position loses its bounds if the zero offset or the scale of its sensor becomes
+        free.
+        """
         joints = {one.key.rsplit(".", 2)[0] for one in self.parameters if one.key.endswith((".offset", ".gain"))}
         for one in entries:
             joint, _, name = one.key.rpartition(".")
             yield replace(one, low=-inf, high=inf) if name.startswith(INITIAL) and joint in joints else one
 
     def accepts(self, before: float, after: float, samples: float) -> bool:
-        """Whether the mean square errors without the extension (before) and with it (after) show that the extension is real.
-        samples: number of independent samples in these errors.
+        """Whether the mean square errors show that the effect of the extension is real. before, after: mean square errors
+        without and with the extension; samples: number of independent samples in these errors.
         """
         far = before > FAR_OFF and after - 1.0 > self.excess * (before - 1.0)
-        # Residuals of a wrong model are smooth, so that few samples are independent.
+        # The residuals of a wrong model are smooth, so that few of their samples are independent. Therefore a large reduction
+        # of the error suffices for a cause.
         real = (self.text and after <= CLEAR * before) or is_significant(before, after, samples)
         return bool(real and not far and after <= self.share * before)
 
@@ -135,13 +139,13 @@ def is_significant(before: float, after: float, samples: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Promise:
-    """An extension with the error that it would explain to first order, and the start of a refit."""
+    """An extension with the part of the error that it would explain to first order, and the start vector of a refit."""
 
     share: float
     """Fraction of the squared error that the extension would explain; 0 if the fraction is not significant."""
     extension: Extension
     problem: FitProblem
-    """Problem with the extension, with suitable substeps."""
+    """Problem with the extension, and with suitable substeps."""
     start: Array
 
 
@@ -159,7 +163,7 @@ class Optimum:
         return np.asarray(change - self._free @ (self._free.T @ change))
 
     def promise(self, extension: Extension) -> Promise:
-        """Promise of an extension, for the best of its starts."""
+        """Promise of an extension, from the best of its start values."""
         begins = extension.begins or [(0.0,) * len(extension.parameters)]
         return max((self._promise(extension, begin) for begin in begins), key=lambda one: one.share)
 
@@ -177,8 +181,8 @@ class Optimum:
         alone = self._uncompensated(change)
         moves = lsq_linear(alone, -self._left, bounds=limits).x if alone.any() else np.zeros(alone.shape[1])
         if not extension.begins or not any(parameter.logarithmic for parameter in extension.parameters):
-            # The start is the optimum of the linearised problem, or the proposed start if it is farther away: if friction keeps
-            # a joint at rest, a small change of the friction has no effect.
+            # The start vector is the optimum of the linearised problem, or the proposed start vector if that is farther away. A
+            # small change may have no effect, for example a small change of friction that keeps a joint at rest.
             best = np.maximum(moves, 1.0) * np.asarray(begin) if extension.begins else moves
             start = np.append(self.x, np.clip(best, low[new], high[new]))
         before, after = float(self._left @ self._left), float(np.sum((self._left + alone @ moves) ** 2))
@@ -198,9 +202,9 @@ class Extended:
     samples: float = 1.0
     """Number of independent samples to which the residuals are equivalent."""
     trials: tuple[Extended, ...] = ()
-    """Extended problems that were tried and that have smaller errors."""
+    """Extended problems that were tried and that had smaller errors than the problem before."""
     rivals: tuple[Extended, ...] = ()
-    """Extended problems whose last extension explains the recordings as well as the one that was adopted in its place."""
+    """Extended problems whose last extension explains the recordings as well as the extension that was adopted instead."""
 
     @property
     def estimates(self) -> dict[str, float]:
@@ -226,10 +230,10 @@ def extended(
     least: float = inf,
     chosen: tuple[Extension, ...] = (),
 ) -> Extended:
-    """Problem with added extensions: in each round, the extension that is best by Schwarz's criterion is added, until `enough`
-    is true or no further extension is significant. kinds: functions that propose extensions of a problem; most: largest number
-    of added extensions; least: smallest known mean Huber loss of the problem without extensions, which they must reduce;
-    chosen: extensions that the problem already has.
+    """Problem with added extensions. Each round adds the extension that is best by Schwarz's criterion. The rounds end if
+    `enough` is true, if `most` extensions are added, or if no further extension is accepted. kinds: functions that propose
+    extensions of a problem; least: smallest known mean Huber loss of the problem without extensions, which an extension must
+    reduce; chosen: extensions that the problem already has.
     """
     most += len(chosen)
     found, better = Extended(chosen, problem, x, huber(residuals(problem, x))), list[Extended]()
@@ -245,7 +249,7 @@ def extended(
             break
         best = _most_likely(trials, NEAR * DECISIVE)
         if len(best) > 1:
-            # Which of them is best is not yet known: their searches may not have ended.
+            # Continue the searches of these trials before comparing them, since some searches may not have converged.
             best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
             best = best_predictions(_simplest(best))
         found = replace(best[0], rivals=(*found.rivals, *best[1:]))
@@ -253,20 +257,22 @@ def extended(
 
 
 def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rounds: int) -> Extended:
-    """Fit of a problem with extensions, from a start near the solution."""
+    """Fit of a problem with extensions, from a start vector near the solution."""
     x = solve(problem, start, rounds=rounds, tolerance=1e-5)
     left = residuals(problem, x)
     return Extended(chosen, problem, x, huber(left), max(independent_samples(left), 2.0))
 
 
 def _simplest(trials: Sequence[Extended]) -> list[Extended]:
-    """Trials without those that free the parameters of another one, and more."""
+    """The simplest trials. A trial is left out if it frees all parameters of another trial and further parameters."""
     keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
 def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
-    """Trials that are equally likely; the first one is clearly better in the held-out parts than the most likely one."""
+    """The given trials in a new order. They are about equally likely, and the most likely trial comes first. If another trial
+    predicts the held-out parts clearly better than the most likely trial, the trial with the best predictions comes first.
+    """
     errors = [_held_out(one) for one in trials]
     best = int(np.argmin(errors))
     best = best if errors[best] <= FURTHER * errors[0] else 0
@@ -274,7 +280,7 @@ def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
 
 
 def _held_out(found: Extended) -> float:
-    """Mean Huber loss of the predictions that were not fitted; 0 if everything was fitted."""
+    """Mean Huber loss of the predictions in the held-out parts; 0 if everything was fitted."""
     problem = found.problem
     firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
     left = [
@@ -286,7 +292,9 @@ def _held_out(found: Extended) -> float:
 
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
-    """The trial that is best by Schwarz's criterion, and then those whose criterion is not larger by more than `within`."""
+    """The trial that is best by Schwarz's criterion, followed by the trials whose criterion exceeds the best one by at most
+    `within`.
+    """
     # Count the independent samples in the residuals of the best trial, since these residuals are closest to noise.
     samples = min(trials, key=lambda trial: trial.cost).samples
     ranked = sorted(trials, key=lambda trial: trial.criterion(samples))
@@ -294,8 +302,8 @@ def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
 
 
 def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
-    """Problem without the extensions that later extensions make unnecessary, since they hardly reduce the error any further.
-    problem: problem without extensions.
+    """Extended problem without the extensions that the other extensions make unnecessary. An extension is necessary if it
+    leaves at most the fraction `FURTHER` of the mean square error. problem: problem without extensions.
     """
     for extension in found.chosen if len(found.chosen) > 1 else ():
         chosen = tuple(one for one in found.chosen if one is not extension)
@@ -307,17 +315,9 @@ def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
     return found
 
 
-def stairs(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that hold each sample of a command until the next sample, as a digital controller does."""
-    smooth = dict.fromkeys(one.key for i in problem.fitted for one in problem.tracks[i].data.commands if not one.hold)
-    for key in smooth:
-        if key not in problem.playing.staircases:
-            yield Extension(staircase=key, begins=((),), share=STAIRS, excess=MUCH)
-
-
 def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that free the instants of a recording's jumps of commands, each within a sampling interval before the sample
-    that shows it.
+    """Extensions that free the instants at which the commands of a recording jump. Each instant lies within one sampling
+    interval before the first sample after the jump.
     """
     names = [track.data.name for track in problem.tracks]
     for i in problem.fitted:
@@ -333,8 +333,8 @@ def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:
 
 
 def presliding(problem: FitProblem, _: Array) -> Iterator[Extension]:
-    """Extensions that free the pre-sliding stiffness of motor friction, for motors without this stiffness; motors with tied
-    friction share the stiffness.
+    """Extensions that free the pre-sliding stiffness of motor friction, for motors whose stiffness the robot does not state.
+    Motors with tied friction share the stiffness.
     """
     robot, tied = problem.tracks[0].door.robot, {tie.key: tie.to for tie in problem.layout.ties}
     known, groups = parameters_of(robot, (), {}), dict[str, list[str]]()
@@ -350,5 +350,5 @@ def presliding(problem: FitProblem, _: Array) -> Iterator[Extension]:
 
 
 def tied_to(first: str, others: Iterable[str]) -> tuple[Tie, ...]:
-    """Ties of other parameters to the parameter with the key `first`."""
+    """Ties of the parameters `others` to the parameter `first`; all are keys."""
     return tuple(Tie(key=key, to=first) for key in others)

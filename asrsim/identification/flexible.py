@@ -1,4 +1,4 @@
-"""A robot with an elastic link: a link is cut into two bodies, with a spring between them that bends about the joint's axis."""
+"""A robot with an elastic link. The link is cut into two bodies, which a torsional spring about the joint's axis connects."""
 
 from __future__ import annotations
 
@@ -9,25 +9,29 @@ import numpy as np
 from asrsim.robot.model import INERTIAS, Link, Robot
 
 SHARE = 0.3
-"""Fraction of the link's mass and inertia that lies beyond the spring at the start of a search; the search then frees the
-inertia. In the first mode of a uniform beam, the fraction is a quarter.
+"""Fraction of the link's mass and inertia that belongs to the second body at the start of a search, in which the inertia of
+this body is free. The modal mass of the first mode of a uniform beam is a quarter of the beam's mass.
 """
 RATIO = 0.02
-"""Damping ratio of the second mode: that of a lightly damped structure."""
+"""Damping ratio of the second mode. It is typical of lightly damped structures."""
 TIP, BEND = "_tip", "_bend"
-"""Endings of the names of the second body and of the joint with the spring."""
+"""TIP: ending of the name of the second body.
+BEND: ending of the name of the joint with the spring.
+"""
 
 
 def axis_inertia(robot: Robot, joint: str) -> str:
-    """Name of the moment of inertia of a joint's link nearest to the joint's axis: ixx, iyy or izz."""
+    """Name of the moment of inertia of a joint's link about the coordinate axis that is closest to the joint's axis: ixx, iyy
+    or izz.
+    """
     return ("ixx", "iyy", "izz")[int(np.argmax(np.abs(robot.joint(joint).axis)))]
 
 
 def with_elastic_link(robot: Robot, joint: str, frequency: float) -> Robot | None:
     """Robot whose link behind a joint is elastic; None if the link has no inertia about the axis, or if the joint slides.
 
-    The body before the spring has the joint's name and carries the sensor; the body behind the spring carries the next joints.
-    frequency: frequency of the second body on its spring, rad/s.
+    The first body keeps the name of the link, and its joint keeps the sensor. The second body, behind the spring, carries the
+    next joints. frequency: natural frequency of the second body on its spring, rad/s.
     """
     own = robot.joint(joint)
     links = {link.name: link for link in robot.links}

@@ -1,4 +1,4 @@
-"""Reads the folder of a fit: fit.json and the curves beside it. Other programs can also read a fit by this function."""
+"""Reads the folder of a fit, with the file fit.json and the file of curves. Other programs can also call `read_fit`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from asrsim.samples import Array
 
 FIT = "fit.json"
 MOST_BYTES = 200_000_000
-"""Largest file of a fit that is read."""
+"""Largest size of a file that is read, in bytes."""
 _NUMBER = (float, None)
 _SHAPE: PlainShape = {
     "name?": str, "status": str, "fits": (bool, None), "accepted?": bool, "misfit": [str], "causes": [str], "remarks": [str],
@@ -47,33 +47,35 @@ _SHAPE: PlainShape = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitFolder:
-    """A fit as its folder describes it."""
+    """Contents of the folder of a fit."""
 
     folder: Path
     name: str
     status: str
     """Status of the fit: `complete`, `unfinished`, `interrupted` or `checked`."""
     fits: bool | None
-    """Whether the model explains the recordings within their noise; None if this was not judged."""
+    """Whether the model explains the recordings within their noise; None if the fit was not judged."""
     accepted: bool
     misfit: tuple[str, ...]
     """Reasons why the model does not fit."""
     causes: tuple[str, ...]
-    """Effects that the model may lack, and the part of the error that each would explain."""
+    """Sentences on effects that the model may lack, with the error that would remain if they were added."""
     remarks: tuple[str, ...]
     next: tuple[str, ...]
-    """Proposals what to change in the next recording."""
+    """Proposals for the next recording."""
     scenario: str
     experiments: tuple[str, ...]
     variant: str | None
     overrides: tuple[str, ...]
     replay: FitReplay | None
-    """How the fitted simulation repeats the first recording; None for fits of earlier versions."""
+    """Settings with which the fitted simulation repeats the first recording; None for a fit by an earlier version."""
     ties: tuple[Tie, ...]
     estimates: tuple[Estimate, ...]
     combinations: tuple[Mapping[str, Any], ...]
     correlations: Array
-    """Correlation (n, n) of the estimates' errors; nan where it is unknown, empty if the file lacks it."""
+    """Correlations (n, n) of the estimates' errors. An unknown correlation is nan. The array is empty if the file lacks the
+    correlations.
+    """
     profiles: tuple[Profile, ...]
     channels: tuple[Mapping[str, Any], ...]
     """Errors of each channel, as in fit.json."""
@@ -83,7 +85,7 @@ class FitFolder:
 
 
 def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
-    """The fit in a folder, or in a file fit.json. Raises InputError if there is no fit, or its file is damaged."""
+    """The fit in a folder, or in a file fit.json. Raises InputError if there is no fit, or if its file is damaged."""
     place = Path(folder)
     path = place if place.is_file() else place / FIT
     data = _read(path, _SHAPE, "fit.json of asrsim identify")

@@ -1,5 +1,5 @@
-"""Judgement whether the model fits: by the residuals of the training part relative to the noise, and by the errors of the
-held-out part.
+"""Judgement whether the model fits. A model fits if the residuals of the training part are noise, and if the errors in the
+held-out part are not larger.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from asrsim.recordings.suspicions import beside
 from asrsim.samples import Array
 
 FITS, SURE = 1.25, 2.0
-"""Largest ratio of residuals to noise at which residuals count as noise; for n samples this limit is raised by the second
-number divided by sqrt(n).
-"""
+"""Residuals of n samples count as noise if their ratio to the estimated noise is at most FITS + SURE / sqrt(n)."""
 WHITE = 0.3
-"""Lag-1 correlation below which residuals count as noise."""
+"""Residuals count as white noise if their lag-1 correlation is at most this value."""
 FEWEST, FEW = 11, "its samples are too few to judge the fit"
-"""Smallest number of samples by which a fit can be judged; fault of a channel with fewer samples."""
+"""FEWEST: smallest number of samples in the training part with which a fit can be judged.
+FEW: fault of a channel with fewer samples.
+"""
 HELD_OUT = 1.3
-"""Ratio of the error of the held-out part to the error of the training part, above which a model does not fit."""
+"""A model does not fit if the error of the held-out part is larger than this multiple of the error of the training part."""
 SHAKEN = 2.0
-"""Noise of the commands and uncertainty of the estimates explain an error of the prediction up to this multiple of the RMS
-change that they cause in the prediction.
+"""Noise of the commands and uncertainty of the estimates cause an RMS change of the prediction. They explain a prediction error
+up to this multiple of the change.
 """
 HIDDEN = 3.0
-"""Ratio of residuals to the channel's noise above which a fitting model gets a remark: only noise of the commands can explain
-such residuals, and it may hide errors of the model.
+"""A model that fits gets a remark if its residuals exceed this multiple of the channel's noise. Only noise of the commands can
+explain such residuals, and this noise may hide errors of the model.
 """
 FOLLOWED = 0.5
-"""Explained fraction of a channel's variance below which the fit does not follow the channel."""
+"""The fit does not follow a channel if it explains less than this fraction of the channel's variance."""
 ACCEPTABLE, ENOUGH = 0.9, 0.95
-"""Explained fractions of every channel's variance above which the user may accept a model that does not fit, and above which it
-is accepted by default.
+"""ACCEPTABLE: the user may accept a model that does not fit if it explains this fraction of every channel's variance.
+ENOUGH: without the user's consent, such a model is accepted if it explains this fraction.
 """
 EXACT = 1e-4
-"""Error, relative to a channel's standard deviation, below which the error is ignored: no sensor is so exact."""
+"""Errors below this fraction of a channel's standard deviation are ignored, since no sensor is so exact."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class ChannelFit:
     key: str
     unit: str
     noise: float
-    """Standard deviation of the noise, given or estimated from third differences."""
+    """Standard deviation of the noise. The user states it, or it is estimated from differences of the samples."""
     before: float
-    """RMS of predicted minus recorded values in the training part."""
+    """RMS of predicted minus recorded values in the training part, before the fit."""
     after: float
     held_before: float
     """RMS error of the held-out part; nan if there is no held-out part."""
@@ -70,7 +70,7 @@ class ChannelFit:
     shaken: float = 0.0
     """RMS change of the held-out prediction due to noise of the played commands."""
     steps: float = 0.0
-    """Largest RMS error that the steps of an encoder cause if it rounds down; 0 without an encoder."""
+    """Largest RMS error due to the steps of an encoder, which occurs if the encoder rounds down; 0 without an encoder."""
     suspicion: str = ""
     """Suspected error of the channel's sign or unit; empty if none is suspected."""
     held_moves: bool = True
@@ -78,7 +78,7 @@ class ChannelFit:
     track: int = 0
     """Index of the recording."""
     lines: Mapping[str, Array] = field(default_factory=dict, repr=False, compare=False)
-    """Time, recorded values, and predictions before and after the fit, (n,) each; a prediction is absent if the simulation
+    """Time, recorded values, and predictions before and after the fit, (n,) each. A prediction is missing if its simulation
     diverges.
     """
 
@@ -89,13 +89,15 @@ class ChannelFit:
 
     @property
     def is_exact(self) -> bool:
-        """Whether the errors are negligible: far below the noise, as for a simulated log, or below any sensor's accuracy."""
+        """Whether the errors are negligible. Negligible errors are far below the noise, as in fits to simulated logs, or below
+        the accuracy of any sensor.
+        """
         left = float(np.nanmax([self.after, self.held_after, 0.0]))
         return not self.diverges and (is_nothing(left, self.noise) or self.explained > 1.0 - EXACT**2)
 
 
 def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
-    """Reason why residuals (n,) of a channel are not noise; empty if they are noise, or zero.
+    """Reason why residuals (n,) of a channel are not noise. Empty if they are noise or negligible.
 
     moved: change (n,) of the prediction due to noise of the played commands.
     """
@@ -110,50 +112,54 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
         return f"residuals are not white: neighbouring samples have a correlation of {lag_correlation(beyond):.2f}"
     if is_loud(beyond, float(np.hypot(channel.floor, played))):
         return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
-    # Residuals due to quantisation or to noise of the played commands may also oscillate, so their oscillation does not show
-    # that a mode is missing.
+    # Residuals due to quantisation or to noise of the played commands may oscillate, too. Their oscillation does not show that
+    # the model lacks a mode.
     if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
     return missing_mode(hertz)
 
 
 def missing_mode(hertz: float) -> str:
-    """Fault of a channel whose residuals oscillate at this frequency in Hz."""
+    """Fault of a channel whose residuals oscillate. hertz: frequency of the oscillation."""
     return (
         f"an oscillation of {hertz:.3g} Hz remains in the residuals: the model lacks a mode, such as an elastic link or "
-        "transmission, or no start of the search found this frequency"
+        "transmission, or no start value of the search led to this frequency"
     )
 
 
 def is_loud(left: Array, noise: float) -> bool:
-    """Whether residuals (n,) significantly exceed a noise that was estimated from n samples."""
+    """Whether residuals (n,) are significantly larger than noise. noise: standard deviation, estimated from n samples."""
     return bool(size_of(left) > (FITS + SURE / max(len(left), 1) ** 0.5) * noise)
 
 
 def fits_noise(problem: FitProblem, x: Array) -> bool:
-    """Whether the residuals of every fitted channel are noise or zero."""
+    """Whether the residuals of every fitted channel are noise or negligible."""
     return all(np.isfinite(left).all() and not fault_of(part.channel, left) for part, left in differences(problem, x))
 
 
 def fits(problem: FitProblem, x: Array) -> bool:
-    """Whether residuals are noise, or negligible."""
+    """Whether the model fits: all residuals are noise, or all are below the accuracy of any sensor."""
     found = differences(problem, x)
     exact = all(np.isfinite(left).all() and np.mean(left**2) < EXACT**2 * np.var(part.recorded) for part, left in found)
     return exact or fits_noise(problem, x)
 
 
 def is_explained(problem: FitProblem, x: Array) -> bool:
-    """Whether the residuals of every fitted channel are zero, as for a simulated log."""
+    """Whether the residuals of every fitted channel are negligible, as in fits to simulated logs."""
     return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
 
 
 def explains(part: Part, left: Array, least: float) -> bool:
-    """Whether predictions explain more than a fraction of a channel's variance. left: predicted minus recorded values."""
+    """Whether predictions explain more than the fraction `least` of a channel's variance. left: predicted minus recorded
+    values.
+    """
     return bool(np.mean(left**2) < (1.0 - least) * np.var(part.recorded))
 
 
 def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[ChannelFit]:
-    """Errors of each channel at x, over whole recordings. before: predicted minus recorded values at the start, by part."""
+    """Errors of each channel with the parameter vector x, over whole recordings. before: predicted minus recorded values with
+    the start values, by part.
+    """
     whole, found = problem.everything, []
     now = shaken = differences(whole, x)
     if any(command.noise for i in whole.fitted for command in whole.tracks[i].data.commands):
@@ -196,8 +202,8 @@ def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array
 
 
 def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
-    """Reasons why the model does not fit; empty if the model fits. unsure: RMS change of each channel's held-out prediction
-    within the intervals of the estimates.
+    """Reasons why the model does not fit; empty if the model fits. unsure: function that returns the RMS change of each
+    channel's held-out prediction due to the uncertainty of the estimates.
     """
     lost = dict.fromkeys(one.recording for one in fits if one.diverges)
     reasons = [f"the simulation of {recording} diverges with the fitted parameters" for recording in lost]
@@ -222,15 +228,20 @@ def _mean(sizes: Sequence[float]) -> float:
 
 
 def foreign(fits: Sequence[ChannelFit]) -> list[str]:
-    """Sentences on channels whose recorded motion the fit does not follow: sign, quantity or start may be wrong."""
+    """Sentences on channels whose recorded motion the fit does not follow. Their sign, quantity or initial state may be
+    wrong.
+    """
     doubt = (
-        "the fit hardly explains it: check its quantity, its zero and the start values, or leave it out (--map COLUMN=ignore)"
+        "the fit hardly explains it: check its quantity, its zero offset and the start values, or leave it out "
+        "(--map COLUMN=ignore)"
     )
     return list({one.key: f"{one.key}: {one.suspicion or doubt}" for one in _not_followed(fits)}.values())
 
 
 def misread(fits: Sequence[ChannelFit]) -> bool:
-    """Whether the sign or the unit of a channel that the fit does not follow is suspected: effects then mean nothing."""
+    """Whether the sign or the unit of a channel that the fit does not follow is probably wrong. A search for missing effects
+    then makes no sense.
+    """
     return any(one.suspicion for one in _not_followed(fits))
 
 
@@ -240,7 +251,9 @@ def _not_followed(fits: Sequence[ChannelFit]) -> list[ChannelFit]:
 
 
 def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
-    """Sentences on a model that fits: how well it predicts the held-out part, and which noise may hide errors of the model."""
+    """Sentences on a model that fits. They state how well it predicts the held-out part, and whether noise of the commands may
+    hide errors of the model.
+    """
     held = [one for one in fits if not np.isnan(one.held_after)]
     if not held:
         yield "the model fits; nothing was held out"

@@ -1,4 +1,4 @@
-"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and bands of motions."""
+"""Statistics of sampled series: noise level, encoder steps, autoregressive models, and bandwidths of motions."""
 
 from __future__ import annotations
 
@@ -9,66 +9,97 @@ import numpy as np
 from asrsim.samples import Array
 
 ORDER = 12
-"""Largest order of the autoregressive models: Schwarz's criterion selects the order, mostly 0 to 4."""
+"""Largest order of the autoregressive models. Schwarz's criterion selects the order, which is mostly 0 to 4."""
 STATIONARY = 0.9999
-"""Largest partial correlation of an autoregressive model: noise with this correlation remembers ten thousand samples. The
-partial correlations of a stationary process are below 1.
+"""Largest partial correlation of an autoregressive model. Noise with this partial correlation has a correlation time of ten
+thousand samples. The partial correlations of a stationary process are below 1.
 """
 NOTHING = 0.5
-"""Ratio of residuals to estimated noise below which residuals count as zero. With noise, residuals of the right model are as
-large as the noise. Without noise, its estimate is the rounding of the file, and residuals are smaller.
+"""Residuals count as negligible if they are below this multiple of the estimated noise. If the recording has noise, the
+residuals of the right model are as large as the noise. Without noise, the estimated noise is the rounding error of the file,
+and the residuals are smaller.
+"""
+ORDERS, SAMPLES_EACH = (3, 8), 20
+"""Lowest and highest order of the differences from which noise is estimated: a motion of 0.4 rad and 5 Hz, recorded at 50 Hz,
+looks like noise of 20 mrad in differences of order 3, and of 0.08 mrad in those of order 8. Smallest number of samples for each
+order, so that the medians are reliable.
 """
 CLIPPED = 4.0
-"""Robust standard deviations to which larger residuals are clipped: noise exceeds them once in 16,000 samples."""
+"""Residuals are clipped to this multiple of their robust standard deviation. Noise exceeds it once in 16,000 samples."""
 AROUND, WIDTH = 25, 3
-"""Number of neighbouring frequencies on each side whose median is the local level of a spectrum; number of frequencies in a
-spectral line, whose power leaks into its neighbours.
+"""AROUND: number of neighbouring frequencies on each side of a frequency. The median power of all of them is the local level of
+the spectrum.
+WIDTH: number of frequencies in a spectral line, since its power leaks to the neighbouring frequencies.
 """
 SELDOM, SWING = 1e-4, 0.03
-"""A spectral line is reported if pure noise has a line of this power with a probability below SELDOM, and if the line has at
-least the fraction SWING of the total power: in a long recording, a line may stand out from the noise and yet be negligible.
+"""A spectral line is reported if pure noise has a line of this power with a probability below SELDOM, and if the line has more
+than the fraction SWING of the total power. In a long recording, a line may stand out from the noise and still be negligible.
 """
 STILL, FINE = 0.15, 0.5
-"""Smallest fraction of neighbouring samples of an encoder that are equal; standard deviation of the noise, in steps of the
-encoder, below which the noise is only quantisation: with more noise, steps no longer show.
+"""A record is from an encoder if more than the fraction STILL of its samples equal the sample before, or if the standard
+deviation of its noise is below the fraction FINE of the encoder step. More noise would hide the steps.
 """
 LEVELS = 20_000
-"""Largest number of different values of a recording that counts as quantised: an encoder of 16 bits shows 20,000 steps over a
-third of a turn.
+"""Largest number of different values of a record that counts as quantised. A 16-bit encoder shows 20,000 different values over
+a third of a turn.
 """
 MOVES = 8.0
-"""Range of a recorded channel, in standard deviations of its noise, above which the channel counts as moving: the range of
-4,000 samples of noise alone is 7.
+"""A recorded channel counts as moving if its range exceeds this multiple of the standard deviation of its noise. The range of
+4,000 samples of noise alone is 7 standard deviations.
 """
 WITHIN = 0.99
-"""Fraction of the power of a motion that lies within its band: a tenth of its amplitude is outside. The bandwidths `LEVELS` of
-the search were chosen with this fraction.
+"""Fraction of a motion's power below the frequency that is called its bandwidth. The rest corresponds to a tenth of the
+amplitude. The bandwidths `LEVELS` of the search were chosen with this fraction.
 """
 LOUD = 30.0
-"""Smallest ratio of the spectrum of a motion to the spectrum of its noise at a frequency that counts as part of the motion.
-White noise, whose power is exponentially distributed, exceeds this ratio at a frequency once in 10^13 times.
+"""A frequency counts as part of the motion if the recorded power at this frequency exceeds this multiple of the noise power.
+The power of white noise is exponentially distributed, and exceeds this multiple at a given frequency once in 10^13 times.
 """
 
 PROVEN, RARE = 200, 0.01
-"""Smallest number of residuals that are tested for noise of first order: of the residuals of wrong models, one of 154 pieces of
-150 samples passed for such noise, and none of 78 pieces of 300 samples. Probability that the test rejects noise of first order.
+"""PROVEN: smallest number of residuals that can pass the test for first-order noise. Residuals of wrong models were tested in
+pieces: one of 154 pieces of 150 samples passed the test, and none of 78 pieces of 300 samples.
+RARE: probability that the test rejects first-order noise.
 """
 
 
-def fine_noise(values: Array, quantum: float = 0.0) -> float:
-    """Standard deviation of white noise on a smooth record (n,), from the median of its third differences.
+def fine_noise(values: Array, quantum: float = 0.0, time: Array | None = None) -> float:
+    """Standard deviation of white noise on a smooth record (n,), from the medians of its differences of several orders.
 
-    The result is at least the rounding error of `quantum`, and at least a millionth of the range.
+    Each difference is divided by the size that white noise of standard deviation 1 would give it. A motion enlarges
+    differences, most those of low order, so the smallest estimate is the best. time: times (n,) of the samples, s; None: the
+    samples are evenly spaced. The result is at least the rounding error of `quantum`, and at least a millionth of the range.
     """
-    third = np.diff(values, 3)
-    sigma = float(np.median(np.abs(third))) / 0.6745 / 20.0**0.5 if len(third) else 0.0
+    at = None
+    if time is not None and len(time) > 1:
+        steps = np.diff(time)
+        usual = max(float(np.median(steps)), 1e-12)
+        # If steps differ by a millionth, the motion within a step is wrong by less than a millionth of its range.
+        at = time / usual if float(np.ptp(steps)) > 1e-6 * usual else None
+    orders = range(ORDERS[0], max(ORDERS[0], min(ORDERS[1], len(values) // SAMPLES_EACH)) + 1)
+    found = [_difference_noise(at, values, order) for order in orders if len(values) > order]
     least = max(quantum / 12.0**0.5, 1e-6 * float(np.ptp(values)) if len(values) else 0.0)
-    return float(max(sigma, least))
+    return float(max(min(found, default=0.0), least))
+
+
+def _difference_noise(at: Array | None, values: Array, order: int) -> float:
+    """Standard deviation of white noise from the median of divided differences, which are 0 for a polynomial of lower order.
+    at: times (n,) of the samples; None: the samples are evenly spaced.
+    """
+    if at is None:
+        # The sum of the squares of the binomial coefficients is the central binomial coefficient.
+        return float(np.median(np.abs(np.diff(values, order))) / math.sqrt(math.comb(2 * order, order))) / 0.6745
+    count, total, power = len(values) - order, 0.0, 0.0
+    times = [at[i : i + count] for i in range(order + 1)]
+    for i, own in enumerate(times):
+        weight = 1.0 / np.prod([own - other for j, other in enumerate(times) if j != i], axis=0)
+        total, power = total + weight * values[i : i + count], power + weight**2
+    return float(np.median(np.abs(total) / np.sqrt(power))) / 0.6745
 
 
 def quantum_of(values: Array) -> float:
-    """Quantisation step of a record (n,): all changes are multiples of this step. 0 if there is no such step, or if it is
-    negligible.
+    """Quantisation step of a record (n,). All changes of the record are multiples of this step. 0 if there is no such step, or
+    if the step is negligible.
     """
     steps = np.abs(np.diff(np.unique(values)))
     if len(steps) < 2 or len(steps) > LEVELS:
@@ -76,14 +107,16 @@ def quantum_of(values: Array) -> float:
     least = float(np.median(steps[steps <= 1.5 * steps.min()]))
     multiples = steps / least
     whole = np.abs(multiples - np.round(multiples)) < 0.02 * np.maximum(1.0, np.round(multiples))
-    # The digits of a file quantise every record. This matters only if many neighbours are equal, or if the noise is no
-    # larger than the rounding error.
+    # Every record is quantised, since files have a limited number of digits. The quantisation matters only if many neighbouring
+    # samples are equal, or if the noise is small compared with the step.
     counts = float(np.mean(np.diff(values) == 0.0)) > STILL or fine_noise(values) < FINE * least
     return least if whole.mean() > 0.98 and counts else 0.0
 
 
 def lag_correlation(residuals: Array) -> float:
-    """Autocorrelation of residuals (n,) about 0 at lag 1; a constant offset counts as correlation."""
+    """Autocorrelation of residuals (n,) at lag 1. The mean is not subtracted, so that a constant offset counts as
+    correlation.
+    """
     size = float(residuals @ residuals)
     return float(residuals[1:] @ residuals[:-1]) / size if size > 0.0 and len(residuals) > 3 else 0.0
 
@@ -95,9 +128,9 @@ def independent_samples(residuals: Array) -> float:
 
 
 def is_first_order(residuals: Array) -> bool:
-    """Whether residuals (n,) are white noise, or white noise behind a low-pass of first order, as sensors and drives have:
-    their spectrum agrees with that of an autoregression of order 1 in each octave. Errors of a model have another spectrum:
-    masses integrate forces twice, so that the errors are smooth.
+    """Whether residuals (n,) are white noise, or white noise behind a low-pass filter of first order, as in sensors and drives.
+    The spectrum of the residuals must agree in each octave with the spectrum of an autoregression of order 1. Model errors have
+    another spectrum: they are smooth, since masses integrate forces twice.
     """
     from scipy.special import gammainc, gammaincc
 
@@ -112,8 +145,8 @@ def is_first_order(residuals: Array) -> bool:
 
 
 def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, float]:
-    """Residuals (n,) minus their mean, of which at most half an encoder step is subtracted, since the encoder's zero within a
-    step is unknown; and the lag-1 correlation that quantisation of the predicted motion would cause.
+    """Residuals (n,) minus their mean, and the lag-1 correlation that quantisation of the predicted motion would cause. The
+    subtracted mean is at most half an encoder step, since the encoder's zero within a step is unknown.
     """
     if not quantum or not len(left):
         return left, 0.0
@@ -126,35 +159,38 @@ def beyond_steps(left: Array, values: Array, quantum: float) -> tuple[Array, flo
 
 
 def size_of(residuals: Array) -> float:
-    """Robust root mean square of residuals (n,): single outliers are clipped."""
+    """Robust root mean square of residuals (n,), in which outliers are clipped."""
     typical = float(np.median(np.abs(residuals))) / 0.6745
     return float(np.sqrt(np.mean(np.minimum(np.abs(residuals), CLIPPED * typical) ** 2)))
 
 
 def is_nothing(size: float, noise: float) -> bool:
-    """Whether residuals are far below the estimated noise: the recording then has no noise."""
+    """Whether residuals are far below the estimated noise. The recording then has no noise. size: robust root mean square of
+    the residuals.
+    """
     return size < NOTHING * noise
 
 
 def frequency(time: Array, residuals: Array) -> float:
-    """Frequency of a significant line in the spectrum of residuals (n,), Hz; 0 if there is no such line. time: times (n,) or
-    more.
+    """Frequency of a significant line in the spectrum of residuals (n,), Hz; 0 if there is no such line. time: times of the
+    residuals, s; later times are ignored.
 
-    The power of a line is compared with the median power of the frequencies around the line, so that coloured noise has no
+    The power of a line is compared with the median power at the frequencies around the line, so that coloured noise has no
     lines.
     """
+    from scipy.ndimage import median_filter
     from scipy.special import gammaincc
 
     n = len(residuals)
     if n < 4 * AROUND or not np.ptp(residuals):
         return 0.0
     centred = residuals - residuals.mean()
-    # An autoregression of order 1 whitens the noise. The first sample has no sample before it and becomes 0.
+    # An autoregression of order 1 whitens the noise. The first sample becomes 0, since no sample precedes it.
     white = np.append(0.0, centred[1:] - lag_correlation(centred) * centred[:-1])
     power = np.abs(np.fft.rfft(white))[1:] ** 2
-    around = np.lib.stride_tricks.sliding_window_view(np.pad(power, AROUND, mode="reflect"), 2 * AROUND + 1)
+    around = median_filter(power, 2 * AROUND + 1, mode="mirror")
     # The power of noise at a frequency is exponentially distributed, so its median is log 2 times its mean.
-    height = power * np.log(2.0) / np.maximum(np.median(around, axis=-1), 1e-300)
+    height = power * np.log(2.0) / np.maximum(around, 1e-300)
     band = np.convolve(height, np.ones(WIDTH), "same")
     most = int(np.argmax(band))
     fraction = float(np.sum(power[max(most - 1, 0) : most + 2])) / float(np.sum(power)) - WIDTH / len(power)
@@ -163,19 +199,21 @@ def frequency(time: Array, residuals: Array) -> float:
 
 
 def autocovariances(residuals: Array) -> Array:
-    """Autocovariances (p + 1,) of residuals (n,) about 0, from lag 0; p is the largest model order that n samples allow."""
+    """Autocovariances (p + 1,) of residuals (n,) at the lags 0 to p, without subtraction of the mean. p is the largest model
+    order that n samples allow.
+    """
     n = len(residuals)
     lags = range(min(ORDER, n // 20) + 1)
     return np.array([float(residuals[lag:] @ residuals[: n - lag]) for lag in lags]) / n
 
 
 def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
-    """Coefficients c_i (p,) of the autoregressive model e_k = sum c_i e_(k-i) + white noise, and the variance of that white
-    noise, from autocovariances.
+    """Autoregressive model e_k = sum c_i e_(k-i) + white noise from autocovariances. Returns the coefficients c_i (p,) and the
+    variance of the white noise.
 
-    Levinson's recursion computes the coefficients; Schwarz's criterion selects the order p, which is 0 for white noise. The
-    recursion ends at the first order for which no stationary noise has these autocovariances, as corrected autocovariances of a
-    few samples may be.
+    Levinson's recursion computes the coefficients. Schwarz's criterion selects the order p, which is 0 for white noise. The
+    recursion ends at the first order for which no stationary noise has these autocovariances. This may happen if the
+    autocovariances of a few samples were corrected.
     """
     coefficients, power = np.empty(0), max(float(covariances[0]), 1e-300)
     chosen, best = (coefficients, power), samples * np.log(power)
@@ -194,17 +232,21 @@ def autoregression(covariances: Array, samples: int) -> tuple[Array, float]:
 
 
 def bandwidth(step: float, positions: Array, noise: float) -> float:
-    """Highest frequency at which a recorded position exceeds its white noise, Hz."""
+    """Highest frequency at which a recorded position exceeds its white noise, Hz. step: sampling interval, s; noise: standard
+    deviation.
+    """
     speed = np.diff(positions)
     power, frequency = np.abs(np.fft.rfft(speed * np.hanning(len(speed)))) ** 2, np.fft.rfftfreq(len(speed), step)
-    # Spectrum of the differences of white noise, multiplied by the window.
+    # Expected spectrum of the differences of white noise, after multiplication by the window.
     level = noise**2 * len(speed) * 0.375 * 4.0 * np.sin(np.pi * frequency * step) ** 2
     loud = np.flatnonzero(power > LOUD * level + 1e-300)
     return float(frequency[loud[-1]]) if len(loud) else 0.0
 
 
 def motion_band(step: float, values: Array, noise: float) -> float:
-    """Frequency below which 99 % of the power of a record (n,) lies, without its mean and its white noise, rad/s."""
+    """Bandwidth of a motion: frequency below which 99 % of a record's power lies, rad/s. The mean and the white noise of the
+    record are left out. step: sampling interval, s; values: record (n,); noise: standard deviation.
+    """
     window = np.hanning(len(values))
     power = np.abs(np.fft.rfft(window * (values - values.mean()))) ** 2
     power = np.where(power > LOUD * noise**2 * np.sum(window**2), power, 0.0)

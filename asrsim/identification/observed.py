@@ -1,8 +1,9 @@
-"""Measured positions of links and motors, towards which an observer moves a simulation.
+"""Measured positions of links and motors. An observer corrects a simulation towards these positions.
 
 At each measured position, with the error e = measured - simulated, the observer adds (1 - a^2) e to the position and (1 - a)^2
 e / T to the velocity, with a = exp(-w T), the bandwidth w and the interval T between corrections. Without other forces, both
-poles of the error are a. No parameter of the robot is involved, and the simulation cannot diverge from the recording.
+poles of the error are a. The gains do not depend on parameters of the robot, and the corrected simulation stays close to the
+recording.
 """
 
 from __future__ import annotations
@@ -18,41 +19,45 @@ from asrsim.identification.door import SteppedJoint
 from asrsim.samples import Array
 
 BETWEEN = 0.2
-"""Interval between corrections in units of 1 / w, if samples are closer: fewer corrections add less noise, and within this
-interval an error grows by a fifth at most.
+"""Shortest interval between corrections, in units of 1 / w. If the sampling interval is shorter, some samples cause no
+correction, since fewer corrections add less noise. Within this interval an error grows by at most a fifth.
 """
 FASTEST = 0.5
-"""Largest bandwidth of the observer, times the sampling interval: a sample then corrects two thirds of an error."""
+"""Largest product of the observer's bandwidth and the sampling interval. At this bandwidth, a sample corrects two thirds of an
+error.
+"""
 REVERSED = 0.7
-"""A deflection has the wrong sign if the opposite sign leaves at most this fraction of the acceleration that the recorded sign
-leaves unexplained. The right sign leaves less than the wrong sign, but noise and friction hide a part of the difference.
+"""A deflection has the wrong sign if the unexplained acceleration of the link with the opposite sign is below this fraction of
+the unexplained acceleration with the recorded sign. The right sign explains more of the acceleration, but noise and friction
+hide a part of the difference.
 """
 GAP = 3.0
-"""Distance of two samples, in usual sampling intervals, beyond which the position between them counts as not measured. Across a
-single lost sample, a spline is still close to the motion.
+"""The position between two samples counts as not measured if their distance in time is at least this number of usual sampling
+intervals. If only one sample is lost, a spline is still close to the motion.
 """
 
 
 class Measured:
-    """Positions of links and motors that follow from the channels of a recording."""
+    """Positions of links and motors, computed from the channels and commands of a recording."""
 
     def __init__(self, channels: Sequence[RecordedSignal], drives: Sequence[SteppedJoint], step: float) -> None:
-        """channels: channels and commands; step: step of the simulation, s."""
+        """channels: recorded channels and commands; step: time step of the simulation, s."""
         self._drives, self._step, self._channels = drives, step, {one.key: one for one in channels}
         self.places = list(_places(self._channels, drives))
-        """For each measured position: index of the joint, column (0: link, i: motor i), and channels, each with a sign; the sum
-        of the signed channels is the position.
+        """For each measured position: index of the joint, column (0: link, i: motor i), and channels, each with a factor 1 or
+        -1. The position is the sum of the channels times their factors.
         """
         used = {one.key: one for *_, terms in self.places for one, _ in terms}
         self._curves = {key: _Curve(one) for key, one in used.items()}
         self.interval = max((curve.interval for curve in self._curves.values()), default=math.inf)
-        """Usual interval between samples, s."""
+        """Largest of the channels' usual sampling intervals, s."""
         self._coarse = any(isinstance(one, Channel) and one.quantum for one in used.values())
         self.columns = 1 + max((drive.dynamic_motors for drive in drives), default=0)
 
     def gains(self, bandwidth: float, slowest: float) -> tuple[int, tuple[float, float]]:
-        """Number of steps between corrections, and gains of position and velocity (1/s). bandwidth: of the observer, rad/s;
-        slowest: interval in s between the corrections by encoders, whose steps otherwise act as noise of the velocity.
+        """Number of steps between corrections, and gains of position (1) and velocity (1/s). bandwidth: bandwidth of the
+        observer, rad/s; slowest: shortest interval between corrections if a sensor is an encoder, s. After a shorter interval,
+        the encoder's steps would act as noise of the velocity.
         """
         least = max(self.interval, BETWEEN / bandwidth, slowest if self._coarse else 0.0)
         every = max(1, round(least / self._step))
@@ -65,14 +70,16 @@ class Measured:
         return FASTEST / self.interval
 
     def shows(self, bandwidth: float) -> bool:
-        """Whether the samples resolve a motion of this bandwidth in rad/s, so that encoder steps do not dominate."""
+        """Whether the samples resolve a motion of this bandwidth. False if a sensor is an encoder, since its steps would
+        dominate. bandwidth: rad/s.
+        """
         return not self._coarse and bandwidth <= self.fastest
 
     def at(self, values: Mapping[str, float], clock: float, every: int, steps: int) -> Array:
-        """Measured positions (steps + 1, joints, columns) at whole steps; NaN where nothing is measured or no correction is
-        made.
+        """Measured positions (steps + 1, joints, columns) at whole steps. A value is NaN if the position is not measured or not
+        corrected at this step.
 
-        values: parameters of the sensors by key; clock: delay of all channels, s.
+        values: parameters of the sensors by key; clock: delay of all channels, s; every: number of steps between corrections.
         """
         found = np.full((steps + 1, len(self._drives), self.columns), np.nan)
         for joint, column, terms in self.places:
@@ -89,8 +96,9 @@ class Measured:
 
 
 def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tuple[Channel, tuple[str, ...]] | None:
-    """Recorded position of a link, and the keys of its series: the measured position, or the motor's position minus the
-    deflection if there is one motor. None if the recording has neither. shown: channels and commands by key.
+    """Position of a link, and the keys of the series from which it is computed. The position is the measured link position or,
+    if the joint has one motor, the motor position minus the deflection. None if neither is recorded. shown: recorded channels
+    and commands by key.
     """
     link, deflection = (shown.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
     if isinstance(link, Channel):
@@ -111,14 +119,15 @@ def link_channel(drive: SteppedJoint, shown: Mapping[str, RecordedSignal]) -> tu
 
 
 def _is_played(drive: SteppedJoint) -> bool:
-    """Whether the single motor of a drive follows its reference exactly, so that the command is its position."""
+    """Whether the drive has a single motor that follows its reference exactly, so that the command is the motor position."""
     single = drive.actuator is not None and drive.actuator.motors == 1
     return single and drive.mode is not None and drive.mode.spring and not drive.mode.motor
 
 
 def is_reversed(drive: SteppedJoint, shown: Mapping[str, RecordedSignal], band: float) -> bool:
-    """Whether a deflection has the wrong sign: the torque of a spring then explains the acceleration of the link better, if the
-    link's position is computed from motor and deflection. band: of the motion, rad/s.
+    """Whether a deflection has the wrong sign. With the opposite sign, the torque of a spring then explains the acceleration of
+    the link better. False if the link position is not computed from motor position and deflection. band: bandwidth of the
+    motion, rad/s.
     """
     deflection, link = shown.get(f"{drive.name}.deflection"), link_channel(drive, shown)
     if deflection is None or link is None or deflection.key not in link[1]:
@@ -133,8 +142,9 @@ def is_reversed(drive: SteppedJoint, shown: Mapping[str, RecordedSignal], band: 
 
 
 def _unpulled(place: Array, bent: Array, width: float) -> float:
-    """Fraction of the acceleration of a link that a spring with this deflection (n,), a damper and a constant torque leave
-    unexplained; 1 if the spring would push away from rest. width: standard deviation of a Gaussian filter, in samples.
+    """Fraction of the variance of a link's acceleration that a spring, a damper and a constant torque do not explain. It is 1
+    if the stiffness would be negative. place: positions (n,) of the link; bent: deflections (n,) of the spring; width: standard
+    deviation of a Gaussian filter, in samples.
     """
     from scipy.ndimage import gaussian_filter1d
 
@@ -160,7 +170,9 @@ class _Curve:
         self.at = lru_cache(8)(self._at)
 
     def _at(self, late: float, step: float, count: int) -> Array:
-        """Values (count,) at multiples of `step` s, of a channel that is `late` s; NaN outside of the channel and in gaps."""
+        """Values (count,) of the channel `late` s after the multiples of `step` s; NaN before the first sample, after the last
+        sample and in gaps.
+        """
         time = np.arange(count) * step + late
         after = np.clip(np.searchsorted(self._time, time - 1e-9), 1, len(self._time) - 1)
         known = (time > self._time[0] - 1e-9) & (time < self._time[-1] + 1e-9)
@@ -174,7 +186,7 @@ def _places(
     for j, drive in enumerate(drives):
         link, deflection = (channels.get(f"{drive.name}.{what}") for what in ("link_position", "deflection"))
         motors = [channels.get(f"{drive.name}.motor_{i}_position") for i in range(1, 1 + drive.dynamic_motors)]
-        # With one motor, the deflection is the motor's position minus the link's.
+        # With one motor, the deflection is the motor position minus the link position.
         motor = motors[0] if len(motors) == 1 else None
         if _is_played(drive):
             motor = channels.get(f"{drive.name}.reference_1")

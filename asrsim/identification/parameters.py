@@ -1,6 +1,7 @@
 """Parameters that can be free, and the vector of the free parameters.
 
-All numbers of the robot can be free, and zeros, gains, delays, clocks and starts of recordings.
+All parameters of the robot can be free. Further parameters belong to the recordings: zero offsets, gains and delays of channels
+and commands, the clock offset, and initial states.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asrsim.actuators import ACTUATORS
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.identification.task import Task, Tie, Wish
 from asrsim.quantities import linear_unit
@@ -24,34 +26,36 @@ from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
 CLOCK, JUMP = "clock", "jump_"
-"""Key of the delay of all channels; prefix of the keys of command jumps, which are numbered from 1."""
-LATEST = 0.25
-"""Largest delay and largest clock offset that a fit allows, s: longer than the delays of buses and networks that carry
-commands.
+"""CLOCK: key of the common delay of all channels.
+JUMP: prefix of the keys of the instants of command jumps, which are numbered from 1.
 """
+LATEST = 0.25
+"""Largest delay and largest clock offset that a fit allows, s. Buses and networks that carry commands have shorter delays."""
 TYPICAL = {
     "rad": 1e-2, "m": 1e-2, "rad/s": 0.1, "m/s": 0.1, "N m": 0.05, "N": 0.5, "N m s/rad": 0.02, "N s/m": 1.0, "s": 2e-3,
     "kg": 0.1, "kg m^2": 1e-3, "N m/rad^3": 10.0, "N/m^3": 1e4,
 }  # fmt: skip
-"""Typical size of a parameter whose start value is 0, by unit, on robot arms of 0.1 to 1 m and 0.1 to 10 kg. It scales the
-search, and the margins of values near 0.
+"""Typical size of a parameter whose start value is 0, by unit. The sizes are typical of robot arms of 0.1 to 1 m and 0.1 to 10
+kg. They scale the search, and the margins of values near 0.
 """
 FACTOR = 1e6
-"""Largest factor by which a positive parameter may grow or shrink: that of a mistaken unit, such as mm^2 for m^2."""
+"""Largest factor by which a positive parameter may grow or shrink. A mistaken unit, such as mm^2 instead of m^2, changes a
+value by this factor.
+"""
 LOSSES = ("damping", "friction", "hysteresis_torque")
-"""Words in the names of losses, which may be 0."""
+"""Words in the names of parameters of friction and other losses. These parameters may be 0."""
 NOT_THE_ROBOTS, INITIAL = ("offset", "gain", "delay"), "initial_"
-"""Names of parameters that belong to a recording, not to the robot; beginning of the names of initial positions and velocities,
-which also belong to a recording.
+"""NOT_THE_ROBOTS: names of parameters that belong to a recording, not to the robot.
+INITIAL: prefix of the names of initial positions and velocities, which also belong to a recording.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitParameter:
-    """A number of the robot or of a recording that a fit may estimate.
+    """A parameter of the robot or of a recording that a fit may estimate.
 
-    The search uses the number x: the logarithm of the value relative to the start value, or the change of the value relative
-    to a typical size.
+    The search uses a number x instead of the value. It is the logarithm of the value relative to the start value, or the change
+    of the value relative to a typical size.
     """
 
     key: str
@@ -66,7 +70,7 @@ class FitParameter:
     own: bool = False
     """Whether each recording has a separate value."""
     spread: float = math.inf
-    """Standard deviation of x that is known before the fit, a normal prior about the start value; infinite: no prior."""
+    """Standard deviation of a normal prior of x, whose mean is the start value; infinite: no prior."""
     track: int | None = None
     """Index of the recording to which this value belongs; None: all recordings share the value."""
     recording: str = ""
@@ -74,7 +78,7 @@ class FitParameter:
 
     @property
     def name(self) -> str:
-        """Displayed name: the key, with the recording's name if each recording has a separate value."""
+        """Displayed name: the key, followed by the name of the recording if each recording has a separate value."""
         return f"{self.key} ({self.recording})" if self.recording else self.key
 
     @property
@@ -92,7 +96,7 @@ class FitParameter:
         return self.value(x) if self.logarithmic else self.size
 
     def place(self, value: float) -> float:
-        """Number x for a value; inverse of `value`."""
+        """Number x of a value; inverse of `value`."""
         if self.logarithmic:
             return math.log(value / self.start) if value > 0.0 else -math.inf
         return (value - self.start) / self.size
@@ -172,8 +176,8 @@ def make_layout(
     free: Sequence[FitParameter], ties: Sequence[Tie], names: Sequence[str], starts: Sequence[Mapping[str, float]],
     within: Sequence[Mapping[str, float]],
 ) -> Layout:  # fmt: skip
-    """Layout of the free parameters. names: names of the recordings; starts, within: for each fitted recording, start values
-    by key of the parameters that depend on the recording, and their largest errors.
+    """Layout of the free parameters. names: names of the recordings; starts: for each fitted recording, start values by key of
+    the parameters that depend on the recording; within: for each fitted recording, the largest errors of these start values.
     """
     entries: list[FitParameter] = []
     for parameter in free:
@@ -186,7 +190,7 @@ def make_layout(
 
 
 def _near(parameter: FitParameter, starts: Mapping[str, float], within: Mapping[str, float]) -> FitParameter:
-    """Parameter that starts at a measured value, and stays within the largest error of this value."""
+    """Parameter whose start value is measured, and whose bounds are the measured value plus and minus its largest error."""
     start, far = starts.get(parameter.key, parameter.start), within.get(parameter.key, math.inf)
     return replace(parameter, start=start, low=max(parameter.low, start - far), high=min(parameter.high, start + far))
 
@@ -269,11 +273,11 @@ def _of_channels(commands: Sequence[str], channels: Mapping[str, str]) -> Iterat
 
 
 def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list[FitParameter], list[Tie]]:
-    """Free parameters in the order of the task, and ties between single parameters. Raises InputError with every problem."""
+    """Free parameters in the order of the task, and ties between single parameters. Raises InputError with all problems."""
     problems: list[Problem] = []
     free: dict[str, FitParameter] = {}
     for pattern, wish in task.free.items():
-        # A pattern matches a parameter without a finite value only if the user states a start.
+        # A pattern matches a parameter without a finite value only if the user states a start value.
         given = wish.start is not None
         keys = [
             key
@@ -320,14 +324,16 @@ def _faults(parameter: FitParameter) -> Iterator[Problem]:
     if not parameter.low < parameter.high:
         yield Problem("its lower bound is not below its upper bound", key=key, value=parameter.low, code="bounds")
     elif not math.isnan(parameter.start) and not parameter.low <= parameter.start <= parameter.high:
-        message = f"its start is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
+        message = f"its start value is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
         yield Problem(message, key=key, value=f"{parameter.start:g}", code="start-range")
     elif math.isinf(parameter.start):
-        yield Problem("has no finite start", key=key, hint=f"Give one: {key}=START", code="start-range")
+        yield Problem("has no finite start value", key=key, hint=f"Give one: {key}=START", code="start-range")
 
 
 def _tied(tie: Tie, known: Mapping[str, FitParameter]) -> Iterator[tuple[str, str]]:
-    """Keys that a pattern matches, each with the key to which it is tied; the text matched by `*` replaces `*` in that key."""
+    """Keys that the pattern `tie.key` matches, each with the key to which it is tied. The text that matches `*` replaces `*` in
+    `tie.to`.
+    """
     pattern = re.compile("([^.]*)".join(map(re.escape, tie.key.split("*"))))
     for key in known:
         if (match := pattern.fullmatch(key)) is not None:
@@ -351,7 +357,8 @@ def _unknown(pattern: str, known: Mapping[str, FitParameter]) -> Problem:
     choices = tuple(key for key in known if key.partition(".")[0] == owner) or _roots(known)
     hint = did_you_mean(pattern, tuple(known)) or ""
     if pattern.count(".") == 1:  # parameters of stages and actuators: JOINT.NAME
-        hint = f"{hint} Your own stages and actuators need --plugin FILE".strip()
+        broken = [one.message for one in STAGES.broken()]
+        hint = ". ".join([f"{hint} Your own stages and actuators need --plugin FILE".strip(), *broken])
     return Problem("no parameter has this key", key=pattern, hint=hint, choices=choices, code="unknown-key")
 
 

@@ -1,5 +1,5 @@
-"""A fit as an immutable object with recordings, free parameters and weights. Residuals, derivatives and searches are functions
-of the problem; `dataclasses.replace` makes a changed problem.
+"""A fit as an immutable problem with recordings, free parameters and weights. Functions of the problem compute residuals and
+derivatives, and search for the solution. `dataclasses.replace` makes a changed problem.
 """
 
 from __future__ import annotations
@@ -24,37 +24,40 @@ from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
 STEP = 1e-6
-"""Step of finite differences, in the vector's units: logarithms, or typical sizes. It is far above the rounding of a
-simulation, about 1e-13 of the motion, and far below the moves that bend the residuals.
+"""Step of finite differences, in units of the parameter vector (logarithms, or typical sizes). The rounding error of a
+simulation is much smaller, about 1e-13 of the motion. Residuals are linear over much larger steps.
 """
 FAR = 1e3
-"""Residual of a diverged simulation, in standard deviations of the noise: worse than that of any model that follows the motion.
+"""Residual of a diverged simulation, in standard deviations of the noise. It exceeds the residuals of any model that follows
+the motion.
 """
 REACH, ROUNDS = 0.3, 60
-"""Initial trust region of a search, relative to a parameter's size: about a third, as start values are often wrong by a third.
-Largest number of evaluations of a search: several times the usual 5 to 15.
+"""REACH: initial trust region of a search, relative to a parameter's size. Start values are often wrong by about a third.
+ROUNDS: largest number of evaluations of a search. It is several times the usual number, 5 to 15.
 """
 LINEAR, TRUSTED = 0.3, 0.05
-"""Derivatives are used again if they predicted the latest change of the residuals within this relative error: LINEAR in a
-search, whose next step reveals the error; TRUSTED for intervals, which may then be wrong by a twentieth.
+"""Derivatives are used again if they predicted the latest change of the residuals within a relative error. The relative error
+is LINEAR in a search, since the next step of the search reveals the error. It is TRUSTED for intervals, which may then be wrong
+by 5 %.
 """
 SLIGHT = 0.01
-"""Norm of a change of the residuals, in standard deviations of the noise, below which the change contains no information about
-the derivatives.
+"""If the predicted change of the residuals has a norm below this number of standard deviations of the noise, the change
+contains no information about the derivatives.
 """
 RIDGE = 1e-4
-"""Weight of each parameter's move in a search, in standard deviations of the noise per unit of the vector. It keeps derivatives
-at full rank: SciPy's trust region takes wrong steps if a parameter has no effect yet. It reduces the move of a logarithm that
-is known within 1 % by the fraction 1e-12.
+"""Weight of each parameter's change in a search, in standard deviations of the noise per unit of the vector. It keeps the
+Jacobian at full rank, since SciPy's trust-region method takes wrong steps if a parameter has no effect yet. The weight reduces
+the change of a logarithm that is known within 1 % only by the fraction 1e-12.
 """
 HUBER = 3.0
-"""Residual, in standard deviations of the noise, above which the Huber loss is linear: noise alone exceeds it once in 370
-samples, so that without outliers the loss is that of least squares.
+"""The Huber loss is linear for residuals above this number of standard deviations of the noise. Noise alone exceeds it once in
+370 samples, so that without outliers the loss is nearly the square.
 """
 
 
 def weigh(values: Array, noise: float, quantum: float) -> Array:
-    """Residuals (n,) or (n, k) of a channel, in standard deviations of its noise.
+    """Weighted residuals (n,) or (n, k) of a channel, in standard deviations of its noise. values: predicted minus recorded
+    values.
 
     The zero of an encoder is uncertain by its step `quantum`, so the weight of the mean residual is reduced.
     """
@@ -78,7 +81,9 @@ class Part:
     """Recorded values (n,)."""
 
     def weighted(self, differences: Array) -> Array:
-        """Residuals (n,) from predicted minus recorded values; a large number where the simulation diverges."""
+        """Weighted residuals (n,). differences: predicted minus recorded values. Residuals of a diverged simulation are
+        `FAR`.
+        """
         found = np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8)
         found[np.isnan(found)] = FAR
         return found
@@ -86,7 +91,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """A Jacobian with the parameter vector at which it was computed."""
+    """A Jacobian, with the parameter vector at which it was computed."""
 
     problem: FitProblem
     x: Array
@@ -96,27 +101,29 @@ class Slopes:
     """Derivatives (m, n) of the residuals."""
 
     def seen_by(self, problem: FitProblem) -> Slopes | None:
-        """This Jacobian with the weights of another problem of the same recordings; None for other recordings, parameters or
+        """This Jacobian with the weights of another problem. None if the other problem has other recordings, parameters or
         simulations.
         """
         own = self.problem
         same = (problem.tracks, problem.playing, problem.ends) == (own.tracks, own.playing, own.ends)
         if not same or problem.layout is not own.layout:
             return None
+        if problem.weights == own.weights:
+            return self
         left, matrix = self.left.copy(), self.matrix.copy()
         for part, was in zip(problem.parts, own.parts, strict=True):
             if part.noise == was.noise:
                 continue
             if part.channel.quantum:
-                # Give up the Jacobian: the residuals of encoders do not scale with the weights.
+                # This Jacobian cannot be used, since the residuals of encoders do not scale with the weights.
                 return None
             left[part.rows] *= was.noise / part.noise
             matrix[part.rows] *= was.noise / part.noise
         return replace(self, problem=problem, left=left, matrix=matrix)
 
     def moved(self, x: Array, left: Array, trust: float) -> Slopes | None:
-        """This Jacobian at another parameter vector x, by Broyden's update; None if the derivatives predict the change of the
-        residuals with a larger relative error than `trust`. left: residuals (m,) at x.
+        """This Jacobian at another parameter vector x, by Broyden's update. None if the derivatives predict the change of the
+        residuals with a relative error above `trust`. left: residuals (m,) at x.
         """
         move = x - self.x
         foretold = self.matrix @ move
@@ -131,13 +138,13 @@ class Slopes:
 
 @dataclass
 class Meter:
-    """Counter of the evaluations of a fit, and the latest derivatives."""
+    """Counter of the evaluations of a fit. It also stores the latest derivatives."""
 
     evaluations: int = 0
     cost: float = np.inf
-    """Smallest mean Huber loss of the present search."""
+    """Smallest mean Huber loss that the present search has found."""
     latest: Slopes | None = None
-    """The latest complete Jacobian."""
+    """The latest Jacobian with respect to all parameters."""
 
     def count(self) -> None:
         """Count an evaluation."""
@@ -146,9 +153,9 @@ class Meter:
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """The least-squares problem of a fit. Residuals cover the training part of the fitted recordings.
+    """The least-squares problem of a fit. The residuals cover the training parts of the fitted recordings.
 
-    tracks, weights and ends have an element for each recording; fitted recordings come first.
+    `tracks`, `weights` and `ends` have an element for each recording. Fitted recordings come first.
     """
 
     tracks: tuple[Track, ...]
@@ -167,7 +174,7 @@ class FitProblem:
 
     @cached_property
     def known(self) -> dict[str, FitParameter]:
-        """All parameters of the robot and of the recordings, by key, with their values before the fit."""
+        """All parameters of the robot and of the recordings, by key. Their start values are the values before the fit."""
         data = [track.data for track in self.tracks]
         commands = {command.key: command.unit for one in data for command in one.commands}
         channels = {channel.key: channel.unit for one in data for channel in one.channels}
@@ -175,7 +182,7 @@ class FitProblem:
 
     @property
     def fixed(self) -> dict[str, FitParameter]:
-        """Parameters by key that are neither free nor tied."""
+        """Parameters that are neither free nor tied, by key."""
         taken = self.layout.keys
         return {key: one for key, one in self.known.items() if key not in taken}
 
@@ -186,36 +193,40 @@ class FitProblem:
 
     @property
     def everything(self) -> FitProblem:
-        """Problem that covers all recordings to their ends, fitted or not."""
+        """Problem in which all recordings are fitted to their ends, including recordings that are only predicted."""
         return replace(self, ends=tuple(track.data.duration for track in self.tracks))
 
     @property
     def motion(self) -> float:
-        """Band of the motion of the fitted recordings, rad/s."""
+        """Bandwidth of the motion in the fitted recordings, rad/s."""
         return max(self.tracks[i].motion for i in self.fitted)
 
     def can_rise(self, level: float) -> bool:
-        """Whether an observer can have this bandwidth: the samples are close enough, and encoder steps are small enough."""
+        """Whether an observer can have this bandwidth. The samples must be close enough, and no sensor may be an encoder.
+        level: bandwidth of the observer in units of the bandwidth of the motion.
+        """
         return all(self.tracks[i].measured.shows(level * self.motion) for i in self.fitted)
 
     def played(self, staircases: frozenset[str]) -> FitProblem:
-        """Problem in which the commands with given keys are played as staircases."""
+        """Problem in which the commands with these keys are played as staircases."""
         return replace(self, playing=replace(self.playing, staircases=staircases))
 
     @property
     def observes(self) -> bool:
-        """Whether an observer can move the simulations towards recorded positions."""
+        """Whether an observer can correct the simulations towards recorded positions."""
         return all(self.tracks[i].observes for i in self.fitted)
 
     def observed(self, level: float) -> FitProblem:
-        """Problem with an observer, whose bandwidth is given in units of the band of the motion; 0: no observer. The samples
-        limit the bandwidth.
+        """Problem with an observer. level: bandwidth of the observer in units of the bandwidth of the motion; 0: no observer.
+        The sampling interval limits the bandwidth.
         """
         fastest = min(self.tracks[i].measured.fastest for i in self.fitted)
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """The levels, in falling order, without levels whose observers have the same bandwidth as that of the level before."""
+        """Levels of bandwidth, without each level whose observer would have the same bandwidth as the observer of the level
+        before. levels: in falling order.
+        """
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
 
@@ -238,7 +249,7 @@ class FitProblem:
         return slice(mine[0].start, mine[-1].stop)
 
     def blocks(self, count: int) -> NDArray[np.intp]:
-        """Index (m,) of the time block of each residual; each recording has `count` blocks."""
+        """Index of the time block of each residual, (m,). Each recording has `count` blocks."""
         numbers = []
         for part in self.parts:
             inside = np.minimum(np.floor(part.time / self.ends[part.track] * count), count - 1)
@@ -255,11 +266,11 @@ class Setup:
     robot: Robot
     problem: FitProblem
     adopted: tuple[str, ...] = ()
-    """Names of the parameters of effects that were added to the first model."""
+    """Names of the parameters of effects that were added to the original model."""
 
 
 def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
-    """Scenario of a task, robot of the robot file, and robot with the scenario's changes. Loads the plugins. Raises
+    """Scenario of a task, robot of the robot file, and robot with the changes of the scenario. Loads the plugins. Raises
     InputError.
     """
     plan = examine(task.scenario, variant=task.variant, overrides=task.overrides, plugins=task.plugins)
@@ -267,7 +278,9 @@ def read_scenario(task: Task) -> tuple[Scenario, Robot, Robot]:
 
 
 def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
-    """Prepared fit of a task. meter: counts the evaluations. Raises InputError with every problem."""
+    """Prepared fit of a task. stack: closes the engines of the simulations; meter: counts the evaluations. Raises InputError
+    with all problems.
+    """
     scenario, given, robot = read_scenario(task)
     data = read_data(task, scenario, robot)
     commands = {command.key: command.unit for one in data for command in one.commands}
@@ -280,9 +293,9 @@ def set_up(task: Task, stack: ExitStack, meter: Meter | None = None) -> Setup:
     for one in data:
         tracks.append(Track(scenario, given, one, freed))
         stack.callback(tracks[-1].close)
-    # Recordings that are not fitted keep the start values of their separate parameters.
+    # Only fitted recordings get separate values of parameters. The other recordings keep the start values.
     fitted = [track for track in tracks if not track.data.predicted_only]
-    # Initial states are free for links that start in motion, or at other positions than in the scenario.
+    # The initial state of a link is free if the recording begins in motion, or at another position than the scenario.
     free += [known[key] for key in dict.fromkeys(key for track in fitted for key in track.uncertain)]
     names, starts, within = [one.name for one in data], [one.initial for one in fitted], [one.within for one in fitted]
     layout = make_layout(free, ties, names, starts, within)
@@ -318,8 +331,9 @@ def residuals(problem: FitProblem, x: Array) -> Array:
 
 
 def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED, *, base: Array | None = None) -> Array:
-    """Jacobian (m, n) of the residuals: the latest one if it still holds, or by differences. trust: relative error with which
-    the latest Jacobian may predict the change of the residuals; base: residuals (m,) at x.
+    """Jacobian (m, n) of the residuals: the latest Jacobian with Broyden's update if it still holds, otherwise a Jacobian by
+    finite differences. trust: largest relative error with which the latest Jacobian may predict the change of the residuals;
+    base: residuals (m,) at x.
     """
     meter, left = problem.meter, residuals(problem, x) if base is None else base
     latest = meter.latest and meter.latest.seen_by(problem)
@@ -331,7 +345,7 @@ def jacobian(problem: FitProblem, x: Array, trust: float = TRUSTED, *, base: Arr
 def slopes_along(
     problem: FitProblem, x: Array, columns: Sequence[int], step: float | Array = STEP, *, base: Array | None = None
 ) -> Array:
-    """Columns (m, k) of the Jacobian by one-sided differences within the bounds.
+    """Columns (m, k) of the Jacobian, by one-sided differences within the bounds.
 
     step: step of all entries, or (n,) of each, in the vector's units; base: residuals (m,) at x.
     """
@@ -342,14 +356,14 @@ def slopes_along(
         points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
         rows = problem.rows(track)
         for column, there in zip(touched, _at(problem, points, track), strict=True):
-            # Where one of the two simulations diverged, there is no derivative: leave 0.
+            # If one of the two simulations diverged, its residuals have no derivative, and their entries remain 0.
             valid = (there != FAR) & (at[rows] != FAR)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[columns[column]], 0.0)
     return matrix
 
 
 def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
-    """Weighted residuals (k, m) at several points, whose simulations are worlds of one rollout."""
+    """Weighted residuals (k, m) at several parameter vectors. One rollout simulates all of them."""
     return np.concatenate([np.stack([*_at(problem, points, track)]) for track in problem.fitted], axis=1)
 
 
@@ -362,7 +376,7 @@ def _at(problem: FitProblem, points: Iterable[Array], track: int) -> Iterator[Ar
 
 
 def huber(values: Array) -> float:
-    """Mean Huber loss of the residuals: quadratic up to `HUBER`, linear beyond."""
+    """Mean Huber loss of the residuals. The loss is quadratic up to `HUBER` and linear above."""
     size = np.abs(values)
     return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
 
@@ -373,7 +387,9 @@ def mean_square(problem: FitProblem, x: Array) -> float:
 
 
 def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem with as many substeps as a run with the parameters x needs; the unchanged problem if its substeps are right."""
+    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it has
+    this number.
+    """
     needed = []
     for number, track in enumerate(problem.tracks):
         with suppress(RobotError, UnresolvedSpringError):
@@ -385,8 +401,8 @@ def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
 
 
 def weighed(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem whose channels are weighted by the size of their residuals, but at least by the rounding error. A recording whose
-    simulation diverges keeps its weights.
+    """Problem in which the weight of each channel is the size of its residuals, but at least the rounding error. A recording
+    whose simulation diverges keeps its weights.
     """
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):
@@ -396,16 +412,17 @@ def weighed(problem: FitProblem, x: Array) -> FitProblem:
 
 
 def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = ROUNDS, tolerance: float = 1e-6) -> Array:
-    """Solution of bounded least squares by a trust-region method that starts at x. A prior of a parameter is one more residual.
-    robust: use the Huber loss.
+    """Solution of bounded least squares by a trust-region method that starts at x. Each prior of a parameter adds a residual.
+    robust: whether to use the Huber loss; rounds: largest number of evaluations; tolerance: relative change of the cost or of x
+    at which the search ends.
     """
     from scipy.optimize import least_squares
 
     (low, high), priors = problem.layout.bounds, problem.layout.priors
-    # The start must lie inside the bounds. The first trust region around it has the width REACH.
+    # The start vector must lie inside the bounds. The first trust region around it has the width REACH.
     span = np.minimum(high - low, 1.0)
     inside = np.clip(x, low + 1e-6 * span, high - 1e-6 * span)
-    # A parameter that is searched without a logarithm may have grown far beyond its start value.
+    # The search does not use the logarithm of this parameter, so that its value may now be much larger than its start value.
     grown = [not entry.logarithmic for entry in problem.layout.entries]
     scale = REACH * np.where(grown, np.maximum(np.abs(inside), 1.0), 1.0)
     rows = np.diag(priors)[priors > 0.0]
@@ -419,7 +436,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
         there = inside + move
         at = residuals(problem, there)
         costs.append(huber(at) if robust else float(np.mean(at**2)))
-        # After a step that hardly reduces the error, the search ends: compute no new derivatives.
+        # The search ends after a step that hardly reduces the error. Compute no new derivatives then.
         ends = costs[-2] - costs[-1] < tolerance * costs[-1]
         matrix = jacobian(problem, there, np.inf if ends else LINEAR, base=at)
         return np.vstack([matrix, rows, RIDGE * np.eye(len(x))])
@@ -434,7 +451,7 @@ def solve(problem: FitProblem, x: Array, *, robust: bool = False, rounds: int = 
 
 
 def posterior_draws(problem: FitProblem, x: Array, count: int) -> Array:
-    """Vectors (count, n) drawn from the normal distribution that approximates the posterior at the solution x, within the
+    """Random parameter vectors (count, n) from the normal approximation of the posterior at the solution x, clipped to the
     bounds. Parameters without effect need priors.
     """
     slopes, priors = jacobian(problem, x), problem.layout.priors

@@ -1,5 +1,5 @@
-"""How a run repeats a recording as the fit simulated it, and how `asrsim plot` reads the recording as the fit read it: zeros,
-scales and delays of sensors and commands, the clock, and the start.
+"""Data for repeating a fit. A run repeats a recording as the fit simulated it, and `asrsim plot` reads the recording as the fit
+read it. The data contain zero offsets, scales and delays of sensors and commands, the clock offset, and the initial state.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ from asrsim.recordings.units import find_unit
 
 @dataclass(frozen=True, kw_only=True)
 class SeriesReading:
-    """Corrections of a recorded series: true value = gain * (recorded - offset), `late` s before the recorded time."""
+    """Corrections of a recorded series. The true value is gain * (recorded - offset), at a time `late` s before the recorded
+    time.
+    """
 
     key: str
     """`joint.quantity` of the series."""
@@ -32,15 +34,15 @@ class SeriesReading:
     gain: float = 1.0
     offset: float = 0.0
     late: float = 0.0
-    """Delay of the values behind the commands, s; for a command, the delay with which it acts."""
+    """Delay of the recorded values, s. For a command, it is the time from the recorded time until the command acts."""
     reference: str = ""
     """Name of a command's reference in the mode of its joint; empty for measured quantities."""
     interpolation: str = ""
-    """Interpolation between a command's samples, as in `interpolation:` of a playback."""
+    """Interpolation between a command's samples: a value of the key `interpolation` of a playback."""
     early: Mapping[str, float] = field(default_factory=dict)
-    """For the time in s of each sample that shows a jump: how much earlier the command jumped, s."""
+    """Time from each jump of the command until the first sample after the jump, s, by the time of this sample as text, s."""
     error: float = 0.0
-    """RMS of simulated minus recorded values; 0 for commands."""
+    """RMS of simulated minus recorded values after the corrections; 0 for commands."""
 
     @property
     def joint(self) -> str:
@@ -49,18 +51,18 @@ class SeriesReading:
 
     @property
     def corrected(self) -> bool:
-        """Whether the simulated command differs from the recorded values."""
+        """Whether the values of the played command differ from the recorded values."""
         return (self.gain, self.offset) != (1.0, 0.0) or any(self.early.values())
 
     def item(self, late: float) -> str:
-        """Item of `--map` that reads the corrected series, `late` s earlier."""
+        """Item of `--map` that reads the series with its corrections, shifted to times `late` s earlier."""
         meaning = parse_meaning(self.column, self.meaning).corrected(gain=self.gain, offset=self.offset, late=late)
         return f"{self.column}={meaning.text}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitReplay:
-    """A recording as the fit simulated and read it."""
+    """Settings with which the fit read and simulated a recording."""
 
     recording: str
     """Path of the recording."""
@@ -70,7 +72,7 @@ class FitReplay:
     channels: tuple[SeriesReading, ...]
     commands: tuple[SeriesReading, ...]
     initial: Mapping[str, Mapping[str, Any]]
-    """Start of each joint that does not start as in the scenario, as under `initial:` of a scenario."""
+    """Initial state of each joint that does not start as in the scenario, with the keys of `initial:` of a scenario."""
 
 
 _SERIES: PlainShape = {
@@ -85,11 +87,11 @@ SHAPE: PlainShape = {
     "commands": [_SERIES],
     "initial": {"*": object},
 }
-"""Structure of `as_plain`."""
+"""Structure of the data that `as_plain` returns."""
 
 
 def replay_of(track: Track, values: Mapping[str, float], playing: Playing) -> FitReplay:
-    """Replay of a recording. values: values of the free parameters for this recording, by key."""
+    """Replay of the recording of a track. values: values of the free parameters for this recording, by key."""
 
     def corrections(key: str) -> dict[str, float]:
         return {name: value for name in ("gain", "offset") if (value := values.get(f"{key}.{name}")) is not None}
@@ -129,10 +131,12 @@ def _series(column: Column, joint: str, key: str, **corrections: Any) -> SeriesR
 
 
 def played_table(command: PlayedCommand, reading: SeriesReading, late: float) -> str:
-    """CSV with the times on the simulation's clock and the values of a command as the fit played it, `late` s later."""
+    """Text of a CSV file with the times and values of a command as the fit played it. The times are on the clock of the
+    simulation, and `late` s later than recorded.
+    """
     time, values = command.time, command.values
     for jump, early in ((float(key), value) for key, value in reading.early.items()):
-        # A sample with the value after the jump, at the instant of the jump.
+        # Add a sample with the value after the jump, at the instant of the jump.
         place = int(np.searchsorted(command.time, jump - 1e-12))
         size = dict(zip(command.curve.jumps.tolist(), command.curve.sizes.tolist(), strict=True))[jump]
         before = float(command.curve.values(np.array([jump - early]))[0])
@@ -148,8 +152,8 @@ def played_table(command: PlayedCommand, reading: SeriesReading, late: float) ->
 
 
 def _starts(track: Track, values: Mapping[str, float]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Start of each joint that does not start as in the scenario, with the starts of its motors that the scenario or the
-    recording states.
+    """Yield the initial state of each joint that does not start as in the scenario. It includes the initial states of the
+    joint's motors if the scenario or the recording states them.
     """
     door = track.door
     for drive, position, velocity in zip(door.drives, door.positions, door.velocities, strict=True):

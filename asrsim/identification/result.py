@@ -1,4 +1,6 @@
-"""Result of a fit: estimates with intervals, and verdicts: identified, weak, only as ratio, no effect, at bound."""
+"""Result of a fit: estimates with intervals and verdicts. The verdicts are `identified`, `weak`, `only as ratio`, `no effect`
+and `at bound`.
+"""
 
 from __future__ import annotations
 
@@ -23,27 +25,32 @@ from asrsim.scenario.data import Scenario
 
 IDENTIFIED, WEAK, RATIO, NO_EFFECT, AT_BOUND = "identified", "weak", "only as ratio", "no effect", "at bound"
 CLOSE = 0.05
-"""Largest relative half width of the 95 % interval of an identified parameter: the tolerance of
-springs and motors in data sheets is 5 to 10 %.
+"""Largest relative half width of the 95 % interval of an identified parameter. Data sheets of springs and motors state
+tolerances of 5 to 10 %.
 """
 NONE = 1.0
-"""Relative half width of the interval above which a parameter is unknown. If its interval is so wide even with all other
-parameters fixed, the parameter has no effect. If it is so wide only when other parameters are free, these imitate its effect.
+"""A parameter is unknown if the relative half width of its interval is at least this value. If its interval is so wide even
+with all other parameters fixed, the parameter has no effect. If its interval is so wide only with other parameters free, the
+other parameters imitate its effect.
 """
 HOPELESS = 10.0
-"""Relative half width above which no interval is shown: not even the power of ten is known."""
+"""No interval is shown if its relative half width is at least this value. Not even the power of ten of the parameter is then
+known.
+"""
 NOTHING = 1e-9
-"""Effect, in standard deviations of the noise, below which the effect of a parameter counts as rounding error: if a parameter
-plays no part in the simulations, they are equal bit for bit.
+"""The effect of a parameter counts as rounding error if it is at most this number of standard deviations of the noise. If the
+simulations do not depend on a parameter at all, they are equal bit for bit.
 """
 FAR = 4.0
-"""Largest factor between start and estimate of an identified mass or inertia: errors of CAD models and scales are smaller."""
+"""Largest factor between start value and estimate of an identified mass or inertia. CAD models and weighing scales have smaller
+errors.
+"""
 VANISHED = 0.01
-"""A positive parameter without effect counts as vanished below this fraction of its start value. Start values are rarely so
-wrong.
+"""A positive parameter without effect counts as vanished if its estimate is below this fraction of its start value or above the
+inverse multiple. Start values are rarely so wrong.
 """
 PLACES = ("offset", "delay", "clock", "x", "y", "z")
-"""Endings of the keys of positions, zeros and delays, whose relative error is meaningless."""
+"""Endings of the keys of positions, zero offsets and delays. The relative errors of these parameters are meaningless."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +63,15 @@ class Estimate:
     start: float
     value: float
     low: float
-    """Lower end of the 95 % interval; nan if there is no interval."""
+    """Lower end of the 95 % interval; nan if the value has no interval."""
     high: float
     verdict: str
     reason: str = ""
     track: int | None = None
     is_place: bool = False
-    """Whether the parameter is a position, zero or delay, whose relative error is meaningless."""
+    """Whether the parameter is a position, a zero offset or a delay, or belongs to a recording. Its relative error is then
+    meaningless.
+    """
 
     @property
     def margin(self) -> float:
@@ -76,20 +85,25 @@ class Estimate:
 
 
 def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[str, float]]) -> Iterator[Estimate]:
-    """Estimates in which identified parameters become weak if there are doubts: the model does not fit, so that its parameters
-    absorb the missing effects; or a mass or inertia is far from its start, which the robot file states.
+    """Estimates, in which the verdict of doubtful parameters changes from identified to weak. All parameters are doubtful if
+    the model does not fit, since they then absorb the missing effects. A mass or moment of inertia is doubtful if it is far
+    from its start value, which the robot file states.
 
-    others: estimates of other models, such as models with suspected causes, by name. The intervals of a model that does not
-    fit contain them.
+    others: for each other model, such as a model with suspected causes, its estimates by parameter name. The intervals are
+    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zeros
+    and positions then differ by convention, and do not count.
     """
     for one in known:
         ratio = one.value / one.start if one.start else 1.0
         reason, values = "", [values[one.name] for values in others if one.name in values]
+        values = values if not (fits and one.is_place) else []
+        one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
+        far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
+        span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
         if not fits:
-            one = replace(one, low=min(one.low, *values), high=max(one.high, *values)) if one.has_interval and values else one
-            far = not one.is_place and any(abs(value - one.value) > CLOSE * abs(one.value) for value in values)
-            span = " to ".join(dict.fromkeys(f"{value:.4g}" for value in (min(values), max(values)))) if far else ""
             reason = f"models that explain the recording better estimate {span}" if far else "the model is not shown to fit"
+        elif far:
+            reason = f"with commands that are held between samples, which explains the recording as well, it is {span}"
         elif not 1.0 / FAR <= ratio <= FAR and one.key.rpartition(".")[2] in ("mass", *INERTIAS):
             reason = (
                 f"it is {ratio:.3g} times its start value; if this is plausible, start there (--free {one.key}={one.value:.4g})"
@@ -98,7 +112,7 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
 
 
 def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[Estimate], list[Combination]]:
-    """Estimates of all parameters, and combinations."""
+    """Estimates of all free parameters, and combinations of parameters."""
     scaled, values, _ = relative(problem.layout, x, found.jacobian)
     norms = np.linalg.norm(scaled, axis=0)
     without = NONE * norms < 1.96
@@ -108,7 +122,8 @@ def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[E
         value, met = float(values[i]), bool(found.at_bound[i])
         low, high = (entry.value(float(x[i] + sign * found.deviation[i] * found.quantile[i])) for sign in (-1.0, 1.0))
         place = entry.key.rpartition(".")[2] in PLACES or entry.track is not None
-        # An estimate of exactly 0 has no relative half width; with a narrow interval, it is identified.
+        # An estimate of exactly 0 has no relative half width. It is identified if its interval is narrow compared with its
+        # typical size.
         size = max(abs(value), 0.2 * entry.size) if place or value == 0.0 else abs(value)
         margin = 0.5 * (high - low) / size
         own = [str(one) for one in known if i in one.keys]
@@ -141,9 +156,7 @@ def estimates(problem: FitProblem, x: Array, found: Uncertainty) -> tuple[list[E
 
 
 def _vanished(entry: FitParameter, value: float) -> str:
-    """Reason why a parameter has no effect after it moved far from its start value; empty if the parameter did not
-    move so far.
-    """
+    """Reason why a parameter without effect is far from its start value; empty if the parameter is not so far from it."""
     share = value / entry.start if entry.logarithmic else 1.0
     if VANISHED < share < 1.0 / VANISHED:
         return ""
@@ -168,12 +181,16 @@ def _reason(entry: FitParameter, norm: float, problem: FitProblem, x: Array) -> 
 
 
 COMPLETE, UNFINISHED, INTERRUPTED, CHECKED = "complete", "unfinished", "interrupted", "checked"
-"""Status of a fit: it was judged; its time was over; the user stopped it; only the sensitivities were computed."""
+"""COMPLETE: status of a fit that was judged.
+UNFINISHED: status of a fit whose time limit was reached.
+INTERRUPTED: status of a fit that the user stopped.
+CHECKED: status if only the sensitivities were computed.
+"""
 
 
 def accepts(explained: float, *, accept: bool) -> bool:
     """Whether the robot of a model that does not fit is written. explained: smallest explained fraction of a channel's
-    variance; accept: whether the user accepts 90 % instead of 95 %.
+    variance; accept: whether 90 % of the variance is enough for the user, instead of 95 %.
     """
     return explained >= (ACCEPTABLE if accept else ENOUGH)
 
@@ -198,9 +215,9 @@ class FitResult:
     seconds: float
     """Duration of the fit, s."""
     bandwidth: float
-    """Bandwidth of the observer at the chosen level, rad/s; 0: the simulation is free."""
+    """Bandwidth of the observer at the chosen level, rad/s; 0: free simulation without observer."""
     status: str
-    """Status of the fit: `COMPLETE` and so on."""
+    """Status of the fit: `complete`, `unfinished`, `interrupted` or `checked`."""
     x: Array
     layout: Layout = field(repr=False)
     ends: tuple[float, ...]
@@ -212,16 +229,16 @@ class FitResult:
     accepted: bool = False
     """Whether a model that does not fit was accepted."""
     profiles: tuple[Profile, ...] = ()
-    """Misfit along each parameter with an interval; empty if the fit is not complete."""
+    """Profile of the misfit for each parameter with an interval; empty if the fit is not complete."""
     replay: FitReplay = field(repr=False)
-    """How the fitted simulation repeats the first recording."""
+    """Settings with which the fitted simulation repeats the first recording."""
     played: tuple[PlayedCommand, ...] = field(repr=False)
     """Commands of the first recording."""
 
     @property
     def fits(self) -> bool | None:
-        """Whether the model explains the recordings within the noise; None if this was not judged, since the fit is not
-        complete.
+        """Whether the model explains the recordings within the noise. None if the fit is not complete, since it was then not
+        judged.
         """
         return not self.misfit if self.status == COMPLETE else None
 
@@ -232,12 +249,12 @@ class FitResult:
 
     @property
     def explained(self) -> float:
-        """Smallest explained fraction of a channel's variance; a simulation that diverges explains nothing."""
+        """Smallest explained fraction of a channel's variance. A simulation that diverges explains nothing."""
         return min((0.0 if one.diverges else one.explained for one in self.channels), default=0.0)
 
     def find(self, key: str) -> Estimate:
-        """Estimate of the parameter with a key; if each recording has a separate value, the estimate for the first recording.
-        Raises KeyError.
+        """Estimate of the parameter with this key or name. If each recording has a separate value, a key gives the estimate for
+        the first recording. Raises KeyError.
         """
         for one in self.estimates:
             if key in (one.key, one.name):

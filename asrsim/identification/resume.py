@@ -1,4 +1,6 @@
-"""Resumes a finished fit: fit.json contains the numbers, so that its robot can be accepted and written without a new fit."""
+"""Resumes a finished fit. The file fit.json contains its numbers, so that the robot can be accepted and written without a new
+fit.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from asrsim.scenario.data import Scenario
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Resumed:
-    """Data for a robot file: the numbers of an earlier fit, and the robot and the scenario of its task."""
+    """Data for writing a robot file: the numbers of an earlier fit, and the robot and the scenario of its task."""
 
     estimates: tuple[Estimate, ...]
     ties: tuple[Tie, ...]
@@ -28,7 +30,7 @@ class Resumed:
     explained: float
     """Smallest explained fraction of a channel's variance."""
     replay: FitReplay
-    """How the fitted simulation repeats the first recording."""
+    """Settings with which the fitted simulation repeats the first recording."""
     played: tuple[PlayedCommand, ...]
     """Commands of the first recording."""
     robot: Robot
@@ -41,9 +43,11 @@ class Resumed:
 
 
 def resumed(fit: FitFolder, task: Task, *, accept: bool = False) -> Resumed:
-    """An earlier fit of the same task. accept: whether 90 % of the variance is enough instead of 95 %.
+    """An earlier fit of the same task. accept: whether an explained fraction of 90 % of the variance is enough, instead of
+    95 %.
 
-    Raises InputError if the fit is not complete, or is a fit of another scenario, of other recordings or of other parameters.
+    Raises InputError if the fit is not complete, or if it is a fit of another scenario, of other recordings or of other
+    parameters.
     """
     path = fit.folder / FIT
     if fit.replay is None:

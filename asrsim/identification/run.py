@@ -1,4 +1,4 @@
-"""A complete fit: search for the parameters, weights from the residuals, judgement on the held-out part, and report. The fit
+"""A complete fit: search for the parameters, weights from the residuals, judgement by the held-out part, and result. The fit
 reports its progress and can be interrupted.
 """
 
@@ -53,40 +53,40 @@ from asrsim.workers import one_thread
 
 @dataclass(frozen=True, kw_only=True)
 class FitProgress(Progress):
-    """Progress of a running fit; `task` is its stage."""
+    """Progress of a running fit. `task` is the present stage of the fit."""
 
     cost: float
-    """Smallest mean square residual so far, relative to the noise."""
+    """Smallest mean Huber loss of the residuals so far, in units of the noise variance."""
     evaluations: int
     elapsed: float
     """Time since the start of the fit, s."""
     remaining: float
-    """Estimated remaining time if the search tries no further start, s; nan: unknown."""
+    """Estimated remaining time if the search begins at no further start vector, s; nan: unknown."""
 
 
 OFTEN = 0.2
-"""Time between progress reports, s: five reports a second appear as steady progress."""
+"""Time between progress reports, s. Five reports a second appear as steady progress."""
 EXPECTED = 70
 """Estimated number of remaining evaluations per parameter when a stage begins, for a fit that tries causes. A fit without
 causes needs a fifth of this number.
 """
 APART = 10.0
-"""If the mean square error of whole recordings exceeds that of their training parts by this factor, no parameters explain both
-the training parts and the held-out parts.
+"""No parameters explain both the training parts and the held-out parts if the mean square error of the whole recordings exceeds
+this multiple of the mean square error of the training parts.
 """
 
 
 @dataclass
 class FitWatch(Meter):
-    """Counter that reports the progress to the user after evaluations, and ends the search when its time is over."""
+    """Counter of evaluations. It reports the progress to the user, and ends the search when the time limit is reached."""
 
     progress: Callable[[FitProgress], None] | None = None
     seconds: float = math.inf
     """Time limit of the search."""
     stop: Stop | None = None
-    """Function by which the user stops the fit; None: the fit cannot be stopped."""
+    """Function that returns True when the user stops the fit; None: the fit cannot be stopped."""
     limited: bool = False
-    """Whether the present computation ends when the time is over."""
+    """Whether the time limit applies to the present computation."""
     best: Best | None = None
     began: float = field(default_factory=clock.perf_counter)
     _reported: float = 0.0
@@ -95,12 +95,14 @@ class FitWatch(Meter):
     """Number of evaluations before the present stage."""
 
     def stage(self, name: str) -> None:
-        """Begin a stage of the fit, or a search from another start. name: name of the stage for the user."""
+        """Begin a stage of the fit. name: name of the stage for the user."""
         self.cost, self._before, self._stage = math.inf, self.evaluations, name
         self._report()
 
     def count(self) -> None:
-        """Count an evaluation and report the progress. Raises Stopped if the user stops the fit or its time is over."""
+        """Count an evaluation, and report the progress from time to time. Raises Stopped if the user stops the fit, and
+        OutOfTime, a kind of Stopped, if the time limit is reached.
+        """
         super().count()
         if self.limited and clock.perf_counter() - self.began > self.seconds:
             raise OutOfTime
@@ -111,7 +113,7 @@ class FitWatch(Meter):
 
     @contextmanager
     def in_time(self) -> Iterator[None]:
-        """Apply the time limit: evaluations inside of this context raise OutOfTime when the time is over."""
+        """Context in which the time limit applies. Evaluations inside it raise OutOfTime when the limit is reached."""
         self.limited = True
         try:
             yield
@@ -144,7 +146,7 @@ def identify(
     duration: float | None = None,
     **options: Any,
 ) -> FitResult:
-    """Result of fitting parameters to recordings, as `asrsim identify` does, without files.
+    """Fit parameters to recordings, as `asrsim identify` does, and return the result. No files are written.
 
         result = asrsim.identify("lab.yaml", ["a.csv"], free=["joint_1.spring_k_1"])
         result.find("joint_1.spring_k_1").value
@@ -152,17 +154,20 @@ def identify(
     Args:
         scenario: Scenario or fit file, or a task from `task_of`.
         experiments, options: Arguments of `task_of`.
-        progress: Called about five times a second.
-        stop: Called between evaluations; True ends the search, and the best fit so far is judged.
-        check: Compute only the sensitivities at the start.
-        accept: Accept a model that does not fit but explains 90 % of the variance of every channel, instead of 95 %: its robot
-            is written.
-        adopt: If the model does not fit, add the effects that it may lack, and fit again; up to three times.
-        duration: Longest time of the search, s; the best fit so far is then judged as `unfinished`. None: no limit.
+        progress: Function that is called with the progress about five times a second.
+        stop: Function that is called between evaluations. If it returns True, the search ends, and the best fit so far is
+        judged.
+        check: Whether to compute only the sensitivities at the start values, without a fit.
+        accept: Whether to accept a model that does not fit if it explains 90 % of the variance of every channel, instead of
+            95 %. The robot of an accepted model can be written.
+        adopt: Whether to add the effects that a model may lack if it does not fit, and to fit again, up to three times.
+        duration: Time limit of the search, s. When it is reached, the status is `unfinished`, and the result is the best fit so
+        far. None: no limit.
 
     Raises:
-        InputError: Recordings, keys or ties are wrong, all problems at once; nothing moves; too few samples.
-        SimulationError: The simulation diverges at the start.
+        InputError: Recordings, keys or ties are wrong (the error contains all problems), no channel moves, or the samples are
+        too few.
+        SimulationError: The simulation with the start values diverges.
     """
     task = scenario if isinstance(scenario, Task) else task_of(scenario, experiments, **options)
     watch = FitWatch(progress=progress, seconds=math.inf if duration is None else duration)
@@ -179,7 +184,7 @@ def identify(
         result, suspected = _fitted(setup, watch.best, before, watch, check=check, accept=accept)
         rounds, rivals = MOST if adopt else 0, list[Mapping[str, float]]()
         while rounds and suspected is not None and suspected.model is not None:
-            # Search again from the start: the adopted effects change the other parameters, and further effects may then show.
+            # Repeat the whole fit. The adopted effects change the other parameters, and the fit may then show further effects.
             wider, start = suspected.model
             rivals += suspected.rivals
             watch.best = Best(replace(wider, ends=problem.ends, weights=problem.weights), start)
@@ -199,7 +204,8 @@ def _fitted(
     rivals: Sequence[Mapping[str, float]] = (),
 ) -> tuple[FitResult, Suspicion | None]:
     """Result of a search that begins with the problem and the estimate in `best`, and the effects that the model may lack.
-    rivals: estimates, by name, of models with effects that were as likely as those of the problem.
+    before: predicted minus recorded values with the start values; rivals: for each model with effects as likely as the adopted
+    effects, its estimates by parameter name.
     """
     status = CHECKED if check else COMPLETE
     try:
@@ -215,7 +221,7 @@ def _fitted(
     try:
         return _judged(setup, best, before, status, watch, accept=accept, rivals=rivals)
     except Stopped:
-        # The user interrupts the judgement after the search is complete.
+        # The user stopped the judgement after the complete search: judge again without the search for causes.
         return _judged(setup, best, before, INTERRUPTED, watch, accept=accept, rivals=rivals)
 
 
@@ -232,18 +238,19 @@ def _judged(
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
-    # The written robot is simulated without an observer.
+    # Judge a free simulation, since users simulate the written robot without an observer.
     free, observed, slow = problem.observed(0.0), problem.playing.bandwidth > 0.0, best.slow or ((problem, trained),)
     fits = channel_fits(free, before, trained)
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
     of_channels = [*misfit]
-    others, suspected = list[Mapping[str, float]](), list[Suspicion]()
+    others, suspected, untried = list[Mapping[str, float]](), list[Suspicion](), dict[str, None]()
     if complete and observed:
         misfit.append(
             "errors of the model accumulate in a simulation of the recording: estimates are from short predictions of "
             f"{1.0 / problem.playing.bandwidth:.2g} s, each of which starts at the recorded positions"
         )
         others += [wider.layout.named(there) for wider, there in best.slow]
+    others += best.rivals
     if misfit:
         watch.stage("looking for effects that the model lacks")
         others += rivals
@@ -254,7 +261,8 @@ def _judged(
         with watch.in_time(), suppress(OutOfTime):
             for level in slow if read else ():
                 for one in _causes(*level):
-                    # Causes that are found without a trial fit are equal at all levels: each is reported once.
+                    untried |= dict.fromkeys(one.remarks)
+                    # Causes that are found without a trial fit are equal at all levels. Report each of them once.
                     if one.trials or level is slow[0]:
                         suspected.append(one)
                         causes += filter(None, [one.text])
@@ -270,7 +278,8 @@ def _judged(
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()
     accepted = bool(misfit) and all(accepts(one.explained, accept=accept) for one in fits)
-    # If only the shape of the residuals contradicts the model, the residuals may be correlated noise of the sensors.
+    # `noise`: whether the residuals may be correlated noise of the sensors. Then only the correlation of the residuals
+    # contradicts the model.
     noise = not causes and misfit == of_channels and all(accepts(one.explained, accept=False) for one in fits)
     noise = noise and all(is_first_order(left) for _, left in differences(final, x))
     found = found if not misfit or noise else found.of_a_block
@@ -285,7 +294,7 @@ def _judged(
     result = FitResult(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
-        remarks=tuple(_remarks(setup, problem)), evaluations=watch.evaluations,
+        remarks=(*untried, *_remarks(setup, problem, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
@@ -296,7 +305,9 @@ def _judged(
 
 
 def _causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
-    """Effects that the model may lack, from the training part, or from whole recordings if the training part fits."""
+    """Effects that the model may lack. They are searched in the training part, or in whole recordings if the model fits the
+    training part.
+    """
     plain = replace(problem, weights=tuple(tuple(c.noise for c in track.channels) for track in problem.tracks))
     if fits_noise(problem, x):
         plain, x = plain.whole, refined(plain.whole, x)
@@ -304,7 +315,7 @@ def _causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
 
 
 def _unsure(problem: FitProblem, x: Array) -> list[float]:
-    """RMS change of each channel's held-out prediction within the standard deviations of the estimates."""
+    """RMS change of each channel's held-out prediction due to the standard deviations of the estimates."""
     slopes = jacobian(problem.everything, x)
     variances = np.sum((slopes @ uncertainty(problem, x).covariance) * slopes, axis=1)
     held = [(part, variances[part.rows][part.time > problem.ends[part.track] + 1e-9]) for part in problem.everything.parts]
@@ -312,7 +323,9 @@ def _unsure(problem: FitProblem, x: Array) -> list[float]:
 
 
 def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem, Array, Uncertainty]:
-    """Problem, estimate and uncertainty, from whole recordings if the fit is complete and explains them."""
+    """Problem, estimate and uncertainty. They are from whole recordings if the fit is complete and if the parameters explain
+    the whole recordings.
+    """
     if status != COMPLETE:
         return problem, trained, uncertainty(problem, trained, foreseen=status == CHECKED, quick=status == INTERRUPTED)
     whole, x = problem.whole, trained
@@ -326,20 +339,25 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
     return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, problem: FitProblem) -> Iterator[str]:
-    """Sentences on how recordings were read, and on parameters that were freed automatically."""
+def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
+    """Sentences on the reading of recordings, and on parameters that were freed automatically. suspected: effects that the
+    model may lack; fits: whether the model fits.
+    """
     added = [one for one in problem.layout.entries[len(setup.problem.layout) :] if one.name not in setup.adopted]
     if setup.adopted:
         yield f"{', '.join(setup.adopted)}: adopted, since the recording shows an effect that the model lacked"
     if late := [entry.name for entry in added if entry.key.startswith(JUMP)]:
-        yield f"{', '.join(late)} is estimated, too: the command jumps this time before the first sample with its new value"
+        yield f"{', '.join(late)} is estimated, too: the command jumps by this time before the first sample with the new value"
     for entry in (one for one in added if not one.key.startswith(JUMP)):
         yield f"{entry.key} is estimated, too: the recording shows a different pre-sliding stiffness of the friction"
     if staircases := problem.playing.staircases:
-        yield (
-            f"{', '.join(sorted(staircases))}: played as a staircase, since the recording shows that each sample was held "
-            "until the next (`interpolation: hold` of the scenario's playback)"
-        )
+        smooth = any(one.model is not None and not one.model[0].playing.staircases for one in suspected)
+        why = "since the recording shows that each sample was held until the next"
+        why += " (`interpolation: hold` of the scenario's playback)"
+        if not fits:
+            why = "which has a smaller error; since the model does not fit, this does not show that each sample was held"
+            why += ", and with the suspected effects, smooth interpolation has a smaller error" if smooth else ""
+        yield f"{', '.join(sorted(staircases))}: played as a staircase, {why}"
     for track in problem.tracks:
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
         for key in track.uncertain:

@@ -1,4 +1,6 @@
-"""The scenario that a fit writes: it repeats the first recording with the fitted robot, and claims the error of the fit."""
+"""The scenario that a fit writes. It repeats the first recording with the fitted robot, and claims that the error is not much
+larger than the error of the fit.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +24,17 @@ from asrsim.signals.playback import Playback
 
 SCENARIO = "scenario.yaml"
 SLACK = 1.2
-"""Largest error of the fitted scenario that its claims allow, relative to the error of the fit: engines differ slightly."""
+"""Largest error of the fitted scenario that its claims allow, relative to the error of the fit. Results of engines differ
+slightly.
+"""
 
 
 def write_scenario(
     result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]], robot: Path
 ) -> tuple[list[Path], list[str]]:
-    """Write the scenario, with the commands that it plays, beside the fitted robot; return paths and remarks.
+    """Write the scenario and the commands that it plays to the folder of the fitted robot. Return paths and remarks.
 
-    changes: fitted numbers by joint or link, and by name.
+    changes: fitted numbers by joint or link and by name; robot: file of the fitted robot.
     """
     folder, delays = robot.parent, _delays_by_joint(result)
     files, shifts = _written_commands(result, delays, folder)
@@ -39,7 +43,9 @@ def write_scenario(
 
 
 def _delays_by_joint(result: FitResult | Resumed) -> dict[str, float]:
-    """Delays that the scenario states, s, by joint: a joint has one delay, that of the most certain reference."""
+    """Delays that the scenario states, s, by joint. A scenario states one delay for all references of a joint, so use the delay
+    of the reference with the narrowest interval. Joints whose references have different delays are left out.
+    """
     found: dict[str, float] = {}
     for block in result.robot.actuators:
         late = [*_delays(result, block)]
@@ -50,9 +56,10 @@ def _delays_by_joint(result: FitResult | Resumed) -> dict[str, float]:
 
 
 def _delays(result: FitResult | Resumed, block: ActuatorBlock) -> Iterator[tuple[float, float]]:
-    """Delay of each reference of a joint that a delay affects, and half of its interval, s.
+    """Delay of each reference of a joint, and half the width of the delay's interval, s. References that a delay does not
+    affect are left out.
 
-    A delay has no effect on a reference that stays constant. A delay that was not identified may belong to another reference.
+    A delay has no effect on a constant reference. References whose delay was free but had no effect are left out, too.
     """
     known = {one.key: one for one in result.estimates}
     estimates = tied({one.key: one.value for one in result.estimates if one.verdict != NO_EFFECT}, result.ties)
@@ -69,10 +76,11 @@ def _delays(result: FitResult | Resumed, block: ActuatorBlock) -> Iterator[tuple
 def _written_commands(
     result: FitResult | Resumed, delays: Mapping[str, float], folder: Path
 ) -> tuple[list[Path], dict[str, tuple[float, str]]]:
-    """Write the commands that a run plays instead of the recorded commands. Return the files, and for each command (by key) the
-    delay of its samples in s and the name of its file.
+    """Write the commands that a run plays instead of the recorded commands. Return the files and, by the key of each command,
+    the delay of its samples in s and the name of its file.
 
-    Zeros, scales, instants of jumps and delays that `imperfections` of the scenario cannot state are in the samples.
+    The written samples include the zero offsets, scales and instants of jumps, and the delays that `imperfections` of the
+    scenario cannot state.
     """
     files, shifts = list[Path](), dict[str, tuple[float, str]]()
     recorded = {command.key: command for command in result.played}
@@ -89,7 +97,7 @@ def _written_commands(
 def _delays_not_written(
     result: FitResult | Resumed, delays: Mapping[str, float], shifts: Mapping[str, tuple[float, str]]
 ) -> Iterator[str]:
-    """Sentences on estimated delays that were not written to a file."""
+    """Sentences on estimated delays that neither the scenario nor a file of commands contains."""
     for joint in dict.fromkeys(one.joint for one in result.replay.commands):
         late = [one for one in result.replay.commands if one.joint == joint and one.late]
         if joint in delays or all(one.key in shifts for one in late):
@@ -100,8 +108,8 @@ def _delays_not_written(
 
 
 def rotors_of_scenario(result: FitResult | Resumed, changes: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
-    """Fitted inertias of rotors that the scenario must state, kg m^2 (kg): behind a spring, those of the robot file have no
-    effect; elsewhere, values in the scenario have precedence.
+    """Fitted rotor inertias that the scenario must state, kg m^2 (kg for prismatic joints), by joint. A rotor inertia in the
+    robot file has no effect if the joint has a spring, or if the scenario states another value.
     """
     sprung, given = sprung_joints(result.robot), result.scenario.armature
     return {
@@ -150,7 +158,7 @@ def _scenario_text(
 def _as_played(
     result: FitResult | Resumed, references: Mapping[str, Any], shifts: Mapping[str, tuple[float, str]]
 ) -> dict[str, Any]:
-    """References of the scenario, in which playbacks repeat the commands as the fit played them."""
+    """References of the scenario. In the result, playbacks repeat the commands as the fit played them."""
     found = {joint: {**own} if isinstance(own, Mapping) else own for joint, own in references.items()}
     for one in result.replay.commands:
         place = one.joint if one.joint in found else "*"
@@ -163,26 +171,27 @@ def _as_played(
 
 
 def _playback_of(references: Any, name: str) -> dict[str, Any] | None:
-    """Keys of the playback of a reference; None if the reference is not a playback with keys."""
+    """Keys and values of a reference's playback; None if the reference is not a playback that is written with keys."""
     signal = references.get(name) if isinstance(references, Mapping) else None
     keys = signal.get("playback") if isinstance(signal, Mapping) and len(signal) == 1 else None
     return {**keys} if isinstance(keys, Mapping) else None
 
 
 def _rounded(value: float) -> float:
-    """Number with nine digits, as in the fitted robot file."""
+    """Number rounded to nine digits, as in the fitted robot file."""
     return float(f"{value:.9g}")
 
 
 def _starts(initial: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Start positions and velocities of joints, rounded to nine digits."""
+    """Initial positions and velocities of joints, rounded to nine digits."""
     plain: dict[str, Any] = mapped(initial, lambda value: _rounded(value) if isinstance(value, float) else value)
     return plain
 
 
 def _claims(result: FitResult | Resumed, shifts: Mapping[str, tuple[float, str]], folder: Path) -> Iterator[dict[str, Any]]:
-    """Claims that the run differs from the recording as the fit does, if the run repeats the recording. `asrsim plot` reads the
-    recording as the claims do: with the zeros, scales and delays of its sensors, and on its clock.
+    """Claims that the difference between the run and the recording is about as large as in the fit. There are no claims if the
+    run does not play all recorded commands. The claims read the recording with the estimated zero offsets, scales and delays of
+    its sensors and with its clock offset. `asrsim plot` reads it in the same way.
     """
     replay, signals = result.replay, result.scenario.references_of
     if not all(isinstance(signals(one.joint).get(one.reference), Playback) for one in replay.commands):

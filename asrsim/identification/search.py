@@ -1,33 +1,44 @@
-"""The search: least squares while an observer moves the simulation towards the recorded positions. The observer's bandwidth
-falls level by level to 0, where the simulation is free. Substeps and weights are then adapted to the estimates.
+"""The search: least squares in several levels. At each level but the last, an observer corrects the simulation towards the
+recorded positions. The observer's bandwidth falls from level to level. At the last level it is 0, and the simulation is free.
+After the search, substeps and weights are adapted to the estimates.
 
-With a fast observer the residuals are errors of short predictions, which have hardly more than one minimum. Each level starts
-at the estimate of the level before; if a free simulation fits after the first level, the others are left out. The free
-simulation is kept if it explains the recording, or if it follows the channels, and either predicts held-out parts as well as
-fitted parts or agrees with the slower levels. Otherwise errors of the model accumulate in it. A level then counts only if a
-free simulation of the whole recordings with that level's estimates explains as many channels as the fitted free simulation
-does, at each of three limits: 50, 90 and 95 % of a channel's variance. Of these levels, the level is kept whose estimates
-differ least between tenths of the recordings. If several levels differ equally, within chance, the level with the best
-predictions is kept. If this is the first level, the bandwidth rises as long as its level is kept. At a lower bandwidth errors
-of the model accumulate; at a higher one, predictions are so short that they show mostly noise. If no level is kept by these
-rules, the free simulation is kept.
+With a fast observer the residuals are errors of short predictions, and their sum of squares rarely has more than one minimum.
+The search at each level starts at the estimate of the level before. If a free simulation fits after the first level, the search
+ends there.
+
+The free simulation is kept if the model fits. It is also kept if it follows the channels and passes one of two tests: it
+predicts held-out parts as well as fitted parts, or its estimates agree with the estimates of the levels before it. Otherwise
+errors of the model accumulate in the free simulation, and the level to keep is selected in three steps.
+
+1. A level is a candidate if a free simulation of the whole recordings with its estimates explains as many channels as the
+fitted free simulation. Three limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free
+simulation is kept.
+2. Of the candidates, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ
+equally within chance, the level with the best predictions is kept.
+3. If this is the first level, further levels with higher bandwidths are tried, as long as the highest level is the best.
+
+At a low bandwidth, errors of the model accumulate in the predictions. At a high bandwidth, predictions are so short that they
+show mostly noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from asrsim.identification.extensions import extended, jumps, presliding, stairs
+from asrsim.identification.extensions import DECISIVE, extended, jumps, presliding
 from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, explains, fits, is_explained
-from asrsim.identification.parameters import JUMP
+from asrsim.identification.noise import independent_samples
+from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.problem import (
     FitProblem,
     differences,
     huber,
+    jacobian,
+    mean_square,
     residuals,
     slopes_along,
     solve,
@@ -39,30 +50,38 @@ from asrsim.metrics.values import root_mean_square
 from asrsim.samples import Array
 
 LEVELS = (8.0, 2.0, 0.5, 0.1)
-"""Bandwidths of the observer, in units of the band of the motion. A prototype found the right minima of five recorded machines
-at 0.25 to 8, from starts that were wrong by a factor of ten; at bandwidths below 0.1 it did not.
+"""Bandwidths of the observer, in units of the bandwidth of the motion. In a prototype study with recordings of five machines,
+the start values were wrong by a factor of ten. Bandwidths from 0.25 to 8 led to the right minima, and bandwidths below 0.1 did
+not.
 """
 EVALUATIONS, TWICE = 10, 2
-"""Largest number of evaluations of a search with an observer, and number of searches with new weights at each level, as in the
-prototype.
+"""EVALUATIONS: largest number of evaluations of a search with an observer.
+TWICE: number of searches with new weights at each level. The two numbers are from the prototype study of `LEVELS`.
 """
 AGREES = 1.1
-"""Two successive levels agree if the estimate of the first raises the mean square error at the second at most by this factor:
-the error itself rises by 5 %, as in the prototype.
+"""Two successive levels agree if the estimate of the faster level increases the mean square error at the slower level at most
+by this factor. The RMS error then increases by at most 5 %. The value is from the prototype study of `LEVELS`.
 """
 TIMED = 3
-"""Number of linear solutions for the instants of jumps. The error is nearly linear in them, so each solution leaves little."""
+"""Number of steps of the Gauss-Newton method for the instants of jumps. The residuals are nearly linear in the instants, so
+that few steps suffice.
+"""
 RISE = 2.0
-"""Factor by which the bandwidth rises from level to level, so small that predictions of successive levels cover similar times.
+"""Factor between the bandwidths of additional levels above the first one. It is so small that predictions of successive levels
+cover similar times.
 """
 CHANCE = (2.0 * (BLOCKS - 1)) ** -0.5
-"""Standard error of the logarithm of a standard deviation that is estimated from the tenths of a recording."""
+"""Standard error of the logarithm of a standard deviation that is estimated from tenths of a recording."""
 ELSEWHERE = (0.1, 10.0, 0.01, 100.0)
-"""Factors of all stiffnesses at which the search begins anew if the predictions do not follow a channel: one and
-two decades to both sides, since the start values of stiffnesses have the largest errors.
+"""If the predictions do not follow a channel, the search begins again with all stiffnesses multiplied by each of these factors:
+one and two decades down and up. Start values of stiffnesses have the largest errors.
 """
 SPRINGS = ("stiffness", "spring_k")
 """Words in the names of stiffnesses."""
+DELAYS = ("delay", CLOCK)
+"""Endings of the names of delays."""
+SLIGHT = 0.25
+"""Change of an estimate, in standard deviations, that does not matter: it widens an interval of 95 % by a thirtieth."""
 
 
 class Stopped(Exception):  # noqa: N818 - a request, not an error
@@ -70,20 +89,23 @@ class Stopped(Exception):  # noqa: N818 - a request, not an error
 
 
 class OutOfTime(Stopped):
-    """Raised between evaluations when the time of the fit is over."""
+    """Raised between evaluations when the time limit of the fit is reached."""
 
 
 @dataclass
 class Best:
-    """The best fit so far, stored outside the search so that the fit survives an interruption."""
+    """The best fit so far. It is stored outside the search, so that it is available after an interruption."""
 
     problem: FitProblem
     x: Array
     cost: float = np.inf
     slow: tuple[tuple[FitProblem, Array], ...] = ()
-    """If the free simulation is not kept: problem and estimate of the free simulation or, if it follows no channel, of the
-    levels that follow the channels, the slowest first. Errors of the model are largest at slow levels.
+    """Problems and estimates of slow levels if the free simulation is not kept; errors of the model have the largest effect at
+    slow levels. They are the free simulation or, if it does not follow the channels, the levels that follow the channels,
+    slowest first.
     """
+    rivals: tuple[Mapping[str, float], ...] = ()
+    """Estimates, by name, with commands that are held between samples, if these explain the recordings as well."""
 
     def take(self, problem: FitProblem, x: Array) -> None:
         """Replace the fit."""
@@ -92,15 +114,16 @@ class Best:
 
 def search(best: Best, begin: Callable[[str], None]) -> None:
     """Search level by level, and store the fit in `best`. begin: called with the name of each level."""
-    # Search without staircases first: far from the solution, a command played as a staircase might fit better by chance.
+    # Search without staircases first. Far from the solution, a command that is played as a staircase might fit better by
+    # chance.
     problem, found = best.problem.played(frozenset()), list[tuple[FitProblem, Array]]()
     begun = x = np.append(best.x, np.zeros(len(problem.layout) - len(best.x)))
     for level in (*(problem.distinct(LEVELS) if problem.observes else ()), 0.0):
         begin(_name(level))
         first = level == LEVELS[0]
         if not level and _likelihood((problem.observed(0.0), begun)) < _likelihood((problem.observed(0.0), x)):
-            # Return to the start of the search: short predictions may contain too little information, so that the search left a
-            # good start.
+            # Return to the start vector of the search. Short predictions may contain too little information, so that the search
+            # moved away from a good start vector.
             x = begun
         problem, x = _solved(problem.observed(level), x, times=1 if first else TWICE)
         if first:
@@ -108,7 +131,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
                 starts = [problem.layout.scaled(np.zeros(len(x)), SPRINGS, factor) for factor in ELSEWHERE]
                 problem, x = min([(problem, x), *(_solved(problem, start) for start in starts)], key=_likelihood)
             best.take(problem, x)
-            # If a free simulation fits from here, we are near the solution, and the intermediate levels are not needed.
+            # If a free simulation fits after a search from this estimate, the other levels are not needed.
             near = weighed(problem.observed(0.0), x)
             there = solve(near, x, rounds=EVALUATIONS)
             if fits(near, there):
@@ -117,14 +140,16 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
             problem, x = _solved(problem, x, times=1)
         found.append((problem, x))
         best.take(problem, x)
-    free = extended(problem, x, (stairs, jumps, presliding), enough=fits)
+    if not fits(problem, x):
+        _hold(best)
+    free = extended(best.problem, best.x, (jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
     most, followed = followed_by(free.problem, free.x), follows(free.problem, free.x)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # Short predictions may contain too little information, so that the search finds parameters with which a free simulation
-    # moves differently.
+    # A level is a candidate only if it passes `reaches`. Short predictions may contain too little information: their estimates
+    # may fail in a free simulation.
     levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if reaches(fit, most)]
     if not levels:
         return
@@ -144,16 +169,16 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Level:
-    """A level of the search, with the measures that decide whether it is kept."""
+    """A level of the search, with the measures by which the level to keep is selected."""
 
     problem: FitProblem
     x: Array
     spread: Array
-    """Standard deviations (n,) of the estimates from their spread between tenths of the recordings, in the vector's units; nan
-    for parameters without effect.
+    """Standard deviations (n,) of the estimates, from the spread between tenths of the recordings, in the vector's units. They
+    are nan for parameters without effect.
     """
     error: float
-    """Negative logarithm of the likelihood of the predictions, for each sample."""
+    """Negative logarithm of the likelihood of the predictions, per sample, up to a constant and a factor."""
 
 
 def _judged(problem: FitProblem, x: Array) -> _Level:
@@ -161,13 +186,13 @@ def _judged(problem: FitProblem, x: Array) -> _Level:
 
 
 def _best(levels: Sequence[_Level]) -> _Level:
-    """The level with the best predictions, of the levels whose estimates differ least (within chance) between tenths of the
-    recordings.
+    """The level to keep. Its estimates differ least between tenths of the recordings; of levels that differ equally within
+    chance, it has the best predictions.
     """
     entries = levels[0].problem.layout.entries
-    # Parameters of single recordings, such as initial positions, matter less to short predictions.
+    # Leave out parameters of single recordings, such as initial positions, since they affect short predictions less.
     shared = [entry.track is None for entry in entries]
-    # A spread larger than the parameter itself only means that the parameter is unknown: limit it to the parameter's size.
+    # A spread above the size of the parameter only means that the parameter is unknown, so limit the spread to this size.
     most = [
         1.0 if entry.logarithmic else max(abs(entry.value(float(one.x[i]))) for one in levels) / entry.size or 1.0
         for i, entry in enumerate(entries)
@@ -183,7 +208,9 @@ def _name(level: float) -> str:
 
 
 def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProblem, Array]:
-    """Problem with weights and substeps of the estimate, and estimate. times: number of searches with an observer."""
+    """Estimate from a search, and the problem with the weights and substeps that suit the start vector of the last search.
+    times: number of searches if the problem has an observer.
+    """
     observed = problem.playing.bandwidth > 0.0
     for _ in range(times):
         problem = weighed(with_own_substeps(problem, x), x)
@@ -211,28 +238,28 @@ def follows(problem: FitProblem, x: Array) -> bool:
 
 
 def followed_by(problem: FitProblem, x: Array) -> list[int]:
-    """Numbers of channels of whose variance a free simulation of the whole recordings with these estimates explains at least
-    50, 90 and 95 %.
+    """Numbers of channels that a free simulation of the whole recordings with these estimates explains, at three limits: more
+    than 50, 90 and 95 % of a channel's variance.
     """
     found = differences(problem.observed(0.0).everything, x)
     return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
 
 
 def reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
-    """Whether a free simulation with these estimates explains as many channels as another simulation; most: result of
-    `followed_by` for that simulation.
+    """Whether a free simulation with these estimates explains at least as many channels as another simulation, at each limit.
+    most: result of `followed_by` for the other simulation.
     """
     return all(own >= least for own, least in zip(followed_by(*fit), most, strict=True))
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:
-    """Negative logarithm of the likelihood of predictions with unknown noise, for each sample."""
+    """Negative logarithm of the likelihood of predictions with unknown noise, per sample, up to a constant and a factor."""
     sizes = [float(np.mean(left**2)) if np.isfinite(left).all() else np.inf for _, left in differences(*fit)]
     return float(np.sum(np.log(np.maximum(sizes, 1e-300))))
 
 
 def _transfers(problem: FitProblem, x: Array) -> bool:
-    """Whether a fit predicts held-out parts as well as the parts that were fitted."""
+    """Whether a fit predicts the held-out parts as well as the fitted parts."""
     parts = [
         (left[: (count := part.channel.until(problem.ends[part.track]))], left[count:])
         for part, left in differences(problem.everything, x)
@@ -248,7 +275,7 @@ def _agree(fit: tuple[FitProblem, Array], slower: tuple[FitProblem, Array]) -> b
 
 
 def has_outliers(values: Array) -> bool:
-    """Whether the residuals have isolated outliers; consecutive large residuals are model errors."""
+    """Whether the residuals have isolated outliers. Consecutive large residuals are model errors, not outliers."""
     size = np.abs(values - np.median(values))
     far = size > 5.0 * np.median(size) / 0.6745
     alone = far[1:-1] & ~far[:-2] & ~far[2:]
@@ -256,26 +283,82 @@ def has_outliers(values: Array) -> bool:
 
 
 def refined(problem: FitProblem, x: Array) -> Array:
-    """Least-squares solution, from a start vector near the solution; with the Huber loss if there are outliers."""
+    """Least-squares solution, from a start vector near the solution. The Huber loss is used if there are outliers."""
     return solve(problem, x, robust=has_outliers(residuals(problem, x)))
 
 
 def settle(best: Best) -> None:
-    """Adapt substeps and weights to the estimates; add instants of jumps and pre-sliding friction if they are significant."""
+    """Adapt substeps and weights to the estimates. Add staircases, instants of jumps and pre-sliding friction if they are
+    significant.
+    """
     _resolve(best)
-    # Try these effects unless the residuals are zero: with many samples, jumps and pre-sliding friction are significant even if
-    # the residuals look like noise.
+    smooth = best.problem.playing
+    _hold(best)
+    if best.problem.playing != smooth:
+        _resolve(best)
+    # Try these effects unless the residuals are negligible. If the recording has many samples, jumps and pre-sliding friction
+    # may be significant although the residuals look like noise.
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
-    # Reject effects with which a free simulation no longer follows the recording: short predictions may gain by them
-    # nevertheless.
+    # Reject effects with which a free simulation explains fewer channels. Such effects may nevertheless improve short
+    # predictions.
     if found.chosen and reaches((found.problem, found.x), followed_by(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
     best.x = _timed(best.problem, best.x)
 
 
+def _hold(best: Best) -> None:
+    """Play the commands as staircases if that explains the recordings decisively better. A delay of half a sampling interval
+    imitates a staircase, and the motions of the training part may be too slow to tell them apart: held-out parts decide, too.
+    """
+    problem, x, data = best.problem, best.x, [best.problem.tracks[i].data for i in best.problem.fitted]
+    smooth = {one.key for own in data for one in own.commands if not one.hold and not one.is_motion}
+    held = problem.played(problem.playing.staircases | smooth)
+    if held.playing == problem.playing:
+        return
+    start = _sooner(problem, x)
+    left, after, slopes = residuals(problem, x), residuals(held, start), jacobian(problem, x)
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    move = -inverse @ (slopes.T @ after)
+    linear, samples = float(np.mean((after + slopes @ move) ** 2)), max(independent_samples(left), 2.0)
+    gain = samples * float(np.log(np.mean(left**2) / max(linear, 1e-300)))
+    moved = np.abs(move) > SLIGHT * np.sqrt(np.diag(inverse))
+    estimated = [one.track is None and not one.key.endswith(DELAYS) for one in problem.layout.entries]
+    if gain < -DECISIVE or _acts_early(problem, start + move) or (gain < DECISIVE and not (moved & estimated).any()):
+        return
+    there = refined(held, np.clip(start + move, *problem.layout.bounds))
+    if abs(gain) < DECISIVE:
+        wholes = [(one.whole, refined(one.whole, y)) for one, y in ((problem, x), (held, there))]
+        smoothly, stepwise = (mean_square(*whole) for whole in wholes)
+        gain = samples * len(residuals(*wholes[0])) / len(left) * float(np.log(smoothly / stepwise))
+    if gain > DECISIVE:
+        best.take(held, there)
+    best.rivals = (held.layout.named(there),) if abs(gain) <= DECISIVE else ()
+
+
+def _acts_early(problem: FitProblem, x: Array) -> bool:
+    """Whether a command acts earlier than it was recorded, by more than half of the difference between held and smooth ones."""
+    delays = {f"{one.key}.delay": track.sampling for track in problem.tracks for one in track.data.commands}
+    entries = zip(problem.layout.entries, x.tolist(), strict=True)
+    return any(one.value(place) < -0.25 * delays[one.key] for one, place in entries if one.key in delays)
+
+
+def _sooner(problem: FitProblem, x: Array) -> Array:
+    """Vector with delays of the commands that are shorter by half a sampling interval; a clock delays all commands."""
+    delays = {f"{one.key}.delay" for track in problem.tracks for one in track.data.commands}
+    free = {one.key for one in problem.layout.entries} & delays or {CLOCK}
+    shorter = x.copy()
+    for i, entry in enumerate(problem.layout.entries):
+        if entry.key in free:
+            track = problem.tracks[problem.fitted[0] if entry.track is None else entry.track]
+            shorter[i] -= 0.5 * track.sampling / entry.size
+    return shorter
+
+
 def _timed(problem: FitProblem, x: Array) -> Array:
-    """Vector with fitted instants of the jumps in held-out parts; the error is nearly linear in these instants."""
+    """Parameter vector in which the instants of jumps in held-out parts are fitted to these parts. The residuals are nearly
+    linear in these instants.
+    """
     from scipy.optimize import lsq_linear
 
     whole, (low, high), x = problem.everything, problem.layout.bounds, x.copy()

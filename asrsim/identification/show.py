@@ -1,4 +1,4 @@
-"""Result of a fit as text: tables of parameters and errors, remarks and judgement."""
+"""Result of a fit as text: tables of parameters and of errors, remarks and judgement."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from asrsim.quantities import prefixed
 from asrsim.tables import TableColumn
 
 NOTHING = 1e-6
-"""Fraction of an interval's width below which a number is shown as 0."""
+"""A number is shown as 0 if it is below this fraction of its interval's width."""
 
 
 def estimate_columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
@@ -31,11 +31,11 @@ def estimate_columns(result: FitResult | Resumed) -> Sequence[TableColumn]:
 
 
 ERRORS = ("before", "after", "held_before", "held_after", "noise")
-"""Fields of `ChannelFit` whose values are in the unit of the channel."""
+"""Fields of `ChannelFit` with values in the unit of the channel."""
 
 
 def errors(result: FitResult) -> Sequence[TableColumn]:
-    """Table of channels: errors before and after the fit, of the training part and of the held-out part."""
+    """Table of channels, with the errors of the training part and of the held-out part before and after the fit."""
     rows = result.channels
     several = len({one.recording for one in rows}) > 1
     names = [f"{one.key} ({one.recording})" if several else one.key for one in rows]
@@ -59,7 +59,7 @@ def errors(result: FitResult) -> Sequence[TableColumn]:
 
 
 def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
-    """Reasons of the verdicts, remarks, and the statement whether the model fits, as pairs (text, style)."""
+    """Reasons of the verdicts, remarks, and the statement whether the model fits, each as a pair (text, style)."""
     for one in result.estimates:
         if one.reason:
             yield f"{one.name}: {one.verdict}: {one.reason}", "yellow"
@@ -85,7 +85,7 @@ def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
     if result.accepted:
         yield "  accepted: the robot is written with all estimates, since only together they explain the recording", "yellow"
     if not result.causes:
-        yield "  no missing effect was found; look at the residuals in the picture", "red"
+        yield "  no missing effect was found among those that were tried; look at the residuals in the picture", "red"
 
 
 def _digits(one: Estimate, number: float, count: int) -> str:

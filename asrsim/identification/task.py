@@ -1,4 +1,6 @@
-"""Task of `asrsim identify`: scenario, recordings, free parameters and ties, from a fit file or the command line."""
+"""Task of `asrsim identify`: scenario, recordings, free parameters and ties. The task is from a fit file or from the command
+line.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,7 @@ _WISHES = ((), ("start",), ("low", "high"), ("low", "start", "high"))
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A recording, and the mapping of its columns."""
+    """A recording, with the mapping of its columns to quantities."""
 
     file: Path = declare(File(noun="recording", attach=False, folder=True, exists=False), doc="the recording")
     mapping: tuple[str, ...] = declare(
@@ -40,7 +42,9 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True)
 class Wish:
-    """Start, bounds and sharing of a free parameter, or of all parameters that match a pattern."""
+    """Start value and bounds of a free parameter, and whether each recording has a separate value. The wish may apply to all
+    parameters that match a pattern.
+    """
 
     start: float | None = declare(NUMBER, default=None, shown="the robot's value", doc="where the search begins")
     low: float | None = declare(NUMBER, default=None, shown="what is physically possible", doc="least value")
@@ -52,7 +56,9 @@ class Wish:
 
 @dataclass(frozen=True, kw_only=True)
 class Tie:
-    """A parameter that is a multiple of another; with `*` the tie holds for all matching keys."""
+    """A parameter that is a multiple of another parameter: key = factor * to. If the key contains `*`, the tie holds for all
+    matching keys.
+    """
 
     key: str
     to: str
@@ -65,7 +71,9 @@ _FREE = MapOf(of=block_of(Wish, "free parameter", main="start"), noun="key", sta
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """The contents of a fit file. Keys are `joint_1.spring_k_1`, `link_1.izz`, `joint_1.link_position.offset`, `clock`, ..."""
+    """The contents of a fit file. Examples of parameter keys are `joint_1.spring_k_1`, `link_1.izz`,
+    `joint_1.link_position.offset` and `clock`.
+    """
 
     scenario: Path = declare(
         File(noun="scenario", attach=False), doc="scenario of the robot, with the commands that are not recorded"
@@ -127,12 +135,12 @@ def task_of(
     plugins: Sequence[str | Path] = (),
     **options: Any,
 ) -> Task:
-    """Task of a scenario or a fit file. Free parameters and ties are added to those of the fit file; other arguments replace
-    values of the fit file. Raises InputError with every problem.
+    """Task from a scenario or a fit file. Free parameters and ties are added to the free parameters and ties of the fit file.
+    Other arguments replace values of the fit file. Raises InputError with all problems.
 
     free: texts `KEY[=...]`, or values by key as in a fit file; ties: texts `KEY=[FACTOR*]KEY`, or texts by key; own: keys of
-    parameters with a separate value for each recording; mapping, rate: for all recordings, with precedence over the
-    fit file; plugins: files that the fit file may load.
+    parameters with a separate value for each recording; mapping, rate: mapping of columns and sampling rate in Hz of all
+    recordings, with precedence over the fit file; plugins: plugin files that the fit file may load.
     """
     path, faults, reading = Path(scenario), list[Problem](), DocumentReading()
     fit = kind_of(path) == "fit"
@@ -163,7 +171,7 @@ def task_of(
     if faults or reading.problems or found is None:
         raise InputError([*faults, *reading.problems])
     check_named(found.plugins, one_or_more(plugins), file=path)
-    # If a column has two meanings, the last one counts; meanings from the fit file come first.
+    # If a column has two meanings, the last one counts. Therefore place the meanings of the fit file first.
     trials, tests = (
         tuple(
             replace(one, mapping=(*one.mapping, *one_or_more(mapping)), rate=one.rate if rate is None else rate)

@@ -1,8 +1,9 @@
-"""Why the prediction of another motion fails: the fitted recordings contain too little information, or the model lacks an
-effect.
+"""Reasons why the prediction of another motion fails. Either the fitted recordings contain too little information, or the model
+lacks an effect.
 
-Two motions may differ in how hard they are to predict: a link that rests where friction holds it may rest anywhere within a
-band. So the error of a prediction is compared with the error that remains if the model is also fitted to this motion.
+Some motions are more difficult to predict than others. For example, friction may hold a link at rest at any position of an
+interval. Therefore the error of a prediction is compared with the error that remains if the model is also fitted to this
+motion.
 """
 
 from __future__ import annotations
@@ -18,25 +19,25 @@ from asrsim.identification.search import refined
 from asrsim.samples import Array
 
 TRANSFERS = 1.5
-"""Largest ratio of the prediction error to the error of a fit to the same motion at which the estimates count as valid for this
-motion.
+"""The estimates count as valid for another motion if the prediction error is at most this multiple of the error of a fit to
+this motion.
 """
 
 
 def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
-    """Sentences on recordings that are predicted but not fitted: whether the error would fall if they were also fitted.
-    problem: with a free simulation; x: estimate.
+    """Sentences on recordings that are predicted but not fitted. They state whether the error falls if such a recording is also
+    fitted. problem: problem with a free simulation; x: estimated parameter vector.
     """
     predicted = [i for i, track in enumerate(problem.tracks) if track.data.predicted_only]
     if not predicted:
         return
-    # The predicted recordings get no values of their own: only parameters of the robot and parameters that all recordings share
-    # are fitted to them.
+    # The predicted recordings have no separate parameters. Only parameters of the robot and parameters that all recordings
+    # share are fitted to them.
     everything = weighed(problem.everything, x)
     there = refined(everything, x)
     before, after = _errors(everything, x), _errors(everything, there)
     for track in predicted:
-        # A fit to all recordings may predict one of them worse than before.
+        # After a fit to all recordings, the error of one recording may be larger than before.
         name, ratio = problem.tracks[track].data.name, max(before[track] / max(after[track], 1e-300), 1.0)
         if ratio > TRANSFERS:
             yield (
@@ -52,7 +53,9 @@ def failed_predictions(problem: FitProblem, x: Array) -> Iterator[str]:
 
 
 def _errors(problem: FitProblem, x: Array) -> dict[int, float]:
-    """Error of each recording: root mean square of its channels' residuals relative to the recorded motion."""
+    """Error of each recording, by its index: root mean square of its channels' residuals, each relative to the recorded
+    motion.
+    """
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):
         found.setdefault(part.track, []).append(size_of(left) / max(float(np.std(part.recorded)), part.noise))

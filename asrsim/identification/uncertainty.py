@@ -1,8 +1,8 @@
 """Intervals of the estimates, from the noise in the residuals and from the spread between blocks of the recordings.
 
-The covariance of least squares is H S H: J is the Jacobian of the residuals r, H the inverse of J'J, and S the covariance of
-J'r. S follows from the noise of each channel: from its spectrum, by an autoregression of the residuals, and from the steps of
-its encoder.
+The covariance of least squares is H S H, where J is the Jacobian of the residuals r, H the inverse of J'J, and S the covariance
+of J'r. S is computed from the noise of each channel. The spectrum of this noise is estimated by an autoregression of the
+residuals. For an encoder, the noise is simulated with the encoder's steps.
 """
 
 from __future__ import annotations
@@ -19,41 +19,47 @@ from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
 BLOCKS = 10
-"""Number of blocks of each recording whose gradients give the spread. With ten blocks, the 95 % interval of Student's
-distribution is only 15 % wider than with many blocks, and each block is still much longer than the memory of a motion.
+"""Number of blocks into which each recording is divided. The spread of an estimate is computed from the gradients of the
+blocks. With ten blocks, the 95 % interval of Student's distribution is only 15 % wider than with many blocks, and each block is
+still much longer than the correlation time of a motion.
 """
 CHANCE = 0.95
-"""The spread between blocks is used if it exceeds this quantile of its distribution under white noise. Under white noise it is
-thus used in 5 % of fits, as often as a 95 % interval misses the true value.
+"""The spread between blocks is used if it exceeds this quantile of its distribution under the estimated noise. If that noise is
+right, the spread is used in 5 % of fits, as often as a 95 % interval misses the true value.
 """
 GONE = 1e3
-"""Standard deviation, in the vector's units, above which a direction is unidentifiable: even the exponent of a number would be
-unknown.
+"""A direction of the parameter vector is unidentifiable if its standard deviation exceeds this value, in the vector's units.
+Not even the power of ten of a number is then known.
 """
 REACH = 1e-3
-"""Largest step of a directional derivative, in the vector's units: 0.1 % of a number, where residuals are nearly linear."""
+"""Largest step of a directional derivative, in the vector's units. It is 0.1 % of a number, and residuals are nearly linear
+over it.
+"""
 DRAWS = 100
-"""Number of random draws of an encoder's quantisation: they give a standard deviation within 7 %."""
+"""Number of random draws of an encoder's quantisation. The standard deviation that they give has a standard error of 7 %."""
 SMOOTH = 0.02
-"""Relative change of a directional derivative over one standard deviation of the estimate, below which the residuals are
-smooth. It is small compared with 5 %, the largest half width of an identified parameter.
+"""The residuals are smooth along a direction if the directional derivative changes over one standard deviation of the estimate
+by at most this fraction. It is small compared with 5 %, the largest relative half width of an identified parameter's interval.
 """
 AGREES, ROUNDS = 0.3, 4
-"""Relative change below which corrected directional derivatives are accepted: a correction covers the whole interval, one
-standard deviation to both sides. Largest number of rounds of correction: each may reveal directions that need another.
+"""AGREES: a corrected directional derivative is accepted if the correction changes it at most by this fraction. Corrected
+derivatives are measured over one standard deviation to both sides.
+ROUNDS: largest number of rounds of correction. A round may reveal directions that need a further correction.
 """
 BEYOND, SINGLE = 6.0, 0.05
-"""Residual, in standard deviations of the noise, above which a sample is an outlier; fraction of the samples above which such
-samples are errors of the model, and count in full.
+"""BEYOND: a sample is an outlier if its residual exceeds this number of standard deviations of the noise.
+SINGLE: if at least this fraction of the samples are outliers, they are errors of the model and are not clipped.
 """
 PLAYED = 8
-"""Number of random draws of the commands' noise: they give the part of a standard deviation due to this noise within 25 %."""
+"""Number of random draws of the commands' noise. The standard deviation that they give has a standard error of 25 %."""
 CORRECTIONS = 3
-"""Number of rounds that correct autocovariances for the fitted parameters. Each round reduces the error by the ratio of
-parameters to samples.
+"""Number of rounds that correct the autocovariances of residuals for the fitted parameters. Each round multiplies the remaining
+error by about the ratio of parameters to samples.
 """
 STATIONARY = 1e-3
-"""Smallest allowed distance of an autoregressive model from instability: noise that remembers a thousand samples."""
+"""Smallest allowed distance of an autoregressive model from instability. At this distance, the correlation time of the noise is
+a thousand samples.
+"""
 
 
 @dataclass(frozen=True)
@@ -63,8 +69,8 @@ class Uncertainty:
     inverse: Array
     """Pseudo-inverse (n, n) of J'J in the identifiable directions."""
     deviation: Array
-    """Standard deviations (n,), the larger of an estimate from noise and an estimate from blocks; nan for unidentifiable
-    entries.
+    """Standard deviations (n,), from the noise or from the spread between blocks; the larger one is used. They are nan for
+    unidentifiable entries.
     """
     jacobian: Array
     """Derivatives (m, n) of the weighted residuals."""
@@ -75,22 +81,22 @@ class Uncertainty:
     freedom: float
     """Degrees of freedom of the noise's variance."""
     scores: Array
-    """Gradients (blocks, n) of the blocks' sums of squares; empty if only white noise is assumed."""
+    """Gradients (blocks, n) of half the blocks' sums of squares; empty if white noise is assumed."""
     firsts: NDArray[np.intp]
-    """First row of each recording in the scores, (recordings,)."""
+    """Index of the first row of each recording in `scores`, (recordings,)."""
     at_bound: NDArray[np.bool_]
-    """Whether each entry (n,) of the vector ended at a bound."""
+    """Whether each entry of the vector ended at a bound, (n,)."""
 
     @property
     def covariance(self) -> Array:
-        """Covariance (n, n) of the vector: the inverse of J'J, scaled so that its diagonal agrees with `deviation`."""
+        """Covariance (n, n) of the vector: `inverse`, scaled so that its diagonal agrees with the squares of `deviation`."""
         sizes = np.sqrt(np.diag(self.inverse))
         ratio = np.nan_to_num(self.deviation / np.where(sizes > 0.0, sizes, np.inf))
         return np.asarray(self.inverse * np.outer(ratio, ratio))
 
     def deviations(self, directions: Array) -> tuple[Array, Array]:
-        """Standard deviations (k,) from noise or from the spread between blocks, and half widths of the 95 % intervals in units
-        of these deviations.
+        """Standard deviations (k,) of estimated quantities, and half widths (k,) of their 95 % intervals in units of these
+        deviations. The deviations are from the noise or from the spread between blocks.
 
         directions: derivatives (k, n) of the estimated quantities with respect to J'r.
         """
@@ -98,7 +104,7 @@ class Uncertainty:
 
         ordinary = np.sum((directions @ self.noise) * directions, axis=1)
         deviation, quantile = np.sqrt(ordinary), np.full(len(ordinary), stdtrit(self.freedom, 0.975))
-        # Also use the spread between whole recordings: it may exceed the spread between the blocks of one recording.
+        # Also use the spread between whole recordings, since it may exceed the spread between the blocks of one recording.
         recordings = np.add.reduceat(self.scores, self.firsts, axis=0) if len(self.firsts) > 1 else self.scores[:0]
         for scores in (self.scores, recordings):
             count = len(scores)
@@ -113,12 +119,14 @@ class Uncertainty:
 
     @property
     def of_a_block(self) -> Uncertainty:
-        """Uncertainty of an estimate from a single block, which shows how estimates of a wrong model differ between parts."""
+        """Uncertainty of an estimate from a single block. It shows how the estimates of a wrong model differ between parts of
+        the recordings.
+        """
         return replace(self, deviation=np.maximum(self.deviation, self.spread * len(self.scores) ** 0.5))
 
     @property
     def spread(self) -> Array:
-        """Standard deviations (n,) from the spread between blocks alone; nan for unidentifiable entries."""
+        """Standard deviations (n,) from the spread between blocks only; nan for unidentifiable entries."""
         return np.where(np.isnan(self.deviation), np.nan, np.sqrt(np.sum((self.scores @ self.inverse) ** 2, axis=0)))
 
 
@@ -131,93 +139,92 @@ class _Noise:
     shown: Array
     """Autocovariance (lags,) of the residuals."""
     lost: Array
-    """Autocovariance (lags,) of the noise minus the autocovariance of the residuals, which are smaller since parameters were
-    fitted.
+    """Autocovariance (lags,) of the noise minus autocovariance of the residuals. The residuals are smaller than the noise since
+    parameters were fitted.
     """
 
     @cached_property
-    def _model(self) -> tuple[Array, float]:
-        """Power spectrum at the frequencies of at least 2 n samples, and degrees of freedom of its level at low frequencies."""
-        from scipy.fft import rfft
-
+    def _model(self) -> tuple[Array, float, float]:
+        """Coefficients of the autoregression, variance of its white noise, and degrees of freedom of the noise's spectral level
+        at low frequencies.
+        """
         covariances, samples = self.shown + self.lost, len(self.basis)
         model, power = autoregression(covariances, samples)
         total, order = float(np.sum(model)), len(model)
-        # The spectral level at frequency 0 is power / (1 - total)^2; the variance of `total` follows from the least-squares fit
-        # of the coefficients.
+        # The spectral level at frequency 0 is power / (1 - total)^2. The variance of `total` is computed from the least-squares
+        # fit of the coefficients.
         lags = np.abs(np.subtract.outer(np.arange(order), np.arange(order)))
         ones = np.ones(order)
         variance = power * float(ones @ np.linalg.lstsq(covariances[lags], ones)[0]) / samples if order else 0.0
         relative = 2.0 / samples + 4.0 * variance / max(1.0 - total, STATIONARY) ** 2
-        gain = np.maximum(np.abs(rfft(np.append(1.0, -model), self._length)), STATIONARY)
-        return power / gain**2, 2.0 / relative
-
-    @cached_property
-    def _length(self) -> int:
-        """Number of samples of the Fourier transforms: at least 2 n, without large prime factors, which are slow."""
-        from scipy.fft import next_fast_len
-
-        return int(next_fast_len(2 * len(self.basis), real=True))
+        return model, power, 2.0 / relative
 
     @property
     def freedom(self) -> float:
         """Degrees of freedom of the estimated spectral level at low frequencies."""
-        return self._model[1]
-
-    def times(self, columns: Array) -> Array:
-        """Product (n, k) of C and columns (n, k)."""
-        from scipy.fft import irfft, rfft
-
-        n, power = len(columns), self._model[0]
-        waves = power * rfft(columns.T, self._length)
-        return np.asarray(irfft(waves, self._length)[:, :n].T)
+        return self._model[2]
 
     @cached_property
-    def spread(self) -> Array:
-        """C times the basis, (n, k)."""
-        return self.times(self.basis)
+    def _spread(self) -> tuple[Array, Array]:
+        """C times the basis, (n, k), and autocovariance (lags,) of the noise."""
+        from scipy.fft import irfft, next_fast_len, rfft
+
+        (model, power, _), n, lags = self._model, len(self.basis), len(self.shown)
+        if not len(model):
+            # White noise needs no Fourier transform.
+            return power * self.basis, power * (np.arange(lags) == 0)
+        # The transforms have at least 2 n samples. A number of samples with large prime factors would make them slow.
+        length = int(next_fast_len(2 * n, real=True))
+        gain = np.maximum(np.abs(rfft(np.append(1.0, -model), length)), STATIONARY)
+        spectrum = power / gain**2
+        spread = irfft(spectrum * rfft(self.basis.T, length), length)[:, :n]
+        return np.ascontiguousarray(spread.T), irfft(spectrum, length)[:lags]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance (k, k) of the products of the basis' columns with the noise."""
+        return np.asarray(self.basis.T @ self._spread[0])
 
     def corrected(self, taken: Array) -> _Noise:
-        """Noise whose autocovariance is corrected for the fitted parameters. taken: basis' C basis (k, k), summed over the
-        channels.
+        """Noise with an autocovariance that is corrected for the fitted parameters. taken: sum of the channels' `covariance`
+        (k, k).
         """
-        from scipy.fft import irfft
-
-        n, basis, own = len(self.basis), self.basis, irfft(self._model[0], self._length)
-        crossed = 2.0 * self.spread - basis @ taken
+        n, basis, (spread, own) = len(self.basis), self.basis, self._spread
+        crossed = 2.0 * spread - basis @ taken
         lost = [
-            lag * own[lag] + 0.5 * float(np.sum(basis[: n - lag] * crossed[lag:]) + np.sum(crossed[: n - lag] * basis[lag:]))
+            lag * own[lag] + 0.5 * float(np.vdot(basis[: n - lag], crossed[lag:]) + np.vdot(crossed[: n - lag], basis[lag:]))
             for lag in range(len(self.shown))
         ]
         return replace(self, lost=np.array(lost) / n)
 
 
 def noise_of(problem: FitProblem, left: Array, slopes: Array) -> tuple[Array, float]:
-    """Covariance (n, n) of J'r due to the channels' noise, and its degrees of freedom.
+    """Covariance (n, n) of J'r due to the channels' noise, and the degrees of freedom of this covariance.
 
-    Fitting reduces the residuals, especially if the noise is as slow as the motion. The autocovariances of the residuals are
-    corrected by the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left: residuals (m,); slopes: Jacobian (m,
-    n).
+    The fit of the parameters makes the residuals smaller than the noise, especially if the noise is as slow as the motion. The
+    autocovariances of the residuals are corrected for the expected reduction (Worsley et al. 2002, NeuroImage 15, 1-15). left:
+    residuals (m,); slopes: Jacobian (m, n).
     """
-    parts, basis = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)[0]
+    parts, (basis, root) = [part for part in problem.parts if len(part.time) > 1], np.linalg.qr(slopes)
     shown = [autocovariances(left[part.rows]) for part in parts]
     noises = [_Noise(basis[part.rows], own, np.zeros(len(own))) for part, own in zip(parts, shown, strict=True)]
     for _ in range(CORRECTIONS):
-        taken = sum((noise.basis.T @ noise.spread for noise in noises), np.zeros((1, 1)))
+        taken = sum((noise.covariance for noise in noises), np.zeros((1, 1)))
         noises = [noise.corrected(taken) for noise in noises]
     total = np.zeros((slopes.shape[1],) * 2)
     for part, noise in zip(parts, noises, strict=True):
-        own = slopes[part.rows]
         if part.channel.quantum:
-            scores = own.T @ _encoder_noise(part, left[part.rows])
+            scores = slopes[part.rows].T @ _encoder_noise(part, left[part.rows])
             total += scores @ scores.T / DRAWS
         else:
-            total += own.T @ noise.times(own)
+            total += root.T @ noise.covariance @ root
     return total, max(sum(noise.freedom for noise in noises) - slopes.shape[1], 1.0)
 
 
 def _encoder_noise(part: Part, left: Array) -> Array:
-    """Random residuals (n, draws) of an encoder with a random zero within a step, for the predicted motion with noise."""
+    """Random residuals (n, draws) of an encoder that measures the predicted motion with noise. The zero of the encoder is
+    random within a step.
+    """
     generator = np.random.default_rng(0)
     step, size = part.channel.quantum, (len(left), DRAWS)
     power = float(np.mean(left**2)) * part.noise**2
@@ -229,18 +236,18 @@ def _encoder_noise(part: Part, left: Array) -> Array:
 
 
 def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick: bool = False) -> Uncertainty:
-    """Uncertainty of the parameter vector x. Entries at a bound count as free.
+    """Uncertainty of the parameter vector x. Entries at a bound are treated as free.
 
-    foreseen: whether x is a start value without a search: the residuals are then assumed to be white noise. quick: whether
-    derivatives are computed with only one simulation for each entry.
+    foreseen: whether x is a start vector and no search was made, so that the residuals are assumed to be white noise; quick:
+    whether derivatives are computed with only one simulation for each entry.
     """
     n, left = len(x), residuals(problem, x)
-    # Without a search, an entry that starts at a bound, such as a delay of 0, did not move to the bound.
+    # Without a search, an entry at a bound, such as a delay of 0, only starts there.
     at_bound = problem.layout.at_bound(x) & (not foreseen)
     slopes = jacobian(problem, x, base=left)
     if not quick:
         slopes = with_faint_directions(problem, x, slopes)
-    # Clip outliers, as the fit does.
+    # Clip outliers, as in the fit.
     left = np.clip(left, -CLIPPED, CLIPPED) if np.mean(np.abs(left) > BEYOND) < SINGLE else left
     _, singular, vectors = np.linalg.svd(np.linalg.qr(slopes, mode="r"))
     kept = singular > max(1.0 / GONE, 1e-12 * singular.max(initial=0.0))
@@ -257,18 +264,18 @@ def uncertainty(problem: FitProblem, x: Array, *, foreseen: bool = False, quick:
     noise, freedom = (slopes.T @ slopes, float(len(left))) if foreseen else noise_of(problem, left, slopes)
     found = Uncertainty(inverse, np.empty(0), slopes, np.empty(0), noise, freedom, scores, firsts, at_bound)
     deviation, quantile = found.deviations(inverse)
-    # Entries in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
+    # Entries with a component in a discarded direction are unidentifiable, although the pseudo-inverse gives a value.
     lost = np.sum(vectors[~kept] ** 2, axis=0) > 1e-6
     return replace(found, deviation=np.where(lost, np.nan, deviation), quantile=quantile)
 
 
 def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array:
-    """Jacobian (m, n) corrected by differences along its singular vectors, over one standard deviation each.
+    """Jacobian (m, n), corrected by differences along its singular vectors. Each difference covers one standard deviation.
 
-    Sticking joints make residuals non-smooth, so that small differences between columns are unreliable. If the derivative along
-    a direction changes over one standard deviation, it is corrected by central differences; the correction is repeated while
-    derivatives change. If the Jacobian predicts the effect of all directions together, directions are not checked separately.
-    Entries near a bound have one-sided derivatives.
+    Joints that stick make residuals non-smooth, so that small differences between columns are unreliable. If the derivative
+    along a direction changes over one standard deviation, it is corrected by central differences. The correction is repeated
+    for directions whose derivatives it changes much. If the Jacobian predicts the effect of a move along all directions
+    together, directions are not checked separately. Entries near a bound have one-sided derivatives.
     """
     low, high = problem.layout.bounds
     inside = (x - REACH >= low) & (x + REACH <= high)
@@ -298,8 +305,9 @@ def with_faint_directions(problem: FitProblem, x: Array, slopes: Array) -> Array
 
 
 def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes: Array) -> bool:
-    """Whether a Jacobian (m, n) predicts a move along all directions (k, n), such that a wrong derivative along any of them
-    would show: each has the same part of the effect. sizes: sizes (k,) of the Jacobian along the directions.
+    """Whether a Jacobian (m, n) predicts the effect of a move along all directions together. Each direction has an equal share
+    of the effect, so that a wrong derivative along any direction shows. basis: directions (k, n); sizes: sizes (k,) of the
+    Jacobian along the directions.
     """
     if not sizes.min() > 0.0:
         return False
@@ -310,13 +318,13 @@ def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes:
 
 
 def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
-    """Uncertainty that includes the effects of the time step and of noise of the commands. The spread between a few blocks does
-    not show the effect of this noise, since it excites oscillations of the robot.
+    """Uncertainty that includes the effects of the time step and of the commands' noise. This noise excites oscillations of the
+    robot, so that the spread between a few blocks does not show its effect.
     """
     base, playing, variance = residuals(problem, x), problem.playing, found.deviation**2
 
     def shift(other: Playing) -> Array:
-        """Change (n,) of the estimate if the commands are played differently, to first order."""
+        """Change (n,) of the estimate to first order if the recordings are simulated with other settings."""
         return np.asarray(found.inverse @ (found.jacobian.T @ (residuals(replace(problem, playing=other), x) - base)))
 
     tracks = [problem.tracks[i] for i in problem.fitted]
@@ -324,7 +332,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
         finer = replace(playing, substeps=(2 * playing.substeps[0], playing.substeps[1]))
-        # Double the shift: half the substep removes only half of the time-step error, as sticking joints cause an error of
+        # Double the shift. Half the substep removes only half of the time-step error, since joints that stick cause an error of
         # first order.
         variance += (2.0 * shift(finer)) ** 2
     return replace(found, deviation=np.sqrt(variance))

@@ -1,5 +1,5 @@
-"""Files of a fit: fit.json, a scenario with the estimated `parameters:`, the robot with the estimated numbers, and pictures
-of recorded and predicted channels and residuals.
+"""Files of a fit: fit.json, a scenario with the estimated `parameters:`, the robot with the estimated numbers, and pictures of
+the recorded and predicted channels and of the residuals.
 """
 
 from __future__ import annotations
@@ -24,11 +24,13 @@ from asrsim.robot.vary import physical
 from asrsim.samples import Array
 
 MARK = b"<!-- written by asrsim identify -->\n"
-"""Last line of a robot file that was written by `asrsim identify` and may be replaced."""
+"""Last line of each robot file that `asrsim identify` writes. A file with this line may be replaced."""
 
 
 def fit_data(result: FitResult) -> dict[str, Any]:
-    """Plain values for JSON. `asrsim sweep --fit` reads `keys`, `mean`, `covariance`, `logarithmic`, `bounds` and `ties`."""
+    """Plain data of a fit for the file fit.json. `asrsim sweep --fit` reads `keys`, `mean`, `covariance`, `logarithmic`,
+    `bounds` and `ties`.
+    """
     rows, entries = result.estimates, result.layout.entries
     # A sweep draws parameters of the robot, except parameters without effect.
     drawn = [
@@ -38,10 +40,10 @@ def fit_data(result: FitResult) -> dict[str, Any]:
         and numbers_of({one.key: one.value})
         and (one.has_interval or one.verdict == RATIO or (one.verdict == AT_BOUND and not entries[i].logarithmic))
     ]
-    # If the logarithm of a parameter is estimated, a sweep draws the logarithm, so that drawn values stay positive.
+    # If the search used the logarithm of a parameter, a sweep draws the logarithm, so that drawn values stay positive.
     logarithmic = [entries[i].logarithmic for i in drawn]
     means = [math.log(rows[i].value) if entries[i].logarithmic else rows[i].value for i in drawn]
-    # A sweep must not vary parameters without an interval: give them the spread 0.
+    # A sweep must not vary parameters without an interval, so give them a spread of 0.
     spread = np.where(logarithmic, 1.0, result.layout.slopes(result.x)[drawn]) * [rows[i].has_interval for i in drawn]
     about = ("status", "fits", "accepted", "misfit", "causes", "remarks", "bandwidth", "evaluations", "seconds")
     data = {
@@ -77,8 +79,8 @@ def _correlations(covariance: Array) -> list[list[float]]:
 
 
 def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str, float]:
-    """Values, by key, of the parameters that have an effect, or of all parameters, and of the parameters tied to them. Weak and
-    ambiguous values are included, since only together the values explain the recordings.
+    """Values of the parameters that have an effect, and of the parameters tied to them, by key. Weak and ambiguous values are
+    included, since the values explain the recordings only together. everything: whether to include parameters without effect.
     """
     values = {
         one.key: one.value
@@ -89,7 +91,9 @@ def chosen_values(result: FitResult | Resumed, *, everything: bool) -> dict[str,
 
 
 def write_robot(result: FitResult | Resumed, folder: Path, *, everything: bool = False) -> tuple[list[Path], list[str]]:
-    """Write the robot file and the scenario with the estimated numbers; return paths and remarks."""
+    """Write the robot file and the scenario with the estimated numbers. Return paths and remarks. everything: whether to write
+    parameters without effect, too.
+    """
     chosen = chosen_values(result, everything=everything)
     changes = physical(result.robot, numbers_of(chosen))
     if not changes:

@@ -6,11 +6,11 @@ theta, gains P, I and D, inertia J, damping B, friction F and spring torque tau_
 
     P (r - theta) + I int (r - theta) = J theta'' + (B + D) theta' + F tanh(theta' / 0.02) + tau_el =: P lag
 
-The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other).
-The motor positions are theta = rho s + nu d, where the columns of nu are orthonormal and orthogonal to rho. The wanted torque
-gives the common position s at each time. Only the preset commands the distances d between the motors: nu (theta + lag) = nu c.
-Here the lag is that of motors without springs, plus the steady-state error under the springs. The equilibrium is
-rho (theta + lag - c). An adjuster stands where the preset puts it.
+The reference map takes the equilibrium e to r = rho e + c (rho = (1, 1), c = (p, -p) for two motors against each other). The
+motor positions are theta = rho s + nu d, where the columns of nu are orthonormal and orthogonal to rho. The wanted torque gives
+the common position s at each time. Only the preset commands the distances d between the motors: nu (theta + lag) = nu c. Here
+the lag is the lag of motors without springs, plus the steady-state error under the springs. The equilibrium is
+rho (theta + lag - c). An adjuster stands at the preset.
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from asrsim.errors import ScenarioError
 from asrsim.samples import Array
 
 SEARCH = 16.0
-"""Largest distance between equilibrium and link position in the search, rad or m: a few turns of a motor."""
+"""Largest distance between equilibrium and link position in the search, rad or m. This is a few turns of a motor."""
 EXACT = 1e-9
-"""Largest difference between the spring's torque and the load, relative to the load (or to 1 N m), at which it holds the load.
+"""Largest difference between the spring's torque and the load, relative to the load (or to 1 N m), at which the spring counts
+as holding the load.
 """
 SLOW = 0.02
 """Velocity scale of friction in the inverse models, F tanh(velocity / SLOW), rad/s."""
@@ -41,7 +42,8 @@ MODEL_STEP = 4e-3
 MODEL_SAMPLES = 2000
 """Largest number of samples of a motion: a longer motion is sampled more coarsely."""
 KNOT = 0.03
-"""Smallest distance between spline knots of motions and inputs, s. It limits their bandwidth to about 15 Hz."""
+"""Smallest distance between spline knots of motions and inputs, s. This distance limits the bandwidth of motions and inputs to
+about 15 Hz."""
 MOST_KNOTS = 200
 """Largest number of spline knots of a motion."""
 
@@ -54,9 +56,9 @@ def equilibria_for_loads(
 ) -> Array:
     """Equilibrium positions (n,) in rad at which the springs put `loads` (n,) in N m on a link at `positions` (n,) in rad.
 
-    presets: the second references (n,): stiffness preset, or adjuster in m. droop: whether to include the steady-state error of
-    the motors under their load. time: times (n,) for error messages, s. Raises ScenarioError if the springs or the motors
-    cannot hold a load.
+    presets: second references (n,): stiffness preset, or position of the adjuster in m. droop: whether to include the
+    steady-state error of the motors under their load. time: times (n,) for error messages, s. Raises ScenarioError if the
+    springs or the motors cannot hold a load.
     """
     law, references = over_arrays(drive.actuator.elastic_torques), over_arrays(drive.actuator.motor_references)
     on_link = drive.actuator.on_link
@@ -149,7 +151,7 @@ class DriveMotion:
 
 def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array, torque: Array, preset: Array) -> DriveMotion:
     """Motion and torques of the drive for the wanted motion of its link; all arrays (n,), at equidistant times in s. preset:
-    the second reference."""
+    second reference (n,)."""
     n, step = len(position), float(time[1] - time[0])
     if not drive.mode.spring:
         error = controller_error(torque + drive.derivative[0] * velocity, drive.proportional[0], drive.integral[0], step)
@@ -174,7 +176,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
     d = across.T @ offsets[:moved]
     with np.errstate(all="ignore"):
         least, most = (on_link(torques(centre + side * SEARCH, d)) for side in (-1.0, 1.0))
-    # A torque beyond the largest torque of the springs is clipped to slightly less than this largest torque.
+    # Clip a torque that exceeds the largest torque of the springs to slightly less than this largest torque.
     given = np.clip(torque, least + RESERVE * np.abs(least), most - RESERVE * np.abs(most))
 
     def along(d: Array) -> Array:
@@ -223,7 +225,7 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
 
 
 def _lagging(drive: Drive, across: Array, time: Array, d: Array) -> Array:
-    """Distances (motors - 1, n) that motors without springs keep while their controllers are commanded the distances d."""
+    """Distances (motors - 1, n) that motors without springs keep while the distances d are commanded."""
     from scipy.signal import lsim
 
     def between(numbers: Array) -> Array:
@@ -250,7 +252,7 @@ def controller_error(output: Array, proportional: float, integral: float, step: 
         return np.asarray(output / proportional)
     from scipy.signal import lfilter
 
-    # The integral is approximated by the trapezoidal rule.
+    # Approximate the integral by the trapezoidal rule.
     half = 0.5 * step * integral
     ahead, behind = proportional + half, half - proportional
     return np.asarray(lfilter([1.0 / ahead, -1.0 / ahead], [1.0, behind / ahead], output))

@@ -35,8 +35,8 @@ from asrsim.scenario.starts import start_positions
 INVERTED_MODES = (1, 3, 6)
 """Modes whose first reference is a position of the link or an equilibrium position."""
 START = 0.1
-"""Initial interval in which demands are not checked, s: motors that start unloaded must first take up their load. The
-last two knots of the splines are not checked either, since the derivatives are inaccurate there."""
+"""Length of the initial interval in which demands are not checked, s. Motors that start unloaded must first take up their load.
+The last two knots of the splines are not checked either, since the derivatives are inaccurate there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +76,8 @@ class InverseDynamics:
     """Demands on all components of all joints, the highest score first."""
 
     def inputs_at(self, time: Array, delays: Sequence[float]) -> Array:
-        """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant beyond both ends."""
+        """Inputs (k, joints) at `time` (k,), advanced by the delays of the commands in s; constant before the first and after
+        the last sample."""
         from scipy.interpolate import CubicSpline
 
         own = self.motion.time
@@ -94,7 +95,7 @@ class SoftArm:
     scenario: Scenario
     robot: Robot
     own_model: RobotModel | None = field(default=None, repr=False, compare=False)
-    """Model with the masses and forces of an engine; None: a model with those of the robot file is made."""
+    """Model with the masses and forces of an engine; None: a model with the masses of the robot file is made."""
 
     @cached_property
     def model(self) -> RobotModel:
@@ -130,7 +131,7 @@ class SoftArm:
                 columns.append(np.interp(grid, time, positions[:, list(joints).index(joint)]))
                 continue
             resting = starts[joint]
-            # Take the desired motion where there is one: with a learned input, the reference differs from it.
+            # Use the desired motion if the scenario states one, since a learned reference differs from the desired motion.
             signal = for_joint(self.scenario.desired, joint)
             if signal is None and joint in self.drives:
                 signal = self.scenario.references_of(joint).get(self.drives[joint].mode.references[0])
@@ -138,7 +139,7 @@ class SoftArm:
         return smooth_motion(grid, self.model.couplings.expand(np.column_stack(columns)))
 
     def inverse(self, time: Array, joints: Sequence[str], positions: Array) -> InverseDynamics:
-        """Inputs that move `joints` along `positions` (n, joints) at `time` (n,), and their demands on the drives.
+        """Inputs that move `joints` along `positions` (n, joints) at `time` (n,), and the demands of this motion on the drives.
 
         Raises ScenarioError for controllers without proportional gain.
         """
@@ -192,7 +193,8 @@ def demands_of(drive: Drive, time: Array, position: Array, torque: Array, item: 
         rows.append(("motor torque", motor + 1, "N m", item.motor_torques[:, motor], most))
         rows.append(("motor speed", motor + 1, "rad/s", rate, drive.max_velocity[motor]))
     if drive.mode.spring:
-        # Of the two springs of a joint, the less deflected one decides: it still yields when the other is at its limit.
+        # Compare the smaller of the two spring deflections with the limit. While one spring is below its limit, the joint is
+        # still compliant.
         deflections = np.abs(item.motors[:, : drive.actuator.motors] - position[:, None]).min(axis=1)
         rows.append(("spring torque", 0, "N m", torque, item.holdable))
         rows.append(("spring deflection", 0, "rad", deflections, drive.max_deflection))

@@ -21,8 +21,8 @@ from asrsim.scenario.data import CartesianPose
 
 def minimum_jerk(fraction: Array) -> Array:
     """Minimum-jerk profile 10 s^3 - 15 s^4 + 6 s^5 from 0 to 1, at rest at both ends (Flash and Hogan 1985)."""
-    # Keep this form: the last bit of the result may differ from `signals.common.minimum_jerk`, and logs of tasks must stay
-    # equal to those of earlier versions bit for bit.
+    # Keep this form of the polynomial. `signals.common.minimum_jerk` may differ in the last bit, and logs of tasks must stay
+    # equal to logs of earlier versions bit for bit.
     return fraction**3 * (10.0 + fraction * (-15.0 + 6.0 * fraction))
 
 
@@ -33,7 +33,8 @@ velocity jumps at the poses."""
 
 @dataclass(frozen=True, kw_only=True)
 class PoseTrajectory:
-    """Straight segments between poses, each turning about one axis; constant before the first and after the last pose."""
+    """Straight segments between poses, in each of which the orientation turns about one axis. The pose is constant before the
+    first and after the last pose."""
 
     times: Array
     """Ascending times (m,) at which the poses are reached, s."""
@@ -49,7 +50,8 @@ class PoseTrajectory:
     ) -> PoseTrajectory:
         """Trajectory through the poses of a task.
 
-        start: position (3,) and rotation (3, 3) at time 0, prepended if the first pose is later than time 0.
+        start: position (3,) and rotation (3, 3) at time 0, at which the trajectory begins if the first pose is later than time
+        0.
         """
         times = [pose.time for pose in poses]
         positions = [np.asarray(pose.position, dtype=float) for pose in poses]
@@ -77,7 +79,7 @@ class PoseTrajectory:
         positions = np.column_stack([np.interp(place, knots[:-1], column) for column in self.positions.T])
         if self.rotations is None:
             return positions, None
-        # The last rotation is repeated, since the interpolation needs at least two rotations.
+        # Repeat the last rotation, since the interpolation needs at least two rotations.
         rotations = Rotation.from_matrix(self.rotations[np.minimum(knots, len(self.times) - 1)])
         return positions, Slerp(knots, rotations)(place).as_matrix()
 
@@ -138,7 +140,7 @@ def follow(
         if index + 1 == len(time):
             break
         step = time[index + 1] - time[index]
-        # Add the trajectory's displacement in this step: without it, the loop would lag by velocity / gain at any step size.
+        # Add the displacement of the trajectory in this step. Otherwise the loop would lag by velocity / gain at any step size.
         displacement = missing(index + 1, wanted[index], None if turned is None else turned[index])
         displacement += min(gain * step, 1.0) * error
         jacobian = model.jacobian(q, link, point)[: len(error)]

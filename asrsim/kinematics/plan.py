@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Scenario
 
 PLAN_STEP = 2e-3
-"""Time step of the inverse kinematics, s; references are interpolated linearly between its results."""
+"""Time step of the inverse kinematics, s; references are interpolated linearly between the results of the steps."""
 ORIENTATION_TOLERANCE = 0.01
 """Orientation error above which a pose counts as unreachable, rad."""
 BENDS = (0.0, 0.3, -0.3)
-"""Offsets of all moving joints from a start that is not on the path, rad or m. From each offset position, a start on the path
-is sought. A stretched arm needs the offsets, since its point cannot move along the arm.
+"""Offsets of all moving joints from initial positions that are not on the path, rad or m. From each of these positions, initial
+positions on the path are sought. A stretched arm needs the offsets, since its point cannot move along the arm.
 """
 
 
@@ -50,9 +50,9 @@ def plan(
     path, by joint and name of the reference.
 
     drives: drives of the actuated joints. A joint that the task does not move stays at its initial position; with gravity
-    compensation, its references account for the weight. initial: link positions at the start by joint, 0 by default.
-    duration: length of the run, s. presets: second references by joint; default: the preset of the task, or else the typical
-    preset of the actuator.
+    compensation, the references of this joint account for the weight. initial: initial link positions by joint, 0 by default.
+    duration: length of the run, s. presets: second references by joint; default: the preset of the task, or the typical preset
+    of the actuator if the task has none.
     Raises ScenarioError for paths that the robot cannot follow (the error names the time), and for loads
     that a spring or motor cannot hold.
     """
@@ -82,7 +82,7 @@ def plan(
 def _check_path(
     task: CartesianTask, model: RobotModel, trajectory: PoseTrajectory, path: JointPath, moving: Sequence[bool]
 ) -> None:
-    """Raise ScenarioError if the start is not on the path, or if the robot cannot follow the path."""
+    """Raise ScenarioError if the initial pose of the point is not on the path, or if the robot cannot follow the path."""
     if trajectory.times[0] == 0.0 and path.position_error[0] > max(task.tolerance, 0.01):
         position, _ = model.pose(path.positions[0], task.link, task.point)
         first = replace(trajectory, times=trajectory.times[:1], positions=trajectory.positions[:1])
@@ -151,7 +151,7 @@ def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None =
         desired = _signals(path.time, dict(zip(joints, path.positions.T, strict=True)))
     if not planned:
         return scenario
-    # The references replace the plan, so that preparing the scenario again does not plan the task again.
+    # Replace the task by its references, so that the task is not planned again if the scenario is prepared again.
     changed = {joint: {**scenario.references_of(joint), **signals} for joint, signals in planned.items()}
     return replace(
         scenario, references={**scenario.references, **changed}, inverse_dynamics={}, desired={**desired, **scenario.desired}
@@ -166,7 +166,7 @@ def _signals(time: Array, values: Mapping[str, Array]) -> dict[str, Signal]:
 def inputs_for_motions(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> dict[str, dict[str, Signal]]:
     """First references, by joint, that move the links as the scenario's `inverse_dynamics` requires.
 
-    Raises ScenarioError for modes without positions, and for torques that a spring cannot give.
+    Raises ScenarioError for modes whose first reference is not a position, and for torques that a spring cannot give.
     """
     chosen = [block for block in robot.actuators if for_joint(scenario.inverse_dynamics, block.joint, False)]
     problems = [

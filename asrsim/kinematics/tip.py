@@ -1,4 +1,4 @@
-"""Actual and desired pose of the point that a Cartesian task moves, the tip."""
+"""Actual and desired pose of the tip, which is the point that a Cartesian task moves."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class TipPoses:
     """Function object that adds the actual and the desired pose of the tip to samples, as two bodies of the log."""
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
-        """The scenario must have a task."""
+        """scenario: scenario with a task; robot: robot of the scenario."""
         task = scenario.task
         if task is None:
             raise ValueError("the scenario has no task")

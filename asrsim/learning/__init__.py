@@ -1,6 +1,6 @@
 """Iterative learning control, in simulation and on the real robot.
 
-The learning law with fixed gains is that of section 4.3 of the paper on the toolbox that asrsim re-creates (doi
+The learning law with fixed gains is from section 4.3 of the paper on the toolbox that asrsim re-creates (doi
 10.3389/frobt.2021.713083).
 """
 

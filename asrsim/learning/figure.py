@@ -1,4 +1,4 @@
-"""Charts of iterative learning: errors, positions and inputs over the iterations, like the paper's figure 15."""
+"""Charts of iterative learning: errors, positions and inputs over the iterations, as in figure 15 of the paper."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from asrsim.samples import Array
 from asrsim.scenario.goals import Learning
 
 MOST_POINTS = 1000
-"""Largest number of points drawn for a curve."""
+"""Largest number of points that are drawn for a curve."""
 TOLERANCE, DESIRED, BEST = "tolerance", "desired position", "best trial"
 
 
 def learning_charts(problem: LearningProblem, result: LearningResult, settings: Learning) -> list[list[Chart]]:
-    """Rows of charts, one row for each joint: errors over the iterations, then positions and inputs of all trials over time
-    (early trials are drawn faintly).
+    """Rows of charts, one row for each joint. A row shows the errors over the iterations, and the positions and inputs of all
+    trials over time. Early trials are drawn faintly.
     """
     rows = []
     for column, joint in enumerate(problem.joints):
@@ -92,6 +92,8 @@ def _motions(problem: LearningProblem, result: LearningResult, settings: Learnin
 
 
 def write_figure(path: Path, problem: LearningProblem, result: LearningResult, settings: Learning, *, title: str) -> None:
-    """Write the picture of learning in the format of the suffix. Raises OutputError if it cannot be written."""
+    """Write the picture of a learning run, in the format that the suffix of the path states. Raises OutputError if the file
+    cannot be written.
+    """
     make_folder(path.parent)
     save_charts(path, learning_charts(problem, result, settings), title=title, width=3.3)

@@ -1,10 +1,12 @@
-"""Learning on the real robot, trial by trial: the next input follows from each recording; files store the state between trials.
+"""Learning on the real robot, trial by trial. The next input is computed from the recording of the last one. Files store the
+state between trials.
 
-A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The
-twin, and plants drawn from the posterior of the fit, predict the error of the next trial. The part of the recordings that the
-twin does not explain gives a bound of the prediction error, which is added to the prediction. The change of the input is halved
-until this sum is at most 1.2 times the error of the best trial so far. If the sum exceeds this limit even with the smallest
-change, the user is warned before the trial. With the other laws the change is not halved, and the user is only warned.
+A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The twin
+and plants drawn from the posterior of the fit predict the error of the next trial. The part of the recordings that the twin
+does not explain gives a bound of the prediction error. This bound is added to the predicted error. The change of the input is
+halved until the sum is at most 1.2 times the error of the best trial so far. If the sum exceeds this limit even with the
+smallest change, the user is warned before the trial. With the law `paper` the change is not halved, and the user is only
+warned.
 """
 
 from __future__ import annotations
@@ -32,16 +34,18 @@ from asrsim.samples import Array
 from asrsim.scenario.digest import digest_of
 
 WORSE = 1.2
-"""Ratio of a trial's largest error to that of the best trial so far, above which the trial counts as worse."""
+"""A trial counts as worse if its largest error exceeds this multiple of the best trial's largest error."""
 SHARES = (1.0, 0.5, 0.25, 0.125)
-"""Fractions of the input's change that are tried in turn until no worse trial is predicted."""
+"""Fractions of the input's change. They are tried in this order until the predicted trial is not worse."""
 SMOOTH = 0.02
-"""Window over which recorded positions are averaged, s, so that noise does not count as an error."""
+"""Length of the window over which recorded positions are averaged, s. Averaging reduces the noise, which would otherwise count
+as an error.
+"""
 PEAK = 3.3
-"""Typical largest deviation of a thousand normally distributed samples, in standard deviations."""
+"""Typical largest deviation among a thousand normally distributed samples, in standard deviations."""
 ABOVE = 1.5
-"""Ratio of a trial's largest error to the largest deviation that noise causes. Below this ratio noise hides whether the next
-trial is better: a growth of the true error by the factor `WORSE` is then only a few tenths of that deviation.
+"""If a trial's largest error is at most this multiple of the largest deviation that noise causes, noise hides whether the next
+trial is better. A growth of the true error by the factor `WORSE` is then only a few tenths of that deviation.
 """
 STATE, NEXT, PLAYBACK, NUMBERS = "hardware.npz", "next.csv", "next.yaml", "hardware.json"
 
@@ -57,20 +61,20 @@ class HardwareStep:
     """Reason why learning ended; None: learning continues."""
     converged: bool
     twin: LearningTwin | None
-    """Model fitted to the robot; None after learning has ended."""
+    """Twin that was fitted to the robot; None after learning has ended."""
     foretold: float
     """Ratio of the largest predicted error of the next trial to the largest error of the best trial so far."""
     noise: float
     """Largest deviation of an averaged position that the recording's noise causes, rad."""
     recording: Recording
     clock: str
-    """Description of how the recording's clock was aligned with the motion."""
+    """Method by which the recording's clock was aligned with the motion, as text."""
     findings: tuple[Problem, ...]
     """Notes about the recording."""
 
     @property
     def warning(self) -> str | None:
-        """Warning that the next trial may be worse than the best trial so far; None if no worse trial is expected."""
+        """Warning that the next trial may be worse than the best trial so far; None if it will probably not be worse."""
         best = best_of(self.trials).worst
         if self.foretold <= WORSE:
             if best > ABOVE * self.noise or self.outcome is not None:
@@ -95,11 +99,13 @@ def next_input(
     mapping: Sequence[str] | Path | None = None,
     lag: LagChoice = "off",
 ) -> HardwareStep:
-    """Process the recording of the last input, and write the next input into `folder`.
+    """Process the recording of the last input, and write the next input to `folder`.
 
-    The first input is learned.csv, if `asrsim ilc` wrote it into the folder, or else inverse dynamics. lag: alignment of the
-    recording's clock with the desired motion. If the last recording is given again with another lag or mapping, its trial is
-    replaced. Raises InputError for a recording that does not fit, OutputError.
+    The first input is learned.csv, if `asrsim ilc` wrote this file to the folder. Otherwise it is the first guess of the
+    scenario. If the last recording is given again with another lag or mapping, its trial is replaced. Raises InputError if the
+    recording does not fit, and OutputError.
+
+    mapping: as for `read_recording`; lag: alignment of the recording's clock with the desired motion.
     """
     from asrsim.recordings import read_recording
 
@@ -109,7 +115,8 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # If the last recording is given again, with another lag or mapping, the last twin was fitted to a wrong reading of it.
+        # If the last recording is given again, the last twin was fitted to a wrong reading of it. Therefore start from the twin
+        # before.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:
@@ -130,7 +137,7 @@ def next_input(
             inputs = best_of(trials).inputs
         changes = {} if twin is None else twin.changes
         state = LearningState(trials=tuple(trials), recordings=(*recordings, digest), start=begin, changes=changes)
-        # If the next input cannot be written, the same recording may be given again.
+        # Save the state first: if the next input cannot be written, the user may give the same recording again.
         save_state(folder / STATE, basis, state)
         what = "the next input for the robot" if ended is None else f"the learned input: {ended[1]}"
         write_inputs(folder / NEXT, plant.time, plant.headings(), inputs, comment=f"asrsim ilc --experiment: {what}")
@@ -156,7 +163,9 @@ def next_input(
 def _proposed(
     prepared: PreparedLearning, trials: Sequence[Trial], start: Mapping[str, float]
 ) -> tuple[Array, LearningTwin, float]:
-    """Next inputs (n, joints), fitted twin, and ratio of the next trial's largest predicted error to the best trial's error."""
+    """Next inputs (n, joints), fitted twin, and ratio of the next trial's largest predicted error to the best trial's largest
+    error.
+    """
     problem = prepared.problem
     best, rho, _ = standing(trials)
     twin = fit_twin(prepared.plant, [best, *trials[-1:]] if trials[-1] is not best else [best], start)
@@ -181,7 +190,7 @@ def _proposed(
 
 
 def _pending(folder: Path, prepared: PreparedLearning, trials: Sequence[Trial]) -> Array:
-    """Inputs (n, joints) of the file that was written last, for the next trial."""
+    """Inputs (n, joints) that the robot played in the recorded trial, from the file that was written last."""
     from asrsim.signals.recorded import read_column
 
     path = folder / (NEXT if trials else INPUTS)

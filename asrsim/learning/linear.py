@@ -1,9 +1,9 @@
-"""Soft joints linearised along a motion: the response of the motion to changes of the inputs.
+"""Equations of motion of soft joints, linearised along a motion. They give the response of the motion to changes of the inputs.
 
-The linearised equations about a motion, with joint positions q, motor positions theta_i, inputs u, spring stiffnesses k_i = d
-tau_i / d theta_i, and factors rho_i from inputs to motor references. The matrices change with time:
+In the linearised equations, q are joint positions, theta_i motor positions, u inputs, k_i = d tau_i / d theta_i spring
+stiffnesses, and rho_i factors from inputs to motor references. The matrices change with time:
 
-    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q)            M, C, G: derivatives of the rigid inverse dynamics
+    M q'' + C q' + diag(c) q' + G q = sum_i k_i (theta_i - q) M, C, G: derivatives of the rigid inverse dynamics
     J_i theta_i'' + (d_i + D_i) theta_i' + (P_i + k_i) theta_i = P_i rho_i u + k_i q + I_i int (rho_i u - theta_i)
 
 The equations are integrated by the midpoint rule.
@@ -24,18 +24,20 @@ from asrsim.robot.dynamics import RobotModel
 from asrsim.samples import Array
 
 POSTURES = 101
-"""Number of postures of a motion at which the rigid robot is linearised, with linear interpolation between them."""
+"""Number of postures of a motion at which the rigid robot is linearised. Between them the matrices are interpolated
+linearly.
+"""
 NUDGE = 1e-6
-"""Step of the central differences that linearise the rigid robot, in rad for positions and in rad/s for velocities."""
+"""Step of the central differences by which the rigid robot is linearised, rad for positions and rad/s for velocities."""
 CLIP = 0.98
-"""Springs beyond their deflection limit are linearised at this fraction of the limit: at the limit, the slope of their torque
-is 0.
+"""Springs beyond their deflection limit are linearised at this fraction of the limit, since at the limit the slope of their
+torque is 0.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Linearised:
-    """The driven joints linearised along a motion; n samples, m joints."""
+    """Driven joints, linearised along a motion of n samples. m: number of joints."""
 
     time: Array
     """Equidistant times (n,), s."""
@@ -43,18 +45,18 @@ class Linearised:
     mass: Array = field(repr=False)
     """Mass matrices (n, m, m), kg m^2."""
     rates: Array = field(repr=False)
-    """Derivatives (n, m, m) of the rigid robot's torques with respect to the velocities, plus damping, N m s/rad."""
+    """Derivatives (n, m, m) of the rigid robot's torques with respect to the velocities, including the damping, N m s/rad."""
     slopes: Array = field(repr=False)
     """Derivatives (n, m, m) of the rigid robot's torques with respect to the positions, N m/rad."""
     springs: Array = field(repr=False)
     """Stiffnesses k_i (n, m, positions) of the springs, N m/rad."""
 
     def scaled(self, mass: float, stiffness: float) -> Linearised:
-        """Linearised joints with all masses and stiffnesses multiplied by factors."""
+        """Linearised joints in which factors multiply all masses and all stiffnesses."""
         return replace(self, mass=mass * self.mass, slopes=mass * self.slopes, springs=stiffness * self.springs)
 
     def held(self, tail: float) -> Linearised:
-        """Linearised joints with the motion extended by `tail` s, during which the joints rest at the final position."""
+        """Linearised joints whose motion is extended by `tail` s, during which the joints rest at the final position."""
         step = float(self.time[1] - self.time[0])
         more = max(round(tail / step), 1)
 
@@ -73,7 +75,7 @@ class Linearised:
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
-        """Matrices of each time step: of the state (n - 1, s, s), and of the inputs (n - 1, s, m). The first states are the
+        """Matrices of each time step: state matrices (n - 1, s, s) and input matrices (n - 1, s, m). The first states are the
         joint positions.
         """
         step = float(self.time[1] - self.time[0])
@@ -128,7 +130,7 @@ class Linearised:
 
     @property
     def _moving(self) -> list[tuple[int, int]]:
-        """Index pairs (joint, motor) of the motors that have states, in the order of the states."""
+        """Indices of the motors that have states, as pairs (joint, motor), in the order of the states."""
         return [
             (joint, motor)
             for joint, drive in enumerate(self.drives)
@@ -148,9 +150,11 @@ def linearise_along(
     springs: Array,
     damping: Sequence[float],
 ) -> Linearised:
-    """Joints of `drives`, linearised along `motion` (columns in the model's order); other joints follow the motion exactly.
+    """Joints of `drives`, linearised along `motion`, whose columns are in the order of the model's joints. Other joints follow
+    the motion exactly.
 
-    springs: stiffnesses (n, joints, positions) of each drive's springs, N m/rad. damping: damping of each link, N m s/rad.
+    springs: stiffnesses (n, joints, positions) of the springs of each drive, N m/rad; damping: damping of each joint, N m
+    s/rad.
     """
     index = [model.joints.index(drive.joint) for drive in drives]
     rows = np.unique(np.linspace(0, len(motion.time) - 1, POSTURES).round().astype(int))
@@ -185,17 +189,18 @@ def linearise_along(
 
 
 def _interpolated(knots: Array, time: Array) -> Callable[[Array], Array]:
-    """Function that interpolates samples (k, m, m), given at the times `knots`, linearly at the times `time`."""
+    """Function that takes samples (k, m, m) at the times `knots`, and interpolates them linearly at the times `time`."""
     from scipy.interpolate import make_interp_spline
 
     return lambda values: np.asarray(make_interp_spline(knots, values, k=1)(time))
 
 
 def spring_slopes(drive: Drive, position: Array, motors: Array) -> Array:
-    """Stiffnesses d tau_i / d theta_i (n, positions) at positions (n, positions) of the motors, N m/rad; 0 for an adjuster, and
-    for motors on the housing.
+    """Stiffnesses d tau_i / d theta_i (n, positions) of a joint's springs, N m/rad. They are 0 for an adjuster and for motors
+    on the housing. position: link positions (n,), rad; motors: motor positions (n, positions), rad.
 
-    Springs beyond their deflection limit are evaluated just before the limit, since at the limit their slope is 0.
+    Springs beyond their deflection limit are evaluated just before the limit, since at the limit the slope of their torque is
+    0.
     """
     law = over_arrays(drive.actuator.elastic_torques)
     most = CLIP * drive.max_deflection

@@ -1,15 +1,15 @@
-"""Norm-optimal learning over several models of the arm, with a safeguard: the law `auto`.
+"""The learning law `auto`: norm-optimal learning with several models of the arm, and with a safeguard.
 
-The joints' response is a lifted matrix: G maps the coefficients of the whole input to samples of the whole motion. The input is
-a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: a nominal model, a heavier
-and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input follows from the error e of
-this trial over the whole time,
+A model of the arm is a lifted matrix G. It maps the coefficients of the whole input to samples of the whole motion. The input
+is a cubic B-spline, whose knots limit the bandwidth of the learned input. There are three models G_i: a nominal model, a
+heavier and softer model, and a lighter and stiffer model. The change du = B c of the best trial's input is computed from the
+error e of this trial over the whole time,
 
     c = (mean G_i' G_i + rho B' B)^-1 (mean G_i)' e.
 
-If a trial is not better than the best trial, the next trial again corrects the best trial, with ten times rho; after a better
-trial, rho is divided by three. The error of the best trial therefore never grows, even with wrong models, and a small enough
-step reduces it.
+If a trial is not better than the best trial, rho is multiplied by ten, and the next trial corrects the best trial again. After
+a better trial, rho is divided by three. Therefore the error of the best trial never grows, even if the models are wrong, and a
+small enough change reduces it.
 """
 
 from __future__ import annotations
@@ -29,17 +29,19 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 EVERY = 2
-"""Number of samples of the motion for each row of a lifted matrix."""
+"""Number of samples of the motion from one row of a lifted matrix to the next."""
 MODELS = ((1.0, 1.0), (1.25, 0.8), (0.8, 1.25))
-"""Factors of mass and stiffness of the models."""
+"""Factors of mass and of stiffness of each model."""
 RHO = 0.1
 """Smallest weight rho of the input's change relative to the error."""
 TAIL = 20
-"""Number of knots after the end of the motion, while the last inputs still act; the last error is repeated there."""
+"""Number of knots after the end of the motion. During this time the last inputs still act, and the last error is repeated."""
 RHO_UP, RHO_DOWN = 10.0, 3.0
-"""Factor by which the weight rho is multiplied after a worse trial, and divisor of rho after a better trial."""
+"""RHO_UP: factor of the weight rho after a worse trial.
+RHO_DOWN: divisor of the weight rho after a better trial.
+"""
 REHEARSALS = 4
-"""Largest number of further updates that are tried in the nonlinear model before each trial."""
+"""Largest number of further updates that are tried on the nonlinear model before each trial."""
 PROGRESS = 0.99
 """A trial counts as progress if its error is below this fraction of the smallest error of the earlier trials."""
 
@@ -53,7 +55,7 @@ class InputSplines:
 
     @classmethod
     def over(cls, duration: float, tail: float) -> InputSplines:
-        """Splines for a motion of `duration` s and the `tail` s after the motion."""
+        """Splines for a motion of `duration` s, and for `tail` s after the motion."""
         pieces = max(round((duration + tail) / knot_distance(duration)), 4)
         inner = np.linspace(0.0, duration + tail, pieces + 1)
         return cls(knots=np.concatenate([np.zeros(3), inner, np.full(3, inner[-1])]))
@@ -71,10 +73,11 @@ class InputSplines:
 
 
 def lift(linear: Linearised, band: InputSplines, delays: Sequence[float], *, from_rest: bool = False) -> Array:
-    """Lifted matrix (rows, m, count m): positions at every EVERY-th sample for each coefficient; columns by spline, then joint.
+    """Lifted matrix (rows, m, count m): positions of m joints at every EVERY-th sample for each coefficient. Its columns are
+    ordered by spline, and then by joint.
 
-    delays: delay of the command of each of the first m joints, s; commands of the other joints do not change. from_rest:
-    whether the motion starts at the equilibrium of the first inputs, which then determine the initial state.
+    delays: command delay of each of the first m joints, s; commands of the other joints do not change. from_rest: whether the
+    motion starts at the equilibrium of the first inputs, which then determine the initial state.
     """
     states, inputs = linear.steps
     n, m = len(linear.time), len(delays)
@@ -86,7 +89,7 @@ def lift(linear: Linearised, band: InputSplines, delays: Sequence[float], *, fro
     found = np.zeros((len(range(EVERY, n, EVERY)), m, columns))
     latest = 0
     if from_rest:
-        # At the start the first spline is 1 and the other splines are 0.
+        # At time 0 the first spline is 1, and the other splines are 0.
         change, driven = linear.continuous
         state[:, :m], latest = -np.linalg.solve(change[0], driven[0])[:, :m], 1
     for index in range(n - 1):
@@ -104,7 +107,7 @@ def lift(linear: Linearised, band: InputSplines, delays: Sequence[float], *, fro
 
 
 class Lifted:
-    """Lifted models of an arm. linear: arm linearised along the motion; delays: delay of each learned joint's command, s;
+    """Lifted models of an arm. linear: arm linearised along the motion; delays: command delay of each learned joint, s;
     from_rest: whether the motion starts at the equilibrium of the first inputs.
     """
 
@@ -148,7 +151,9 @@ class NormOptimal:
         return best.inputs + self.lifted.change(best.error, rho)
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Outcome and reason if learning ends after more than `patience` trials without progress; None to continue."""
+        """Outcome and reason if learning ends, since the simulation diverged or more than `patience` trials brought no
+        progress; None to continue.
+        """
         best, _, failed = standing(trials)
         if not np.isfinite(best.total):
             return "growing", f"trial {trials[-1].number} has no finite error: the simulation diverged"
@@ -161,7 +166,8 @@ class NormOptimal:
 
 
 def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float, forecast: Callable[[Array], Array]) -> Array:
-    """Input of the best trial after several updates in a nonlinear model. Unlike the lifted models, this model has friction.
+    """Input of the best trial after several updates on a nonlinear model. Unlike the lifted models, the nonlinear model has
+    friction.
 
     forecast: function from inputs (n, joints) to the outputs (n, joints) that the nonlinear model predicts.
     """
@@ -177,7 +183,9 @@ def rehearsed(problem: LearningProblem, lifted: Lifted, best: Trial, rho: float,
 
 
 def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
-    """Best trial by its error over the whole time, rho for the next update, and number of trials since the last progress."""
+    """Best trial by its error over the whole time, weight rho for the next update, and number of trials since the last
+    progress.
+    """
     best, rho, failed = trials[0], RHO, 0
     for trial in trials[1:]:
         better = np.isfinite(trial.total) and not trial.total >= best.total
@@ -188,8 +196,8 @@ def standing(trials: Sequence[Trial]) -> tuple[Trial, float, int]:
 
 
 def averaged(time: Array, values: Array, rows: Array) -> Array:
-    """Means (rows, joints) of `values` (n, joints) around the equidistant times `rows`, so that noise averages out; the last
-    values are repeated after the end.
+    """Means (rows, joints) of `values` (n, joints) around the equidistant times `rows`, s. Averaging reduces noise. After the
+    end, the last mean is repeated.
     """
     from scipy.ndimage import uniform_filter1d
 

@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from asrsim.simulation.run import Run
 
 TRIALS = 10
-"""Typical number of runs that learning needs; this number decides whether compilation is worthwhile."""
+"""Typical number of simulations that learning needs. It is used to decide whether to compile the simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plant:
-    """Robot in a scenario whose block `ilc` states the motion to learn."""
+    """Robot in a scenario. The scenario's block `ilc` states the motion to learn."""
 
     scenario: Scenario
     robot: Robot = field(repr=False)
@@ -37,8 +37,8 @@ class Plant:
     learning: Learning = field(repr=False)
     """The scenario's block `ilc`."""
     prepared: Prepared = field(repr=False)
-    """Prepared simulation with the scenario's modes and parameters, and with the desired motion as references; each trial is
-    derived from it.
+    """Prepared simulation with the scenario's modes and parameters. Its references are the desired motion. Each trial replaces
+    the references.
     """
     joints: tuple[str, ...]
     time: Array = field(repr=False)
@@ -55,7 +55,7 @@ class Plant:
         return tuple(drives[joint] for joint in self.joints)
 
     def names(self) -> tuple[str, ...]:
-        """Name of each joint's first reference, which is learned."""
+        """Name of the first reference of each joint. Learning changes this reference."""
         return tuple(drive.mode.references[0] for drive in self.drives if drive.mode)
 
     def headings(self) -> list[str]:
@@ -67,11 +67,13 @@ class Plant:
         return "m" if self.robot.joint(joint).kind == "prismatic" else "rad"
 
     def varied(self, numbers: Mapping[str, Mapping[str, float]], delay: float) -> Plant:
-        """Plant with other parameters (as for `vary` of the prepared simulation), and another delay of commands, s."""
+        """Plant with other parameters and another delay. numbers: as for `vary` of the prepared simulation; delay: additional
+        delay of commands, s.
+        """
         return replace(self, prepared=self.prepared.vary(numbers), delay=delay)
 
     def run(self, inputs: Array) -> Run:
-        """Simulate a run with inputs (n, joints), and keep every sample."""
+        """Run with inputs (n, joints), of which every sample is kept."""
         from asrsim.simulation.run import simulate
 
         prepared = self.prepared.with_references(
@@ -137,7 +139,7 @@ def make_plant(plan: Plan) -> Plant:
         raise ScenarioError(problems)
     time = scenario.step_times()
     reference = np.column_stack([for_joint(trajectory, joint, Constant(value=0.0)).values(time) for joint in joints])
-    # The claims of the scenario refer to the references of the scenario, not to learned inputs.
+    # Remove the claims of the scenario, since they refer to the references of the scenario and not to learned inputs.
     played = plan.on(
         expect=(),
         log_every=1,

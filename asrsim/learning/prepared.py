@@ -1,4 +1,4 @@
-"""Model of a plant for learning, its learning problem and law, and the demands of the motion on the joints."""
+"""Preparation of learning: model of a plant, learning problem, learning law, and demands of the motion on the joints."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from asrsim.samples import Array
 from asrsim.scenario.goals import Learning
 
 FIXED_GAIN_KEYS = ("gain", "gain_decay", "joint_gains", "filter")
-"""Keys without effect under `law: auto`."""
+"""Keys of `ilc:` that have no effect if the law is `auto`."""
 MOST_DEMANDS = 5
 """Largest number of demands beyond their limits that are printed before the first trial."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmModel:
-    """A plant and the model of its arm with soft joints.
+    """A plant, and the model of its arm with soft joints.
 
-    Driven joints that do not learn follow the scenario's references. These joints are also soft; they come after the learned
-    joints in the linearised arm.
+    Driven joints that do not learn follow the scenario's references. These joints are soft, too. In the linearised arm, they
+    come after the learned joints.
     """
 
     plant: Plant
@@ -37,14 +37,14 @@ class ArmModel:
 
     @cached_property
     def drives(self) -> tuple[Drive, ...]:
-        """Drives of the learned joints, then drives of the other soft joints."""
+        """Drives of the learned joints, followed by the drives of the other soft joints."""
         arm, learned = self.arm.drives, self.plant.joints
         followers = [drive for joint, drive in arm.items() if joint not in learned and all(drive.proportional)]
         return (*(arm[joint] for joint in learned), *followers)
 
     @property
     def delays(self) -> tuple[float, ...]:
-        """Delay of each learned joint's commands, s."""
+        """Command delay of each learned joint, s."""
         return tuple(self.arm.delay(joint) + self.plant.delay for joint in self.plant.joints)
 
     @cached_property
@@ -54,7 +54,7 @@ class ArmModel:
 
     @property
     def guess(self) -> Array:
-        """Inputs (n, joints) that move the model along the desired motion."""
+        """Inputs (n, joints) with which the model follows the desired motion."""
         return self.inverse.inputs_at(self.plant.time, self.delays)
 
     @cached_property
@@ -88,15 +88,15 @@ def learning_model(plant: Plant) -> ArmModel:
 
 @dataclass(frozen=True, kw_only=True)
 class PreparedLearning:
-    """A prepared learning problem, with all that `learn` needs."""
+    """A prepared learning problem, with all data that `learn` needs."""
 
     plant: Plant
     problem: LearningProblem
     settings: Learning
-    """Settings of the scenario with the chosen first guess."""
+    """Settings of the scenario, with the selected first guess."""
     law: LearningLaw = field(repr=False)
     demands: tuple[Demand, ...]
-    """Demands of the motion on the joints; the demand with the highest score is first."""
+    """Demands of the motion on the joints. The demand with the highest score comes first."""
 
     @property
     def before(self) -> list[str]:
@@ -117,8 +117,8 @@ class PreparedLearning:
         return [*lines, *(beyond or most)]
 
     def reach(self, result: LearningResult) -> str:
-        """Statement whether the joints can perform the motion, from trials simulated with all limits; empty with the law
-        `paper`.
+        """Statement whether the joints can perform the motion, from trials that were simulated with all limits. Empty with the
+        law `paper`.
         """
         if self.settings.law != "auto":
             return ""
@@ -127,10 +127,10 @@ class PreparedLearning:
         if result.converged:
             return f"within reach, although limits are exceeded: {'; '.join(beyond)}" if beyond else "within reach"
         if not beyond:
-            # Friction or the initial state may prevent the motion; more trials may remove such errors.
+            # Friction or the initial state may cause the error. More trials may reduce such errors.
             return (
-                f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the start may "
-                "cause it"
+                f"not reached in {len(result.trials)} trials: {error}; no limit explains it, but friction or the initial "
+                "state may cause it"
             )
         return f"out of reach: {error}; {'; '.join(beyond)}"
 

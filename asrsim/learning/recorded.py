@@ -1,4 +1,4 @@
-"""Trial from a recording of the robot: link positions at the times of the motion, and notes about the recording."""
+"""Trial from a recording of the robot: link positions at the times of the motion, and findings about the recording."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from asrsim.recordings.suspicions import beside, interchanged
 from asrsim.samples import Array
 
 MISSING = 0.02
-"""Largest fraction of the motion that may be missing at its ends; the nearest values are repeated in the missing part."""
+"""Largest fraction of the motion that may be missing at each of its ends. The nearest value is repeated in the missing part."""
 BRIDGED = 0.1
 """Longest gap within the motion that is interpolated, s."""
 DANGEROUS = ("suspected-marker", "suspected-lost", "suspected-turns")
-"""Codes of suspicions that refuse a recording, since wrong numbers would enter the robot's next input."""
+"""Codes of suspicions with which a recording is refused, since its wrong numbers would change the robot's next input."""
 OFF, BETTER = 0.05, 0.5
-"""Conditions for a note about the clock: smallest offset in s, larger than any robot's delay, and largest fraction of the error
-that remains after the clock is shifted.
+"""Conditions for a note about the clock of a recording. OFF: the offset of the clock must exceed this time, which is longer
+than the delay of any robot, s. BETTER: after the clock is shifted, less than this fraction of the error must remain.
 """
 
 
@@ -35,19 +35,19 @@ class RecordedTrial:
     outputs: Array = field(repr=False)
     """Link positions (n, joints) at the plant's times, rad or m."""
     clock: str
-    """Description of how the recording's clock was aligned with the motion."""
+    """Method by which the recording's clock was aligned with the motion, as text."""
     findings: tuple[Problem, ...]
-    """Notes about the file, its clock, gaps and implausible columns."""
+    """Findings about the file, its clock, its gaps and implausible columns."""
     noise: float
-    """Largest standard deviation of the positions' noise, rad or m."""
+    """Standard deviation of the position noise, rad or m, the largest of all joints."""
     interval: float
     """Sampling interval, s."""
 
 
 def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTrial:
-    """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError for a
-    recording that is too short, lacks a joint, or has columns with implausible numbers, units, signs or joints, unless the user
-    stated the columns.
+    """Trial of the robot from a recording. lag: alignment of the recording's clock with the motion. Raises InputError if the
+    recording is too short or lacks a joint. Also raises InputError if numbers, unit, sign or joint of a column are implausible,
+    unless the user stated the meaning of the column.
     """
     pairing = match_joints(plant.joints, recording)
     named = {joint: name for name, joint in pairing.items()}
@@ -84,7 +84,9 @@ def recorded(recording: Recording, plant: Plant, lag: LagChoice) -> RecordedTria
 
 
 def _bridge(outputs: Array, plant: Plant, recording: Recording, columns: Sequence[Column], lag: float) -> list[Problem]:
-    """Fill gaps of outputs (n, joints) in place; return a note about the gaps. Raises InputError if too much is missing."""
+    """Fill gaps of outputs (n, joints) in place, and return a finding about the gaps. Raises InputError if the gaps are too
+    long.
+    """
     missing = ~np.isfinite(outputs)
     if not missing.any():
         return []

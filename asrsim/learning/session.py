@@ -1,7 +1,7 @@
-"""A whole learning session: from a scenario to learned inputs in a folder.
+"""A complete learning session, from a scenario to a folder with learned inputs.
 
-As in `asrsim run`, results of the same scenario file and variant are replaced, with a message; results of another scenario or
-variant are kept unless overwriting is allowed.
+As in `asrsim run`, earlier results of the same scenario file and variant are replaced, with a message. Results of another
+scenario or variant are not replaced unless overwriting is allowed.
 """
 
 from __future__ import annotations
@@ -48,11 +48,12 @@ KINDS = {
     NUMBERS: "json",
     PICTURE: "picture",
 }
-"""Kinds of the files of a learning run, by file name, as in `asrsim.outfile`."""
+"""Kinds of the files of a learning run, by file name. The kinds are defined in `asrsim.outfile`."""
 MOST_DEMANDS = 12
 """Largest number of demands that are written to ilc.json."""
 DIGITS = 3
-"""Digits of a claimed error, which is rounded up. They suffice, since a replay on the same plant repeats the error bit for bit.
+"""Number of digits of a claimed error, which is rounded up. Three digits suffice, since a replay with the same plant repeats
+the error bit for bit.
 """
 
 
@@ -63,7 +64,7 @@ class LearningSession:
     prepared: PreparedLearning
     result: LearningResult
     replaced: str
-    """Message about replaced files of an earlier run; empty if no files were replaced."""
+    """Message about files of an earlier run that were replaced; empty if no files were replaced."""
 
     @property
     def reach(self) -> str:
@@ -85,7 +86,7 @@ def learn(
     overwrite: bool = False,
     picture: bool = True,
 ) -> LearningSession:
-    """Learn the inputs that make the joints follow the motion `ilc.trajectory` of a scenario, as `asrsim ilc` does.
+    """Learn the inputs with which the joints follow the motion `ilc.trajectory` of a scenario, as `asrsim ilc` does.
 
         session = asrsim.learn("arm.yaml", "out/arm")
         session.result.converged, session.result.inputs
@@ -93,15 +94,15 @@ def learn(
     Args:
         scenario, variant, overrides, plugins: As in `asrsim.run`.
         out: Folder for state.npz (after each trial), learned.csv, desired.csv, learned.yaml, ilc.json and ilc.png.
-        on_start: Receives the problem before the first trial.
-        on_trial: Receives each trial.
-        stop: Called after each trial; True ends learning with the best trial so far.
-        resume: Continue from the folder's state.
-        overwrite: Also replace results of another scenario; results of the same scenario are always replaced.
-        picture: Draw ilc.png.
+        on_start: Function that is called with the prepared problem before the first trial.
+        on_trial: Function that is called with each trial.
+        stop: Function that is called after each trial. If it returns True, learning ends with the best trial so far.
+        resume: Whether to continue from the state in the folder.
+        overwrite: Whether to replace results of another scenario, too. Results of the same scenario are always replaced.
+        picture: Whether to draw ilc.png.
 
     Raises:
-        InputError, SimulationError, OutputError: As in `asrsim.run`; the scenario has no motion to learn.
+        InputError, SimulationError, OutputError: As in `asrsim.run`. InputError also if the scenario has no motion to learn.
     """
     plan = examine(scenario, variant=variant, overrides=overrides, plugins=plugins)
     plant, folder = make_plant(plan), Path(out)
@@ -134,7 +135,7 @@ def learn(
 
 
 def _earlier(folder: Path, scenario: Scenario, *, overwrite: bool) -> list[Path]:
-    """Files of an earlier run, which this run will replace.
+    """Files of an earlier run that this run will replace.
 
     Raises OutputError if the folder contains results of another scenario or variant, files that asrsim did not write, or inputs
     of this run.
@@ -179,7 +180,7 @@ def trial_data(trial: Trial, joints: Sequence[str]) -> dict[str, Any]:
 
 
 def demand_data(demand: Demand) -> dict[str, Any]:
-    """Demand of the motion on a component of a joint, such as a motor, as plain data."""
+    """Demand of the motion on a component of a joint, such as a motor, as plain data for JSON."""
     numbers = {"motor": demand.motor or None, "needed": finite_or_none(demand.needed), "limit": finite_or_none(demand.limit)}
     return vars(demand) | numbers | {"score": finite_or_none(demand.score)}
 
@@ -201,7 +202,7 @@ def _write(session: LearningSession, folder: Path, *, picture: bool) -> None:
 
 
 def write_inputs(path: Path, time: Array, headings: Sequence[str], values: Array, *, comment: str) -> None:
-    """Write `time` (n,) in s and `values` (n, columns) in full precision. Raises OutputError."""
+    """Write a CSV file with `time` (n,) in s and `values` (n, columns), in full precision. Raises OutputError."""
     comments = "".join(f"# {line}\n" for line in comment.splitlines())
     make_folder(path.parent)
     write_text(path, comments + csv_text(["time [s]", *headings], np.column_stack([time, values])), "learned input")
@@ -212,24 +213,25 @@ def write_playback(
 ) -> None:
     """Write a scenario that plays the learned inputs from the CSV file `inputs`. Raises OutputError.
 
-    The scenario claims that the errors of the joints relative to the motion in `desired` stay within `largest` (rad, by joint).
+    desired: file with the desired motion; largest: largest error of each joint, rad. The scenario claims that the errors
+    relative to the motion in `desired` do not exceed `largest`.
     """
     import yaml
 
     scenario, folder = plant.scenario, path.parent
     data = relocated(scenario, folder)
     learned = data.pop("ilc", {})
-    # Replays of two variants must write into different folders.
+    # Add the variant to the name, since replays of two variants must write to different folders.
     variant = [scenario.variant] if scenario.variant != "default" else []
     data["name"] = "_".join([scenario.name, *variant, inputs.stem])
-    # The error of a replay is relative to the motion to be learned.
+    # The errors of a replay are relative to the motion to be learned.
     data["desired"] = learned.get("trajectory", {})
     if scenario.inverse_dynamics:
         data["inverse_dynamics"] = {**scenario.inverse_dynamics, **dict.fromkeys(plant.joints, False)}
     data["references"] = _references(data.get("references", {}), plant, os.path.relpath(inputs, folder))
     if desired is not None:
         if not plant.prepared.stepping.released:
-            # With the substeps of the trials, a replay repeats the trials bit for bit.
+            # State the substeps of the trials, so that a replay repeats the best trial bit for bit.
             resolution = plant.prepared.resolution
             data |= {"substeps": resolution.substeps, "motor_substeps": resolution.motor_substeps}
         claim = {
@@ -250,12 +252,12 @@ def write_playback(
 
 def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, Any]:
     references = {joint: dict(signals) for joint, signals in given.items()}
-    # The entry for all joints gives each joint the references that the joint's own entry lacks.
+    # The entry `*` gives each joint the references that the joint's own entry lacks.
     common = references.pop("*", {})
     for joint, name in zip(plant.joints, plant.names(), strict=True):
         own = references.setdefault(joint, {})
         own[name] = {"playback": {"file": inputs, "column": joint}}
-    # Keep only those of its references that some joint lacks: the others would have no effect.
+    # Of the references in the entry `*`, keep those that at least one joint lacks. The others would have no effect.
     missed = {
         name
         for drive in plant.prepared.drives
@@ -268,7 +270,7 @@ def _references(given: dict[str, Any], plant: Plant, inputs: str) -> dict[str, A
 
 
 def rounded_up(value: float) -> float:
-    """Error rounded up to `DIGITS` digits, so that the claim is not smaller than the error."""
+    """Error, rounded up to `DIGITS` digits so that the claimed error is not smaller than the error."""
     if value <= 0.0:
         return 0.0
     places = DIGITS - 1 - floor(log10(value))

@@ -1,4 +1,4 @@
-"""Trials of a learning run as a file, from which learning continues in simulation or on the real robot."""
+"""File with the trials of a learning run. From this file learning continues, in simulation or on the real robot."""
 
 from __future__ import annotations
 
@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 
 FORMAT = "asrsim learning state 6"
 STOPPING = ("tolerance", "max_iterations", "patience")
-"""Keys of `ilc:` that only decide when learning ends. They may change before simulated learning is resumed."""
+"""Keys of `ilc:` that only determine when learning ends. They may change before simulated learning is resumed."""
 
 
 def motion_basis(problem: LearningProblem) -> dict[str, str]:
-    """Hash of the motion. Trials of the real robot stay valid if the model of the robot or the law changes."""
+    """Hash of the motion. Only the motion must be unchanged, since trials of the real robot stay valid if the model of the
+    robot or the law changes.
+    """
     digest = hashlib.sha256(json.dumps(problem.joints).encode())
     for array in (problem.time, problem.reference):
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -39,7 +41,7 @@ def motion_basis(problem: LearningProblem) -> dict[str, str]:
 
 
 def simulation_basis(plant: Plant) -> dict[str, str]:
-    """Hashes of everything that determines simulated trials: the versions, and all inputs."""
+    """Hashes of all data that determine simulated trials: the versions of asrsim and its libraries, and all inputs."""
     versions = hashlib.sha256(json.dumps(numeric_versions()).encode()).hexdigest()
     inputs = input_hashes(plant.scenario, plant.robot, without={"ilc": STOPPING})
     return {"the version of asrsim or a library": versions, **inputs}
@@ -47,21 +49,21 @@ def simulation_basis(plant: Plant) -> dict[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class LearningState:
-    """Trials in simulation or on the real robot. For the real robot, it also contains the recordings and the fit of the last
-    twin.
+    """State of a learning run: its trials in simulation or on the real robot. For the real robot, the state also contains the
+    recordings and the fit of the last twin.
     """
 
     trials: tuple[Trial, ...] = ()
     recordings: tuple[str, ...] = ()
     """Hash value of each trial's recording; empty in simulation."""
     start: Mapping[str, float] = field(default_factory=dict)
-    """Changes of parameters at which the fit of the last twin started."""
+    """Relative changes of parameters at which the fit of the last twin started, as in `LearningTwin.changes`."""
     changes: Mapping[str, float] = field(default_factory=dict)
-    """Changes of parameters of the last twin."""
+    """Relative changes of parameters that the last twin has, as in `LearningTwin.changes`."""
 
 
 def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> None:
-    """Write a state to `path` in NumPy's npz format; the file is replaced only when it is complete.
+    """Write a state to `path` in NumPy's npz format. An earlier file is replaced only when the new file is complete.
 
     basis: hashes of all inputs that must be unchanged when learning continues, by name of the input.
     """
@@ -86,8 +88,8 @@ def save_state(path: Path, basis: Mapping[str, str], state: LearningState) -> No
 
 
 def load_state(path: Path, basis: Mapping[str, str], problem: LearningProblem) -> LearningState:
-    """State from a file; an empty state if the file is missing. Raises InputError if the file is unreadable, or if its basis
-    is not equal to `basis`.
+    """State from a file; an empty state if the file does not exist. Raises InputError if the file is unreadable, or if its
+    basis differs from `basis`.
     """
     if not path.exists():
         return LearningState()
@@ -112,7 +114,9 @@ def _fault(path: Path, why: str) -> InputError:
 
 
 def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
-    """Validated contents of a state: header, and inputs and outputs (trials, n, joints) in rad. Raises InputError."""
+    """Checked contents of a state file: header, inputs (trials, n, joints) and outputs (trials, n, joints), rad. Raises
+    InputError.
+    """
     try:
         with ZipFile(path) as archive:
             size = sum(member.file_size for member in archive.infolist())
@@ -121,7 +125,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         with np.load(path, allow_pickle=False) as stored:
             head = json.loads(str(stored["head"]))
             inputs, outputs = stored["inputs"], stored["outputs"]
-        # A damaged file raises errors of the zip reader, of NumPy or of JSON.
+        # For a damaged file, the zip reader, NumPy or JSON raise errors of many types.
     except InputError:
         raise
     except Exception as error:
@@ -144,7 +148,7 @@ def _stored(path: Path) -> tuple[dict[str, Any], Array, Array]:
         raise _fault(path, "its arrays have wrong shapes or types")
     if not 0 < len(inputs) == len(head["seconds"]) or len(head["recordings"]) not in (0, len(inputs)):
         raise _fault(path, "its trials are incomplete")
-    # Ignore NaN in outputs: the outputs of a trial that diverged are NaN.
+    # Ignore NaN in outputs, since the outputs of a trial that diverged are NaN.
     if not (np.abs(inputs).max(initial=0.0) <= LARGEST_NUMBER and np.nanmax(np.abs(outputs), initial=0.0) <= LARGEST_NUMBER):
         raise _fault(path, "its numbers are too large for a robot")
     return head, inputs, outputs

@@ -1,5 +1,6 @@
-"""Problem of iterative learning control, its trials, the law with fixed gains (paper equation 13 with a zero-phase filter), and
-the loop that simulates a trial, compares it with the desired motion and corrects the inputs until the errors are tolerable.
+"""Iterative learning control: problem, trials, learning law with fixed gains (equation 13 of the paper, with a zero-phase
+filter), and loop. The loop simulates a trial, compares it with the desired motion, and corrects the inputs. It ends when the
+errors are within the tolerance, or when the law or the settings stop it.
 """
 
 from __future__ import annotations
@@ -23,13 +24,15 @@ from asrsim.scenario.goals import Learning
 Simulate = Callable[[Array], Array]
 """Function from inputs (n, joints) to link positions (n, joints)."""
 CREEP = 1.1
-"""Ratio of the last error to the error `patience` trials before, below which learning continues, although the error grows."""
+"""Learning continues although the error grows, as long as the last error is below this multiple of the error `patience` trials
+before.
+"""
 Outcome = Literal["converged", "growing", "stalled", "exhausted", "interrupted"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningProblem:
-    """A desired motion that is to be learned, with the inputs of the first trial."""
+    """A desired motion to learn, and the inputs of the first trial."""
 
     joints: tuple[str, ...]
     time: Array
@@ -39,8 +42,8 @@ class LearningProblem:
     first_guess: Array
     """Inputs (n, joints) of trial 0, rad."""
     units: tuple[str, ...] = ()
-    """Unit of each joint's position, `rad` or `m`; empty: `rad` for all joints. Other docstrings of this module write `rad`
-    also where the unit of a prismatic joint is `m`.
+    """Unit of each joint's position, `rad` or `m`; empty: `rad` for all joints. For a prismatic joint, read `m` instead of
+    `rad` in the other docstrings of this module.
     """
 
     @property
@@ -50,11 +53,11 @@ class LearningProblem:
 
     @property
     def unit(self) -> str:
-        """Unit of errors of all joints, as text."""
+        """Unit of the joints' errors, as text."""
         return " or ".join(dict.fromkeys(self.units)) or "rad"
 
     def trial(self, number: int, inputs: Array, outputs: Array, seconds: float = 0.0) -> Trial:
-        """Trial with inputs and outputs (n, joints)."""
+        """Trial with given inputs and outputs, (n, joints) each."""
         return Trial(number=number, inputs=inputs, outputs=outputs, error=self.reference - outputs, seconds=seconds)
 
     def worst(self, trial: Trial) -> str:
@@ -70,7 +73,7 @@ class LearningProblem:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """A trial. The input of trial 0 is the first guess; the input of trial i is the result of i updates."""
+    """A trial. The input of trial 0 is the first guess. The input of trial i is the result of i updates."""
 
     number: int
     inputs: Array = field(repr=False)
@@ -94,12 +97,12 @@ class Trial:
 
     @cached_property
     def norm(self) -> float:
-        """Largest 2-norm of the joints' errors over time, rad (paper figure 15)."""
+        """Largest 2-norm over time of the vector of the joints' errors, rad (figure 15 of the paper)."""
         return float(np.linalg.norm(self.error, axis=1).max())
 
     @property
     def total(self) -> float:
-        """Root mean square error over all joints and the whole time, rad."""
+        """Root mean square of the errors of all joints over the whole time, rad."""
         return root_mean_square(self.error)
 
     @property
@@ -109,27 +112,27 @@ class Trial:
 
 
 class LearningLaw(Protocol):
-    """A learning law. Its updates depend only on the trials so far, so a resumed run gives the same trials as an uninterrupted
-    one.
+    """A learning law. Its updates depend only on the trials so far, so that a resumed run gives the same trials as an
+    uninterrupted run.
     """
 
     def propose(self, trials: Sequence[Trial]) -> Array:
         """Next inputs (n, joints), rad."""
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Outcome and reason if this law ends learning after the last trial; None to continue."""
+        """Outcome and reason if the law ends learning after the last trial; None to continue."""
 
 
 @dataclass(frozen=True)
 class FixedGain:
-    """Learning law of equation 13, with the filter and the gains of the settings."""
+    """Learning law of equation 13 of the paper, with the filter and the gains of the settings."""
 
     problem: LearningProblem
     settings: Learning
 
     def propose(self, trials: Sequence[Trial]) -> Array:
-        """Input u(n) = Q[u(n-1) + K exp(-n / gain_decay) e(n-1)], n from 0: the input of the last trial, corrected by the error
-        of this trial.
+        """Input u(n+1) = Q[u(n) + K exp(-n / gain_decay) e(n)]: the input of the last trial n, corrected by the error of this
+        trial.
         """
         last, settings = trials[-1], self.settings
         fading = 1.0 if settings.gain_decay is None else exp(-last.number / settings.gain_decay)
@@ -140,7 +143,9 @@ class FixedGain:
         return learned
 
     def verdict(self, trials: Sequence[Trial], patience: int) -> tuple[Outcome, str] | None:
-        """Reason to stop if a trial diverged or the error grew `patience` times in a row, beyond `CREEP`; None to continue."""
+        """Outcome and reason if the last trial diverged, or if the error grew `patience` times in a row and beyond `CREEP`;
+        None to continue.
+        """
         last = trials[-1]
         if not np.isfinite(last.worst):
             return "growing", f"trial {last.number} has no finite error: the simulation diverged"
@@ -154,17 +159,17 @@ class FixedGain:
 
 
 def zero_phase(values: Array, cutoff: float, order: int, step: float) -> Array:
-    """Values (n, joints) after a low-pass filter forwards and backwards, which causes no delay.
+    """Values (n, joints) after a low-pass filter, which runs forwards and then backwards so that it causes no delay.
 
-    cutoff: frequency at which the whole filter halves the amplitude (each pass: -3 dB), Hz. order: order of the Butterworth
-    filter. A cutoff above half the sampling rate has no effect.
+    cutoff: frequency at which the two passes together halve the amplitude (-3 dB in each pass), Hz; order: order of the
+    Butterworth filter; step: sampling interval, s. A cutoff of half the sampling rate or more has no effect.
     """
     from scipy.signal import butter, sosfiltfilt
 
     if cutoff >= 0.5 / step:
         return values
     sections = butter(order, cutoff, fs=1.0 / step, output="sos")
-    # The padding is long enough for the filter's transient to decay; the odd extension keeps the end values.
+    # The padding is so long that the transient of the filter decays. It is an odd extension, so that the end values are kept.
     padding = min(len(values) - 1, int(3.0 / (cutoff * step)))
     return np.asarray(sosfiltfilt(sections, values, axis=0, padlen=padding), dtype=float)
 
@@ -175,7 +180,7 @@ class LearningResult:
 
     outcome: Outcome
     reason: str
-    """Sentence that says why learning ended."""
+    """Sentence with the reason why learning ended."""
     trials: tuple[Trial, ...]
 
     @property
@@ -185,12 +190,12 @@ class LearningResult:
 
     @property
     def iterations(self) -> int:
-        """Number of updates, which is the number of the last trial."""
+        """Number of updates. It is equal to the number of the last trial."""
         return self.trials[-1].number
 
     @property
     def best(self) -> Trial:
-        """Trial with the smallest error, whose inputs are the result."""
+        """Trial with the smallest error. Its inputs are the result."""
         return best_of(self.trials)
 
     @property
@@ -209,7 +214,7 @@ def iterate(
     finished: Sequence[Trial] = (),
     stop: Stop = never,
 ) -> LearningResult:
-    """Learn the inputs whose outputs follow the reference, and return the result.
+    """Learn the inputs with which the outputs follow the reference, and return the result.
 
     on_trial: receives each new trial. finished: trials of an interrupted run, which this run continues. stop: called after each
     new trial; True ends learning.
@@ -232,7 +237,7 @@ def iterate(
 
 
 def best_of(trials: Sequence[Trial]) -> Trial:
-    """Trial whose largest error is smallest; if several trials have equal errors, the first of these trials."""
+    """Trial whose largest error is smallest. If several trials have the same largest error, it is the first of them."""
     return min(trials, key=lambda trial: trial.worst if np.isfinite(trial.worst) else np.inf)
 
 

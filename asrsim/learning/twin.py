@@ -1,7 +1,7 @@
-"""A twin of the robot: a plant whose masses, stiffnesses, losses and delay are fitted to recorded trials.
+"""A twin of the robot: a plant whose masses, stiffnesses, friction, damping and command delay are fitted to recorded trials.
 
-The fit is that of `asrsim.identification`, with normal priors, since a trial excites few parameters. The posterior, with the
-misfit as noise, gives the uncertainty of the predicted next trial.
+`asrsim.identification` makes the fit. The parameters have normal priors, since a trial excites few parameters. The posterior
+gives the uncertainty of the predicted next trial; the misfit counts as its noise.
 """
 
 from __future__ import annotations
@@ -25,35 +25,45 @@ from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 
 SPREAD, LOSSES = 0.25, 0.7
-"""Prior standard deviations of logarithms: of masses and stiffnesses, and of friction and damping."""
+"""SPREAD: prior standard deviation of the logarithms of masses and stiffnesses.
+LOSSES: prior standard deviation of the logarithms of friction and damping.
+"""
 DELAY, BEGIN = 0.02, 0.01
-"""Prior standard deviation of the delay, s; delay at which the fit starts at least, since steps from the bound 0 are small."""
+"""DELAY: prior standard deviation of the delay, s.
+BEGIN: smallest delay at which the fit starts, s. From the bound 0 the search would only take small steps.
+"""
 NOISE = 1e-3
-"""Smallest misfit that the uncertainty assumes, rad; even a plant with the right structure has this misfit."""
+"""Smallest misfit that is assumed for the uncertainty, rad. Even a plant with the right structure has this misfit."""
 INDEPENDENT = 40
-"""Number of independent misfits for which each joint counts, since model errors are correlated over several samples."""
+"""Number of independent residuals to which the residuals of each joint are equivalent, since model errors are correlated over
+several samples.
+"""
 ROUNDS, LITTLE = 10, 1e-2
-"""Largest number of evaluations of the fit; relative reduction of the misfit below which the fit ends."""
+"""ROUNDS: largest number of evaluations of the fit.
+LITTLE: the fit ends if a step reduces the misfit by less than this fraction.
+"""
 LIKELY = 6
-"""Number of plants drawn from the posterior."""
+"""Number of plants that are drawn from the posterior."""
 
 Forecast = Callable[[Array], Array]
-"""Function from inputs (n, joints) to expected outputs (n, joints)."""
+"""Function from inputs (n, joints) to predicted outputs (n, joints)."""
 ParameterGroup = Mapping[str, float]
 """Values of parameters that are scaled together, by key."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearningTwin:
-    """A plant fitted to the robot, and the uncertainty of the fit."""
+    """A plant that was fitted to the robot, with the uncertainty of the fit."""
 
     plant: Plant = field(repr=False)
     changes: Mapping[str, float]
-    """Relative change of each group of parameters, by name of the group; `delay`: change in s."""
+    """Relative change of each group of parameters, by name of the group. The value of `delay` is the additional delay of
+    commands, s.
+    """
     residual: float
     """Root mean square difference between the recorded motion and the twin's motion, rad."""
     before: float
-    """Root mean square difference between recorded and simulated motion before the fit, rad."""
+    """Root mean square difference between the recorded motion and the simulated motion before the fit, rad."""
     likely: tuple[Plant, ...] = field(repr=False)
     """Plants drawn from the posterior."""
 
@@ -66,28 +76,30 @@ class LearningTwin:
         )
 
     def forecasts(self, best: Trial) -> list[Forecast]:
-        """Predictions by the twin and by each likely plant: the best trial's outputs plus the change of the plant's outputs."""
+        """Predictions by the twin and by each likely plant. A prediction is the best trial's outputs, plus the change of the
+        plant's outputs from the best trial's inputs to the new inputs.
+        """
         return [_forecast(plant, best) for plant in (self.plant, *self.likely)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unexplained:
-    """Part of recorded motions that a twin does not explain, rad. Predictions assume that it equals the unexplained part of the
-    best trial.
+    """Part of the recorded motions that a twin does not explain, rad. Predictions assume that the unexplained part of the next
+    trial is equal to the unexplained part of the best trial.
     """
 
     most: float
     """Largest difference between the best trial and the twin's motion."""
     misses: tuple[tuple[float, float], ...]
-    """A pair for each trial except the best one: its largest distance from the best trial, and the largest error of its
-    prediction.
+    """For each trial except the best one, a pair: largest distance of its outputs from the best trial's outputs, and largest
+    error of its prediction.
     """
 
     def of_change(self, size: float) -> float:
-        """Bound of the error of a prediction whose motion differs by `size` rad from the best trial.
+        """Bound of the error of a predicted motion that differs from the best trial by up to `size` rad.
 
-        The bound is the smallest of three: the predicted change, the unexplained part of the best trial, and the error of the
-        prediction of a recorded trial that differs from the best trial at least as much.
+        The bound is the smallest of these values: the predicted change `size`, the unexplained part of the best trial, and the
+        prediction errors of recorded trials that differ from the best trial by at least `size`.
         """
         return min(size, self.most, *(miss for distance, miss in self.misses if distance >= size))
 
@@ -103,8 +115,8 @@ def _forecast(plant: Plant, best: Trial) -> Forecast:
 
 
 def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) -> LearningTwin:
-    """Plant fitted to the inputs and outputs of trials. start: changes of an earlier twin, where the fit starts; empty: the
-    unchanged plant.
+    """Plant that is fitted to the inputs and outputs of trials. start: `changes` of an earlier twin, at which the fit starts;
+    empty: the fit starts at the unchanged plant.
     """
     groups = _groups(plant)
     with ExitStack() as stack:
@@ -116,7 +128,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
         x = solve(problem, begin, rounds=ROUNDS, tolerance=LITTLE)
         size = problem.weights[0][0]
         residual, before = (size * root_mean_square(residuals(problem, one)) for one in (x, np.zeros(len(x))))
-        # The misfit is the noise of the posterior.
+        # Draw from the posterior with the misfit as noise.
         wide = tuple(tuple(max(residual / NOISE, 1.0) * one for one in own) for own in problem.weights)
         draws = posterior_draws(replace(problem, weights=wide), x, LIKELY)
 
@@ -137,7 +149,7 @@ def fit_twin(plant: Plant, trials: Sequence[Trial], start: Mapping[str, float]) 
 
 
 def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGroup], stack: ExitStack) -> FitProblem:
-    """Fit of the groups, each scaled by one parameter, and of the delay of the commands, to trials."""
+    """Problem of fitting groups of parameters and the delay of the commands to trials. One free parameter scales each group."""
     prepared, commands = plant.prepared, [f"{joint}.reference_1" for joint in plant.joints]
     known = parameters_of(prepared.robot, commands, {})
     free, ties = list[FitParameter](), list[Tie]()
@@ -150,7 +162,7 @@ def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGr
     delay = known[first_delay]
     free.append(replace(delay, low=0.0, spread=DELAY / delay.size))
     ties += [Tie(key=one, to=first_delay) for one in delays]
-    # Model errors are correlated over several samples, so the number of independent samples is smaller.
+    # Increase the noise, since model errors are correlated over several samples and fewer samples are independent.
     noise = NOISE * (len(plant.time) / INDEPENDENT) ** 0.5
     tracks = [Track(prepared.scenario, plant.robot, _recorded(plant, trial, noise), stated=True) for trial in trials]
     for track in tracks:
@@ -163,7 +175,9 @@ def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGr
 
 
 def _recorded(plant: Plant, trial: Trial, noise: float) -> Data:
-    """A trial as a recording: the inputs are commands, the outputs are channels with a noise in rad or m."""
+    """A trial as a recording. Its commands are the inputs, and its channels are the outputs. noise: standard deviation of the
+    channels' noise, rad or m.
+    """
     joints = list(zip(plant.joints, plant.names(), map(plant.unit, plant.joints), strict=True))
     return Data(
         name=f"trial {trial.number}", path=plant.scenario.path or Path(), duration=plant.scenario.duration,
@@ -184,7 +198,9 @@ def _recorded(plant: Plant, trial: Trial, noise: float) -> Data:
 
 
 def _groups(plant: Plant) -> dict[str, ParameterGroup]:
-    """Fitted groups of parameters of each joint: mass of its body, springs, friction of joint and motors, damping."""
+    """Groups of parameters that are fitted for each joint: inertial parameters of its body, springs, friction of joint and
+    motors, and damping. Groups whose parameters are all 0 are left out.
+    """
     robot = plant.prepared.robot
     blocks = {block.joint: block.values() for block in robot.actuators}
     found: dict[str, ParameterGroup] = {}
@@ -200,7 +216,7 @@ def _groups(plant: Plant) -> dict[str, ParameterGroup]:
 
 
 def _body(robot: Robot, joint: str) -> ParameterGroup:
-    """Masses and inertias of the links that move with the joint as one body."""
+    """Masses and moments of inertia of the links that the joint moves as one body."""
     body, waiting = {robot.joint(joint).child}, [robot.joint(joint).child]
     while waiting:
         fixed = [item.child for item in robot.carried.get(waiting.pop(), ()) if item.kind == "fixed"]

@@ -1,5 +1,5 @@
-"""Checks of commands from other programs. A message is accepted if its values are finite, of the right number and for known
-joints; all other messages are refused and counted.
+"""Checks of commands from other programs. A message is accepted if its values are finite, if their number is right, and if
+their joints are known; all other messages are refused and counted.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Trajectory:
             after = bisect_right(times, time)
             if after in (0, len(times)):
                 return values[0 if after == 0 else -1]
-            # Divide only the share (0 to 1) by the interval between the points, so that values stay finite for tiny intervals.
+            # Divide only the elapsed time by the interval between the points, so that values stay finite for tiny intervals.
             length, rise = times[after] - times[after - 1], values[after] - values[after - 1]
             share = (time - times[after - 1]) / length
             if not velocities:
@@ -69,7 +69,7 @@ class CommandInput:
     def __init__(
         self, joints: Sequence[JointInfo], ranges: Ranges, tell: TellUser = lambda text: None, *, prefix: str = ""
     ) -> None:
-        """tell: receives one sentence for each kind of refusal."""
+        """tell: function that receives one sentence for each kind of refusal."""
         self._ranges, self._tell = ranges, tell
         self._inputs = tuple(_inputs(joints, ranges, prefix))
         self.inlets = tuple(topic for topic, _ in self._inputs)
@@ -93,7 +93,7 @@ class CommandInput:
                 if isinstance(value, Trajectory):
                     joint, column = simulation.prepared.slot_of(*target)
                     present = simulation.read([f"reference_{column}"])[f"reference_{column}"]
-                    # In a run of several worlds, the trajectory starts at the reference of the first world.
+                    # In a run of several worlds, start the trajectory at the reference of the first world.
                     self._motions[target] = value.curve(float(present.ravel()[joint])), time, value.times[-1]
                 else:
                     values[target] = value
@@ -129,7 +129,7 @@ class CommandInput:
                 if names is not None:
                     self._refuse(topic, "a command for a joint that takes none on this topic")
             elif names is not None and not received.points and math.isnan(values[0]):
-                # Controllers send NaN for joints that they do not command: leave out these values without a notice.
+                # Controllers send NaN for joints that they do not command. Leave out these values without a notice.
                 continue
             elif not all(map(math.isfinite, (*values, *velocities))):
                 self._refuse(topic, "a value that is not finite")
@@ -172,7 +172,8 @@ def _inputs(joints: Sequence[JointInfo], ranges: Ranges, prefix: str) -> Iterato
         targets = [(joint.name, name) for name in own if name != EXTERNAL_TORQUE]
         topics = dict(zip(reference_names(joint), targets, strict=False))
         if joint.mode == 4:
-            # Topic names in the released code of the toolbox, in addition to the topic names in the paper.
+            # In mode 4, also accept the topic names in the released code of the toolbox, which differ from the topic names in
+            # the paper.
             topics |= {f"torque_m{number}_command": target for number, target in enumerate(targets, start=1)}
         if EXTERNAL_TORQUE in own:
             topics[EXTERNAL_TORQUE] = joint.name, EXTERNAL_TORQUE

@@ -30,7 +30,7 @@ class FoxgloveTransport:
         from foxglove import Channel, Context, Schema
         from foxglove.websocket import Capability
 
-        # Keep a reference to the context: the channels exist only as long as their context.
+        # Keep a reference to the context, since the channels exist only as long as their context.
         self._context = context = Context()
         self._mailbox = Mailbox()
         self._subscribed: deque[str] = deque(maxlen=MOST)
@@ -99,20 +99,20 @@ class FoxgloveTransport:
     # -- called by the simulation's thread --------------------------------------------------------------------------
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Implements `Transport.publish`."""
+        """Publish messages; see `Transport.publish`."""
         for channel, message in zip(self._channels, messages, strict=True):
             if message:
                 channel.log(message, log_time=time)
 
     def poll(self) -> Iterator[Received]:
-        """Implements `Transport.poll`. Sends the latched topics to their new subscribers."""
+        """Received messages; see `Transport.poll`. The method also sends the latched topics to their new subscribers."""
         while self._subscribed:
             channel, message = self._latched[self._subscribed.popleft()]
             channel.log(message)
         return self._mailbox.take(decoded)
 
     def close(self) -> None:
-        """Implements `Transport.close`."""
+        """Close the server; see `Transport.close`."""
         self._proxy.close()
         self._server.stop()
 

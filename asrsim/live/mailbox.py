@@ -9,8 +9,8 @@ from threading import Lock
 from asrsim.live.transport import Received
 
 WAITING, WAITING_BYTES = 5000, 1 << 24
-"""Largest number of received messages that wait for the simulation, and largest sum of their sizes in bytes. If there are more
-messages, the oldest are dropped and counted.
+"""WAITING: largest number of received messages that wait for the simulation; WAITING_BYTES: largest sum of their sizes in
+bytes. If there are more messages, the oldest are dropped and counted.
 """
 LARGEST_MESSAGE = 1 << 20
 """Largest size of a received message in bytes. Decoded, a message takes up to a hundred times as much memory."""
@@ -28,7 +28,7 @@ class Mailbox:
         self._lock = Lock()
 
     def put(self, inlet: int, data: bytes, *, sent: float = 0.0) -> None:
-        """Queue a message of an input topic; sent: as in `Received`. Every thread may call it."""
+        """Queue a message of an input topic; sent: as in `Received`. Every thread may call this method."""
         with self._lock:
             if len(data) > LARGEST_MESSAGE:
                 self._lost[inlet, f"a message of more than {LARGEST_MESSAGE} bytes"] += 1

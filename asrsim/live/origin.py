@@ -1,7 +1,7 @@
 """Proxy for a WebSocket server that accepts only web pages of this machine or of origins that the user names.
 
 A browser allows every web page to open a WebSocket to this machine, and names the page in the header `Origin`. The server of
-foxglove-sdk ignores the header `Origin`, so this module reads the head of each request and forwards permitted connections.
+foxglove-sdk ignores the header `Origin`, so this module reads the headers of each request and forwards permitted connections.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from threading import Thread
 from asrsim.errors import InputError
 
 LONGEST_HEAD = 16384
-"""Largest size of a request's head, bytes."""
+"""Largest size of a request's headers, bytes."""
 PATIENCE = 5.0
-"""Time in which a client must send the head, s."""
+"""Time in which a client must send the headers, s."""
 MOST_CLIENTS = 64
 """Largest number of simultaneous connections."""
 MOST_NOTICES = 20
 """Largest number of refused origins that are reported."""
 _OWN = re.compile(r"https?://(localhost|127\.0\.0\.1|\[::1\])(:\d+)?|(file|app|foxglove|lichtblick)://.*")
-"""Permitted origins: servers of this machine, and desktop applications (Electron applications send `file://`)."""
+"""Pattern of permitted origins, which are servers of this machine and desktop applications (Electron applications send
+`file://`)."""
 _ORIGIN = re.compile(r"^origin[ \t]*:[ \t]*(.*?)[ \t\r]*$", re.IGNORECASE | re.MULTILINE)
 _REFUSAL = b"HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
 
@@ -39,11 +40,11 @@ def origin_of(text: str) -> str:
 
 
 class OriginProxy:
-    """Listens at an address and forwards permitted connections to a server; `close` ends its thread."""
+    """Proxy that listens at an address and forwards permitted connections to a server. `close` ends the proxy's thread."""
 
     def __init__(self, address: tuple[str, int], allowed: Collection[str], tell: Callable[[str], None]) -> None:
-        """allowed: permitted origins besides this machine's; tell: receives one sentence per refused origin, in the proxy's
-        thread. Raises OSError if the address is in use.
+        """allowed: permitted origins besides the origins of this machine; tell: function that receives one sentence per refused
+        origin, in the proxy's thread. Raises OSError if the address is in use.
         """
         self._allowed, self._tell, self._clients = allowed, tell, 0
         self._refused: set[str] = set()
@@ -53,7 +54,7 @@ class OriginProxy:
         self._thread = Thread(target=self._run, daemon=True)
 
     def start(self, host: str, port: int) -> None:
-        """Forward connections to the server at this address from now on."""
+        """Start to forward connections to the server at this address."""
         self._server = host, port
         self._thread.start()
 
@@ -64,7 +65,7 @@ class OriginProxy:
             self._thread.join()
 
     def _run(self) -> None:
-        # When it closes, the runner cancels the tasks of all connections.
+        # Use a runner, since it cancels the tasks of all connections when it closes.
         with asyncio.Runner(loop_factory=lambda: self._loop) as runner:
             runner.run(self._listen())
 

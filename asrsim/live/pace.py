@@ -10,13 +10,13 @@ from collections.abc import Callable
 import numpy as np
 
 SLIP = 0.25
-"""Lateness of a tick in s above which a run does not catch up: the next ticks are due relative to the current time."""
+"""Lateness of a tick in s above which a run does not catch up. The next ticks are then due relative to the current time."""
 NAP = 0.1
 """Longest sleep of one call of `Pace.wait`, s. Between calls, a run receives commands and can be stopped."""
 RECENT = 10_000
 """Number of the latest ticks whose lateness is stored."""
 MOST_LATE, MEMORY = 0.6, 2.0
-"""Fraction of late ticks above which a run is behind, and time constant of this fraction, s."""
+"""MOST_LATE: fraction of late ticks above which a run counts as being behind; MEMORY: time constant of this fraction, s."""
 
 
 class Pace:
@@ -25,12 +25,12 @@ class Pace:
     def __init__(
         self, speed: float, *, now: Callable[[], float] = time.perf_counter, sleep: Callable[[float], None] = time.sleep
     ) -> None:
-        """speed: simulated seconds per wall-clock second; infinite: run without waiting."""
+        """speed: simulated seconds per wall-clock second; infinite: the run does not wait."""
         self._now, self._sleep = now, sleep
         self._late: deque[float] = deque(maxlen=RECENT)
         self.ticks, self.worst = 0, 0.0
         self.slips, self.slipped = 0, 0.0
-        """Number of times that the run stopped catching up, and total time lost, s."""
+        """slips: number of times that the run stopped catching up; slipped: total time lost, s."""
         self.busy = 0.0
         """Time spent working (not sleeping), s."""
         self.speed = speed
@@ -53,8 +53,8 @@ class Pace:
         return self._late[-1] if self._late else 0.0
 
     def is_behind(self) -> bool:
-        """Whether most ticks of the last two seconds were late by more than a tick. After True, all ticks until then count as
-        punctual.
+        """Whether most ticks of the last two seconds were late by more than a tick. If the method returns True, all ticks up to
+        this call count as punctual later.
         """
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0

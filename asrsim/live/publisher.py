@@ -76,7 +76,7 @@ class Publisher:
     def messages(self, time: int, wanted: Sequence[Sequence[bool]]) -> list[bytes]:
         """Messages of the outlets that are not latched, in order; empty for an outlet that has no subscribers or is not due.
 
-        time: time of the last step, ns; wanted: for each transport, see `asrsim.live.transport.Transport.wanted`.
+        time: time of the last step, ns; wanted: `asrsim.live.transport.Transport.wanted` of each transport.
         """
         listened = [any(each) for each in zip(*wanted, strict=True)]
         if not any(listened):
@@ -100,7 +100,7 @@ def reference_names(joint: JointInfo) -> tuple[str, ...]:
 
 
 def _topics(joints: Sequence[JointInfo], ranges: Ranges) -> Iterator[Topic]:
-    # The applied commands precede the positions: a twin that reads both has the commands of a step before its positions.
+    # Publish the applied commands before the positions, so that a twin receives the commands of a step before its positions.
     applied = {
         f"{joint.name}.{name}": MessageColumn("value", name if name == EXTERNAL_TORQUE else f"reference_{slot}", joint.name)
         for joint in joints

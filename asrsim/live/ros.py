@@ -22,14 +22,14 @@ from asrsim.live.mailbox import Mailbox
 from asrsim.live.transport import Access, Interface, Received, TellUser, received
 
 DEPTH = 300
-"""Number of messages that a publisher keeps for slow subscribers. The publisher searches all kept messages for each new
-message: with 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
+"""Number of messages that a publisher keeps for slow subscribers. For each new message, the publisher searches all kept
+messages. With 1000 kept messages, a reliable subscriber that takes no messages slows a run tenfold.
 """
 MOST = 1000
 """Largest number of messages that a subscription keeps, and that one call reads."""
 UNREAD = 0.02
-"""If the simulation has not read the waiting messages for this time, s, a thread moves them to the mailbox. A subscription
-limits only the number of its messages; the mailbox also limits their bytes.
+"""Time in s for which the simulation may leave waiting messages unread; then a thread moves the messages to the mailbox. A
+subscription limits only the number of its messages; the mailbox also limits their bytes.
 """
 LOOK = 0.05
 """Time between two checks for new subscribers and new publishers, s."""
@@ -139,11 +139,11 @@ class RosTransport:
         tell(f"ros: node {self._node.get_fully_qualified_name()}, domain {self._context.get_domain_id()}, {reach}{left}")
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Implements `Transport.publish`."""
+        """Publish messages; see `Transport.publish`."""
         self._outbox.send(messages, self.wanted)
 
     def poll(self) -> Iterator[Received]:
-        """Implements `Transport.poll`."""
+        """Received messages; see `Transport.poll`."""
         if clock.monotonic() - self._looked > LOOK:
             self._look()
         self._take()
@@ -183,7 +183,7 @@ class RosTransport:
         self._spoken_to = [one for one in reversed(self._subscriptions) if one[2].get_publisher_count()]
 
     def close(self) -> None:
-        """Implements `Transport.close`."""
+        """Close the node; see `Transport.close`."""
         self._closed.set()
         self._thread.join()
         self._node.destroy_node()
@@ -203,8 +203,8 @@ def message_type(name: str) -> Any:
 def fast_dds(*, network: bool) -> Iterator[None]:
     """Context manager that applies Fast DDS's settings to the participant created inside; settings of the user have priority.
 
-    network: also reach other machines; otherwise the sockets are bound to 127.0.0.1. If the user has settings, ROS's range
-    `LOCALHOST` is used instead, which listens on all interfaces but accepts nothing from other machines.
+    network: whether other machines are also reached; if not, the sockets are bound to 127.0.0.1. If the user has settings,
+    ROS's range `LOCALHOST` is used instead, which listens on all interfaces but accepts nothing from other machines.
     """
     # Fast DDS 3 (since ROS Kilted) has different names for the library and the variable.
     variable = "FASTRTPS_DEFAULT_PROFILES_FILE" if _folders_with("libfastrtps.so") else "FASTDDS_DEFAULT_PROFILES_FILE"
@@ -239,7 +239,7 @@ def load_rclpy() -> Any:
         )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
-    # Look for the library of the chosen middleware: without it, ROS would end the process.
+    # Look for the library of the chosen middleware. Without this library, ROS would end the process.
     if wanted and _folders_with("librcl.so") and not _folders_with(f"lib{wanted}.so"):
         message = f"RMW_IMPLEMENTATION names '{wanted}', which is not installed here"
         raise InputError(message, hint="Start with: env -u RMW_IMPLEMENTATION asrsim live ...", code="ros-rmw")

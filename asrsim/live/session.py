@@ -1,4 +1,5 @@
-"""Live run: ticks in real time; every tick reads commands and publishes messages. The log is written during the run."""
+"""Live run, which consists of ticks in real time. Every tick reads commands, simulates and publishes messages. The log is
+written during the run."""
 
 from __future__ import annotations
 
@@ -36,7 +37,7 @@ TICK = 1e-3
 BATCH = 0.128
 """Interval at which samples are written to the log, s."""
 TOPICS_SHARE = 0.25
-"""Fraction of the working time that topics take, above which a lower publishing rate lets the run keep up."""
+"""Fraction of the working time that topics take, above which the publishing rate is lowered so that the run can keep up."""
 LEAST_RATE = 10.0
 """Lowest rate of the topics, Hz."""
 IDLE = 0.02
@@ -50,9 +51,9 @@ class Settings:
     """Settings of a live run."""
 
     speed: float = 1.0
-    """Simulated seconds per wall-clock second; infinite: run without waiting."""
+    """Simulated seconds per wall-clock second; infinite: the run does not wait."""
     duration: float | None = None
-    """Simulated time after which the run ends, s; None: the run ends when stopped."""
+    """Simulated time after which the run ends, s; None: the run ends when it is stopped."""
     rate: float = 1000.0
     """Highest rate of the topics, Hz of simulated time."""
     namespace: str = ""
@@ -65,11 +66,12 @@ class Settings:
 
 
 class Operator(Protocol):
-    """Person who operates a live run, for example in `asrsim view`: sees the samples, and sets references by hand."""
+    """Person who operates a live run, for example in `asrsim view`. The operator sees the samples, and sets references by
+    hand."""
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """References to set at this tick; None: the scenario's signal acts again. Called in each tick, also while the run is
-        paused, in the run's thread; the method may pause, step or end the session.
+        """References to set at this tick; None: the scenario's signal acts again. This method is called in each tick, also
+        while the run is paused, in the run's thread. It may pause, step or end the session.
         """
 
     def write(self, samples: Samples) -> None:
@@ -82,8 +84,8 @@ class Session:
     def __init__(
         self, plan: Plan, folder: Path, settings: Settings, *, overwrite: bool = False, tell: TellUser = lambda text: None
     ) -> None:
-        """plan: the examined scenario. If the plan replaces the scenario's robot, the text of the new robot must describe it
-        completely.
+        """plan: the examined scenario. If the plan replaces the scenario's robot, the text of the new robot must describe this
+        robot completely.
         """
         self.settings, self._tell = settings, tell
         self.operator: Operator | None = None
@@ -95,7 +97,7 @@ class Session:
         self.paused = False
         """Whether the simulation waits; commands are still read."""
         self._singles = 0
-        """Number of single steps that a paused run still has to do."""
+        """Number of single steps that a paused run must still execute."""
         self._tick_steps = 1
         self._publish_steps = max(1, round(1.0 / (settings.rate * self._step)))
         self.simulation = Simulation(
@@ -119,18 +121,19 @@ class Session:
         self._publishing = 0.0
         """Time spent publishing, s."""
         self._work = 0.0, 0.0
-        """Time spent on all work, and of it on topics, from the start of the run to the latest check of its pace, s."""
+        """Time spent on all work, and the part of this time spent on topics, from the start of the run to the latest check of
+        its pace, s."""
         self._said_slow = False
 
     def run(self, *, stop: Stop) -> RunSummary:
         """Execute the run until `stop` returns True, the duration is over, or the motion diverges, and return the summary.
 
-        stop: called in each tick. Raises AsrsimError; files written so far stay readable.
+        stop: function that is called in each tick. Raises AsrsimError; files written so far stay readable.
         """
         began, error = clock.perf_counter(), None
         with ExitStack() as stack:
             stack.callback(self.simulation.close)
-            # Open the transports first: if one fails, the log of an earlier run is not replaced.
+            # Open the transports first, so that the log of an earlier run is not replaced if a transport fails.
             settings = self.settings
             interface = Interface(f"{self.publisher.prefix}/asrsim", self.publisher.outlets, self.commands.inlets)
             self.transports = stack.enter_context(opened(settings.transports, interface, settings.access, self._tell))
@@ -141,8 +144,8 @@ class Session:
             described = as_run(self.simulation.prepared.info, self._scenario)
             described = replace(described, metadata={**described.metadata, LIVE: "1"})
             self._writer = log_file.enter_context(LogWriter(path, described))
-            # Exclude the existing objects from garbage collection, which would make ticks late. Objects that the program itself
-            # has excluded stay excluded.
+            # Exclude the existing objects from garbage collection, which would delay ticks. If the program has excluded
+            # objects, they stay excluded.
             if not gc.get_freeze_count():
                 gc.collect()
                 gc.freeze()
@@ -168,7 +171,7 @@ class Session:
         return 1.0 / (self._publish_steps * self._step)
 
     def _turn(self) -> bool:
-        """Do a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
+        """Execute a tick: read commands, simulate, publish. Returns False when the duration of the run is over."""
         left = round(self._duration / self._step) - self._steps_done
         if self.paused:
             return self._wait(left) < left
@@ -182,8 +185,8 @@ class Session:
         return late is None or steps < left
 
     def _wait(self, left: int) -> int:
-        """Do the single steps that were asked for in a paused run, at most `left`; if there are none, wait a moment. Returns
-        the number of steps done.
+        """Execute the single steps that the user requested in a paused run, at most `left`. Without such a request, wait a
+        moment. Returns the number of executed steps.
         """
         self._listen()
         steps, self._singles = min(self._singles, left), 0
@@ -192,7 +195,7 @@ class Session:
         else:
             clock.sleep(IDLE)
         self.simulation.flush()
-        # Restart the clock: after a pause, the run does not catch up the time of the pause.
+        # Restart the clock, so that the run does not try to make up for the time of the pause.
         self.pace.start()
         return steps
 
@@ -202,7 +205,7 @@ class Session:
         self._tick_steps = max(1, round(self.settings.tick * (1.0 if math.isinf(speed) else speed) / self._step))
 
     def single_step(self, steps: int = 1) -> None:
-        """Do some steps of a paused run in its next tick."""
+        """Execute some steps of a paused run in its next tick."""
         self._singles += steps
 
     def _ease(self) -> None:
@@ -213,7 +216,7 @@ class Session:
         self._work = self.pace.busy, self._publishing
         if publishing >= TOPICS_SHARE * busy and self.rate >= 2.0 * LEAST_RATE:
             self._publish_steps *= 2
-            self._tell(f"this machine is too slow for the topics: from now on their rate is {self.rate:g} Hz")
+            self._tell(f"this machine is too slow for the topics: their rate is now {self.rate:g} Hz")
         elif not self._said_slow:
             self._said_slow = True
             substeps = self.simulation.substeps
@@ -248,8 +251,8 @@ class Session:
                 self._overrides[target] = value
 
     def hold(self, wrench: HeldWrench) -> None:
-        """Let a wrench act on a body until the next wrench for this body. To be called in the run's thread, by an operator's
-        `ask`. Raises InputError as `Simulation.set_wrench`.
+        """Let a wrench act on a body until the next wrench for this body. An operator's `ask` calls this method, in the run's
+        thread. Raises InputError in the same cases as `Simulation.set_wrench`.
         """
         if self._wrenches.get(wrench.body) != wrench:
             self._obey(WrenchCommand(self.simulation.substep, wrench))
@@ -286,7 +289,7 @@ class Session:
         collector = Collector(run.info.joints, samples=max(writer.samples, 1))
         for chunk in open_log(log).iter_samples():
             collector.write(chunk)
-        # Judge no claims of the scenario: commands override the references to which the claims refer.
+        # Do not judge the claims of the scenario, since commands override the references to which the claims refer.
         summary = judged(replace(self._scenario, expect=()), run, collector, samples=writer.samples)
         files = {"log": log, "summary": self._folder / SUMMARY}
         summary = replace(summary, files=files, replaced=tuple(earlier), live=self.figures())

@@ -14,7 +14,7 @@ from asrsim.extras import install
 from asrsim.registry import Registry
 
 LATEST = 2.0**32
-"""Time stamps in messages are below this bound, s since 1970: ROS stores the seconds of a stamp in 32 bits."""
+"""Bound of time stamps in messages, s since 1970. ROS stores the seconds of a stamp in 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,8 @@ class LiveTopic:
     message: str
     """Message type, such as `sensor_msgs/JointState`."""
     latched: bytes = b""
-    """Message (CDR) of a latched topic, which is published once and sent to later subscribers too; empty for other topics."""
+    """Message (CDR) of a latched topic, which is published once and is also sent to later subscribers; empty for other
+    topics."""
 
 
 @dataclass(frozen=True)
@@ -35,17 +36,18 @@ class Received:
     inlet: int
     """Index in `Interface.inlets`."""
     values: Sequence[float] = ()
-    """Values of a Float64 or an array; for a JointState the positions, or the efforts if there are no positions."""
+    """Values of a Float64 or an array; for a JointState, the positions, or the efforts if the message has no positions."""
     names: Sequence[str] | None = None
     """Names of the joints to which the values or the points belong; None for a Float64 or an array."""
     points: Sequence[tuple[float, Sequence[float], Sequence[float]]] = ()
-    """Points of a JointTrajectory, each with time from now (s), positions, and velocities (may be empty)."""
+    """Points of a JointTrajectory, each with the time in s after the arrival of the message, the positions, and the velocities
+    (may be empty)."""
     stamp: float = 0.0
     """Time stamp in the header of a JointState, s; 0 if there is no time stamp."""
     sent: float = 0.0
     """Time at which the sender published the message, s since 1970; 0 if the transport does not provide it."""
     fault: str = ""
-    """Reason why the message cannot be decoded; empty if there is none."""
+    """Reason why the message cannot be decoded; empty if it was decoded."""
 
 
 def received(inlet: int, message: Any, *, sent: float = 0.0) -> Received:
@@ -83,7 +85,8 @@ class Interface:
     outlets: tuple[LiveTopic, ...]
     inlets: tuple[LiveTopic, ...]
     """Topics that the run subscribes to, in order. A transport takes the waiting messages of the last topic first. So if a run
-    has received a message of a topic, it has also received the earlier messages of all topics before it in this order.
+    has received a message of a topic, it has also received the earlier messages of all topics that precede this topic in the
+    order.
     """
 
 
@@ -96,7 +99,7 @@ class Access:
     port: int = 8765
     """Port of the WebSocket; 0: any free port."""
     origins: tuple[str, ...] = ()
-    """Origins of web pages that may use the WebSocket, besides those of this machine."""
+    """Origins of web pages that may use the WebSocket, besides the origins of this machine."""
     domain: int | None = None
     """Number of the ROS domain; None: the environment variable ROS_DOMAIN_ID, else 0."""
 
@@ -108,8 +111,8 @@ class Transport(Protocol):
     """Whether each outlet that is not latched has a subscriber; a change replaces the sequence by a new object."""
 
     def publish(self, time: int, messages: Sequence[bytes]) -> None:
-        """Publish one message (CDR) for each outlet that is not latched, in order; an empty message is not published; time in
-        ns.
+        """Publish one message (CDR) for each outlet that is not latched, in order; an empty message is not published. time:
+        time of the messages in ns.
         """
 
     def poll(self) -> Iterable[Received]:

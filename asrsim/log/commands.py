@@ -21,7 +21,7 @@ def _template(texts: tuple[str, ...], count: int) -> CdrTemplate:
     builder = CdrBuilder().header()
     for text in texts:
         builder.string(text)
-    # A substep (uint64) has as many bytes as a float64.
+    # The number of the substep (uint64) takes a place of a float64, since it has as many bytes.
     return builder.numbers([MessageColumn("command")] * (count + 1)).build()
 
 
@@ -56,7 +56,7 @@ def decoded(topic: str, data: bytes) -> Command | WrenchCommand:
     count = 2 if topic == COMMAND_TOPIC else 1
     place = 4 + 8
     texts = []
-    for _ in range(1 + count):  # frame, then joint and reference, or body
+    for _ in range(1 + count):  # the frame, followed by joint and reference, or by the body
         place += -(place - 4) % 4
         (length,) = struct.unpack_from("<I", data, place)
         end = place + 4 + length

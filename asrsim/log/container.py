@@ -98,8 +98,8 @@ class McapStorage:
             self._file = -1
 
     def _commit(self, trailer: bytes, head: bytes, *rest: bytes | memoryview) -> None:
-        """Write records (`head` and `rest`), and after them a trailer, so that a kill at any instant leaves a readable file:
-        the trailer is written first and the head last. Until then, the old trailer stands in the place of the head.
+        """Write records (`head` and `rest`), and after them a trailer, so that a kill at any instant leaves a readable file.
+        The trailer is written first and `head` last. Until `head` is written, the old trailer stands in its place.
         """
         end = self.size + sum(map(len, (head, *rest)))
         try:
@@ -122,7 +122,7 @@ class McapStorage:
     def _write(self, data: bytes | memoryview, position: int) -> None:
         rest = memoryview(data)
         while rest:
-            # os.pwrite does not exist on Windows.
+            # Do not use os.pwrite, which does not exist on Windows.
             os.lseek(self._file, position, os.SEEK_SET)
             written = os.write(self._file, rest)
             rest = rest[written:]
@@ -176,7 +176,7 @@ class McapContainer:
         self._pending = b""
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        # Use a few growing buffers: many small objects would fragment the memory that the run's arrays reuse.
+        # Use a few growing buffers, since many small objects would fragment the memory that the run's arrays reuse.
         self._summary = {opcode: bytearray() for opcode in _SUMMARY}
         self._records: Counter[Opcode] = Counter()
         header = Header(profile="ros2", library=f"asrsim {__version__}")

@@ -1,4 +1,4 @@
-"""Derived quantities, which are computed from logged quantities and never stored."""
+"""Derived quantities, which are computed from logged quantities and are never stored."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def _position_error(samples: Samples, joint: JointInfo, column: int) -> Array:
 
 
 def own_reference(samples: Samples, joint: JointInfo) -> Array | None:
-    """Link positions (n,) that the references of a joint command, with which claims compare its link position; None without
-    such references.
+    """Link positions (n,) that the references of a joint command, with which claims compare the link position of the joint;
+    None without such references.
     """
     found = _reference_position(samples, joint, samples.joints.index(joint.name))
     return found if np.isfinite(found).any() else None

@@ -62,7 +62,7 @@ def info_attachments(info: RunInfo) -> dict[str, tuple[str, bytes]]:
     if info.scenario:
         files[_SCENARIO] = ("application/yaml", info.scenario.encode())
     files |= {_FOLDER + name: ("application/octet-stream", bytes(data)) for name, data in info.attachments.items()}
-    # run.json is the last attachment: a truncated file that contains run.json contains all attachments.
+    # Write run.json as the last attachment, so that a truncated file with run.json contains all attachments.
     files[_RUN] = ("application/json", json.dumps(run).encode())
     return files
 

@@ -26,14 +26,15 @@ class FrameMessages:
         vector, scalar = self._start[:, :3], self._start[:, 3:]
         across = np.cross(vector, axes)
         self._half_turn = np.hstack([scalar * axes + across, -np.sum(vector * axes, axis=1, keepdims=True)])
-        """Rotation (frames, 4) of each frame after half a turn of its joint: product of the start and the axis."""
+        """Rotation (frames, 4) of each frame after half a turn of its joint, which is the product of the initial rotation and
+        the axis."""
         self._axes = axes + 2.0 * (scalar * across + np.cross(vector, across))
         """Axis (frames, 3) of each joint in the frame of the parent link."""
         still = [frame for frame in frames if not frame.joint]
         self.static_topic = Topic(name="/tf_static", message="tf2_msgs/TFMessage", template=_template(still), canonical=False)
         poses = np.array([(*frame.position, *frame.rotation) for frame in still]).reshape(1, -1, 7)
         self.static: bytes | None = _filled(self.static_topic.template, np.zeros(1), poses)[0] if still else None
-        """Message with the fixed frames; None where there are none."""
+        """Message with the fixed frames; None if there are no fixed frames."""
 
     def messages(self, samples: Samples) -> list[tuple[float, bytes]]:
         """Pairs (time in s, message) for the samples at which a message is due. Calls must follow the order of time."""
@@ -50,7 +51,8 @@ class FrameMessages:
         return list(zip(samples.time[due].tolist(), messages, strict=True))
 
     def _poses(self, positions: Array) -> Array:
-        """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: (n, frames), rad or m."""
+        """Poses (n, frames, 7) of the joints' frames: position in m, quaternion x y z w. positions: positions of the joints (n,
+        frames), rad or m."""
         half = np.where(self._slides, 0.0, 0.5 * positions)[..., None]
         slides = np.where(self._slides, positions, 0.0)[..., None]
         rotation = np.cos(half) * self._start + np.sin(half) * self._half_turn

@@ -85,7 +85,7 @@ class LogReader:
         return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
 
     def read(self, **selection: Unpack[Selection]) -> Log:
-        """Log with all samples or a selection. The arguments are those of `iter_samples`."""
+        """Log with all samples or a selection. Arguments as in `iter_samples`."""
         parts = list(self.iter_samples(**selection))
         names, members = self._selection(selection.get("quantities"), selection.get("joints"))
         return Log(
@@ -113,7 +113,7 @@ class LogReader:
             joints: Names of the joints, in this order; None: all.
             start: First time, s, included.
             end: Last time, s, included.
-            stride: Read every n-th of these samples.
+            stride: Number n, if only every n-th of these samples is read.
 
         Raises:
             LogError: Unknown name, or damaged chunk.
@@ -128,7 +128,7 @@ class LogReader:
             if MessageColumn("time") not in found:
                 continue
             time = found[MessageColumn("time")]
-            # Allow for rounding: the log times of a chunk are rounded to ns, and large times to a multiple of some ns.
+            # Allow for rounding, since the log times of a chunk are rounded to ns, and large times to multiples of several ns.
             margin = 2.0 + 1e-12 * place.end
             inside = place.start - margin <= time[0] * 1e9 and time[-1] * 1e9 <= place.end + margin
             if not (inside and np.all(np.diff(time, prepend=last) > 0.0)):
@@ -148,11 +148,11 @@ class LogReader:
         self, columns: ColumnReader, names: set[str], joints: set[str], start: float | None, end: float | None
     ) -> Iterator[tuple[ChunkPlace, dict[MessageColumn, Array]]]:
         def outside(place: ChunkPlace) -> bool:
-            # Skip a chunk only if it is 1 ns outside of the selected time: its log times are rounded to ns.
+            # Skip a chunk only if it is more than 1 ns outside the selected time, since its log times are rounded to ns.
             before = start is not None and place.end * 1e-9 < start - 1e-9
             return before or (end is not None and place.start * 1e-9 > end + 1e-9)
 
-        # Without an index, the channels stand in the chunks, so that no chunk may be skipped.
+        # In a log without an index, the channels are in the chunks, so that no chunk may be skipped.
         places = self._structure.chunks
         if not self._structure.truncated:
             places = [place for place in places if not outside(place)]
@@ -212,7 +212,7 @@ def read_origin(path: Path) -> tuple[str, str]:
 
 
 def read_log(path: str | os.PathLike[str], **selection: Unpack[Selection]) -> Log:
-    """Log read into arrays. The arguments are those of `LogReader.iter_samples`. Raises LogError."""
+    """Log read into arrays. Arguments as in `LogReader.iter_samples`. Raises LogError."""
     return LogReader(path).read(**selection)
 
 
@@ -220,7 +220,7 @@ def _samples(found: Mapping[MessageColumn, Array], names: Sequence[str], joints:
     time = found[MessageColumn("time")][rows].astype(np.float64)
 
     def matrix(columns: Sequence[MessageColumn]) -> Array:
-        # The samples of a joint are contiguous in memory, as plots and metrics process them joint by joint.
+        # Make the samples of a joint contiguous in memory, since plots and metrics process them joint by joint.
         block = np.empty((len(columns), len(time)))
         for line, column in zip(block, columns, strict=True):
             line[:] = found[column][rows] if column in found else np.nan

@@ -19,8 +19,8 @@ MESSAGE_HEADER = struct.Struct("<BQHIQQ")
 """Header before a message's data in a chunk: opcode, length, channel, sequence, log time, publish time."""
 
 _HEAD = np.dtype([("sequence", "<u4"), ("log", "<u8"), ("publish", "<u8"), ("cdr", f"V{len(ENCAPSULATION)}"), ("stamp", "<u8")])
-"""Fields of a message's header that change from row to row, and the time stamp with which most messages begin: one copy of all
-these fields is faster than a copy of each."""
+"""Fields of a message's header that change from row to row, and the time stamp with which most messages begin. One copy of all
+these fields is faster than a copy of each field."""
 _HEAD_BYTES, _SHORT_HEAD_BYTES = f"V{_HEAD.itemsize}", f"V{_HEAD.itemsize - 8}"
 _HEAD_PLACE = 11
 """Offset of the fields of `_HEAD` in a message's header, bytes."""
@@ -54,16 +54,17 @@ class RowBuffer:
         self._memory = np.empty(_ROOM + self.capacity * self.row_size, np.uint8)
         self._memory[_ROOM:].reshape(self.capacity, self.row_size)[:] = np.frombuffer(row, np.uint8)
         self._times = np.zeros(self.capacity, "<u8")
-        # Write only to views of the variable numbers: the constant bytes of the rows stay the same in all chunks.
+        # Write only to views of the variable numbers, since the constant bytes of the rows are the same in all chunks.
         self._heads: list[NDArray[Any]] = []
         self._short_heads: list[NDArray[Any]] = []
-        """Heads of messages that begin with something other than a time stamp."""
+        """Headers of messages that begin with something other than a time stamp."""
         self._stamps: list[NDArray[Any]] = []
         """Time stamps that are not at the beginning of a message."""
         self._floats: list[tuple[NDArray[Any], MessageColumn]] = []
         for start, (_, topic) in zip(self._starts, topics, strict=True):
             template, begin = topic.template, start + MESSAGE_HEADER.size
-            # If a message begins with a float64 instead of a time stamp, the head writes a stamp there; the number replaces it.
+            # If a message begins with a float64 instead of a time stamp, the message header writes a time stamp to its place,
+            # and the float64 then replaces the stamp.
             if _STAMP_PLACE in template.stamps or _STAMP_PLACE in dict(template.floats):
                 self._heads.append(self._view(start + _HEAD_PLACE, _HEAD_BYTES))
             else:
@@ -73,7 +74,7 @@ class RowBuffer:
         self._sources = tuple(dict.fromkeys((column.kind, column.name) for _, column in self._floats))
 
     def append(self, samples: Samples, start: int, sequence: int) -> int:
-        """Copy samples from row `start` on into the buffer until it is full. Returns the number of copied samples.
+        """Copy the samples that begin with row `start` into the buffer until it is full. Returns the number of copied samples.
 
         sequence: Number of the first copied sample, counted from the start of the log.
         """
@@ -86,7 +87,7 @@ class RowBuffer:
         heads["sequence"] = np.arange(sequence, sequence + taken, dtype="<u8")
         heads["log"] = heads["publish"] = times
         heads["cdr"] = np.void(ENCAPSULATION)
-        # A stamp is an int32 of seconds, then a uint32 of nanoseconds.
+        # A stamp is an int32 with seconds, followed by a uint32 with nanoseconds.
         seconds, nanoseconds = np.divmod(times, np.uint64(1_000_000_000))
         heads["stamp"] = stamps = seconds | (nanoseconds << np.uint64(32))
         whole, short = (np.ndarray(taken, kind, heads.data, 0, heads.strides) for kind in (_HEAD_BYTES, _SHORT_HEAD_BYTES))

@@ -55,7 +55,7 @@ class Structure:
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     truncated: bool = False
-    """True: the file has no summary; its writer was killed or is still running, or the file was cut."""
+    """Whether the file has no summary, since its writer was killed or is still running, or since the file was cut."""
 
     @cached_property
     def channels(self) -> list[Channel]:
@@ -127,7 +127,7 @@ def _summary(file: BinaryIO, size: int) -> tuple[int, bytes]:
 def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> None:
     """Find the records before `end`, or up to the last complete record where the file has no summary.
 
-    Chunks that the summary lists are not read, as a file contains many of them, each with a message index for each channel.
+    Chunks that the summary lists are not read, since a file contains many chunks, each with a message index for each channel.
     """
     structure.truncated = not summary
     structure.summary = summary
@@ -197,7 +197,7 @@ def read_chunk(file: BinaryIO, place: ChunkPlace) -> bytes:
     file.seek(place.offset)
     chunk = Chunk.read(stream(file.read(place.length)))
     size, packed = chunk.uncompressed_size, chunk.data
-    # A damaged or hostile file may state any size.
+    # Check the size, since a damaged or manipulated file may state any size.
     try:
         if size > _LARGEST_CHUNK or zstandard.frame_content_size(packed) not in (-1, size):
             raise ValueError("a chunk differs from its stated length")

@@ -1,4 +1,4 @@
-"""Topics of a log: those of the toolbox under `/<namespace>/`, those that viewers expect, and asrsim's own topics.
+"""Topics of a log: topics of the toolbox under `/<namespace>/`, topics that viewers expect, and asrsim's own topics.
 
 Each number is stored exactly once on a *canonical* topic, from which it is read back. Arrays for the whole robot repeat some
 numbers for tools that expect the arrays.
@@ -22,7 +22,8 @@ LINK_STATE_FIELDS: dict[str, str] = {
     "tau": "link_torque",
     "stiff": "stiffness",
 }
-"""Quantity in each field of the toolbox's `state_info` message. asrsim's message adds a header and has float64, not float32."""
+"""Quantity in each field of the toolbox's `state_info` message. asrsim's message adds a header, and has the type float64
+instead of float32."""
 
 _OWN_TOPICS = {
     *LINK_STATE_FIELDS.values(),
@@ -133,7 +134,8 @@ class Topic:
     """Short type, such as `sensor_msgs/JointState`."""
     template: CdrTemplate
     canonical: bool = True
-    """True: when a log is read, the quantities of this topic are read from this topic. False: it repeats other topics."""
+    """Whether the quantities of this topic are read from this topic when a log is read; False: the topic repeats other
+    topics."""
 
 
 def robot_topics(
@@ -143,12 +145,12 @@ def robot_topics(
 
     Args:
         joints: Joints of the robot.
-        compact: One message with all numbers of a joint, in place of the toolbox's messages.
-        arrays: Add the arrays for the whole robot that the toolbox's manager publishes.
-        external: Add the topic of external torques.
+        compact: Whether one message with all numbers of a joint replaces the toolbox's messages.
+        arrays: Whether to add the arrays for the whole robot that the toolbox's manager publishes.
+        external: Whether to add the topic of external torques.
     """
     paths = topic_paths(joints)
-    # The simulated time is stored as float64 in s too, as log times are rounded to ns.
+    # Also store the simulated time as a float64 in s, since log times are rounded to ns.
     topics = [
         Topic(name="/asrsim/time", message="std_msgs/Float64", template=CdrBuilder().float64(MessageColumn("time")).build())
     ]

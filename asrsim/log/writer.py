@@ -28,7 +28,7 @@ class LogWriter:
         info: Description of the run; the `quantities` of its joints are recorded.
 
     Raises:
-        OutputError: The file cannot be written. Samples written before remain readable.
+        OutputError: The file cannot be written. Samples that were written before remain readable.
     """
 
     def __init__(self, path: str | os.PathLike[str], info: RunInfo) -> None:
@@ -81,7 +81,8 @@ class LogWriter:
                 self.flush()
 
     def aside(self, topic: Topic, time: float, data: bytes) -> None:
-        """Add a message of `topic` at `time` in s outside of the samples, written together with the samples of that time."""
+        """Add a message of `topic` at `time` in s outside of the samples. It is written together with the samples of that
+        time."""
         self._asides.append((self._container.channel(topic), round(time * 1e9), data))
 
     def _begin(self, time: float) -> None:

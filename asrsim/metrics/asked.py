@@ -1,8 +1,9 @@
-"""Measures with options as one text, NAME or NAME:OPTION=VALUE,..., as the command line names them and verdicts show them."""
+"""Measures with options as one text, NAME or NAME:OPTION=VALUE,... This form is used on the command line and in verdicts."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,6 +12,9 @@ from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, Problem
 from asrsim.metrics.measures import MEASURES, Measure, measure, trial_problems
 from asrsim.samples import Array
+
+_BETWEEN = re.compile(r",(?![^\[]*\])")
+"""Comma between two options: it is in no list."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +31,7 @@ class AskedMeasure:
 
     def of(self, time: Array, series: Array, reference: Array | None) -> float:
         """Value of the measure for a series (n,) and the reference (n,) of this series; NaN if the value is undefined, or if
-        the measure needs a reference and there is none.
+        the measure needs a reference and none is given.
         """
         if reference is None and self.measure.needs == "pair":
             return math.nan
@@ -59,7 +63,7 @@ def _asked(text: str) -> AskedMeasure:
     known = MEASURES.get(name)
     if known.needs == "poses":
         raise InputError("measures the poses of a body, not a series of numbers", key=name, code="wrong-series")
-    pairs = [one.partition("=") for one in rest.split(",") if one]
+    pairs = [one.partition("=") for one in _BETWEEN.split(rest) if one]
     if wrong := [key for key, equals, _ in pairs if not equals or not key.strip()]:
         raise InputError("is not OPTION=VALUE", key=name, value=wrong[0], hint=f"Write {name}:OPTION=VALUE", code="bad-option")
     options = {key.strip(): parse_yaml(value).plain() for key, _, value in pairs}

@@ -1,6 +1,6 @@
 """Measures of a difference: a series against a reference on the same time base.
 
-`values` is the evaluated series (the simulation), `reference` its target (the recording, the reference signal).
+`values` is the evaluated series (the simulation), and `reference` is its target (the recording, the reference signal).
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ def bias(time: Array, values: Array, reference: Array) -> float:
 
 
 def r2(time: Array, values: Array, reference: Array) -> float:
-    """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time: 1 perfect, 0 as good as the mean of the
-    reference, negative worse; undefined for a constant reference.
+    """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time. It is 1 for equal series, 0 if the
+    values are as close to the reference as its mean, and negative if they are less close. It is undefined for a constant
+    reference.
     """
-    # Test the range, not the variance: the mean of equal values may differ from them by rounding.
+    # Test the range and not the variance, since the mean of equal values may differ from them by rounding.
     if not np.ptp(reference) > 0.0:
         return math.nan
     total = mean(time, (reference - mean(time, reference)) ** 2)

@@ -15,26 +15,27 @@ _FLANK = 0.35
 chirp has a quarter of its full power at its first frequency.
 """
 _REACH = 16
-"""Number of frequency bins further inside the band; the power of a bin is compared with their median power."""
+"""Number of frequency bins further inside the band, with whose median power the power of a bin is compared."""
 _OUTSIDE = 8
-"""Number of frequency bins further outside the band whose median power must be low too: a single weak bin of noise is not an
-edge.
+"""Number of frequency bins further outside the band whose median power must also be low, since a single weak bin of noise is
+not an edge.
 """
 _LINE = 1e-3
 """Fraction of the strongest line's power (-30 dB) above which a line counts as excited."""
 
 
 def excited_band(u: Array, step: float, band: tuple[float, float] | None) -> tuple[float, float, NDArray[np.intp] | None]:
-    """Lowest and highest excited frequency in Hz, and the bins of the lines if the excitation consists of lines, else None.
+    """Lowest and highest excited frequency in Hz, and the bins of the lines; None in place of the bins if the excitation does
+    not consist of lines.
 
-    Raises RecordingError if nothing is excited.
+    Raises RecordingError if no frequency is excited.
     """
     from scipy.ndimage import uniform_filter1d
     from scipy.signal.windows import tukey
 
     n = len(u)
-    # Remove the trend: a slow drift has power in the lowest bins, but is no excitation. The window tapers only the ends of
-    # the record: a smooth window would hide the first and last frequencies of a chirp.
+    # Remove the trend, since a slow drift has power in the lowest bins but is no excitation. Taper only the ends of the record,
+    # since a smooth window would hide the first and last frequencies of a chirp.
     straight = u - np.polynomial.polynomial.polyval(np.arange(n), np.polynomial.polynomial.polyfit(np.arange(n), u, 1))
     power = np.abs(np.fft.rfft(straight * tukey(n, 0.1))) ** 2
     f = np.fft.rfftfreq(n, step)
@@ -68,7 +69,7 @@ def _edge(power: Array, smooth: Array, start: int, end: int, way: int, enough: f
     narrow = np.convolve(power, (0.25, 0.5, 0.25), mode="same")
     found = start
     for i in range(start, end + way, way):
-        # Towards low frequencies compare with a whole octave: the edge of a slow, long chirp is many bins wide.
+        # Towards low frequencies, compare with a whole octave, since the edge of a slow, long chirp is many bins wide.
         inner = np.median(power[i : i + 1 + max(i, _REACH)] if way < 0 else power[max(i - _REACH, 1) : i + 1])
         outer = np.median(power[max(i - (_OUTSIDE - 1) * (way < 0), 1) : i + 1 + (_OUTSIDE - 1) * (way > 0)])
         if smooth[i] < enough or (narrow[i] < _FLANK * inner and outer < _FLANK * inner):

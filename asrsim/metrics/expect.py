@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
-from asrsim.errors import InputError, Problem, ScenarioError, did_you_mean
+from asrsim.errors import InputError, Problem, ScenarioError
 from asrsim.metrics.asked import measure_text
 from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES
@@ -41,8 +41,8 @@ BODY_QUANTITIES = ("position", "x", "y", "z", "error", "contact_force")
 
 `error` is the distance in m of a Cartesian task's `tip` from its path.
 
-`contact_force/<other>` is the force of one contact, with `robot`, `ground` or another body; with `.x`, `.y` or `.z`
-appended, its component along that axis of the world.
+`contact_force/<other>` is the force of one contact, with `robot`, `ground` or another body; with `.x`, `.y` or `.z` appended,
+it is the component of this force along that axis of the world.
 """
 
 
@@ -53,13 +53,14 @@ class ExpectationResult:
     expectation: Expectation
     holds: bool
     measured: float
-    """Measured number; NaN if the measure is undefined: the claim then does not hold."""
+    """Measured number; NaN if the measure is undefined; such a claim does not hold."""
     unit: str
     moving: float = 0.0
-    """If the measure needs a series at rest: motion that is left at the end of the series, in its unit; 0 at rest."""
+    """For a measure that needs a series at rest, motion that is left at the end of the series, in the unit of the series; 0 at
+    rest."""
     moving_unit: str = ""
     reading: str = ""
-    """Description of the recording's column that the run was compared with, and what is doubtful in the recording."""
+    """Description of the recording's column that the run was compared with, and doubts about the recording."""
 
     @property
     def text(self) -> str:
@@ -67,7 +68,7 @@ class ExpectationResult:
         claim, tail = self.expectation, f" {self.unit}" if self.unit else ""
         who = claim.joint or claim.body or ""
         wanted = f"{claim.comparison} {claim.value:g}" + (f" +- {claim.tolerance:g}" if claim.tolerance else "")
-        # The number has the unit of the claim, unless it is so small that it would be printed with a power of ten.
+        # Print the number in the unit of the claim, unless the number is so small that it would have a power of ten.
         tiny = 0.0 < abs(self.measured) < 1e-4
         number = shown(self.measured, self.unit, 5) if tiny else f"{self.measured:.5g}{tail}"
         got = "cannot be measured" if math.isnan(self.measured) else f"is {number}"
@@ -98,8 +99,8 @@ def evaluate_expectation(
         time: Times (n,), s.
         columns: Quantity -> values (n,) (or (n, 7) for `position` of a body) of the joint or body.
         reference: Reference (n,) for measures of a difference; by default the joint's own reference, computed as
-        `position_error` + `link_position` if both exist and the claim is about the link position.
-        prismatic: Whether the joint is prismatic: units m and N.
+            `position_error` + `link_position` if both exist and the claim is about the link position.
+        prismatic: Whether the joint is prismatic, so that its units are m and N.
         checked: Whether `check_expectation` accepted the claim already.
 
     Raises:
@@ -145,7 +146,7 @@ def holds(expectation: Expectation, measured: float) -> bool:
 
 
 def subject_of(expectation: Expectation) -> tuple[object, ...]:
-    """Key of the number that a claim measures: claims with equal keys share the number and differ in the comparison."""
+    """Key of the number that a claim measures. Claims with equal keys share the number and differ in the comparison."""
     claim = expectation
     options = repr(sorted(claim.options.items(), key=repr))
     return claim.joint, claim.body, claim.quantity, claim.measure, claim.reference, claim.against, options
@@ -162,12 +163,11 @@ def compares(measured: float, comparison: str, value: float, tolerance: float) -
 def check_expectation(expectation: Expectation, *, measurable: set[tuple[object, ...]] | None = None) -> None:
     """Check before the run that a claim can be evaluated; raises ScenarioError if not.
 
-    measurable: keys of claims found measurable before, which are not checked again; this claim's key is added.
+    measurable: keys of claims that are known to be measurable, which are not checked again. The key of this claim is added.
     """
     if expectation.measure not in MEASURES:
-        names = MEASURES.names()
-        message = f"no measure is called '{expectation.measure}'"
-        raise _error(expectation, message, choices=names, hint=did_you_mean(expectation.measure, names) or MEASURES.remedy)
+        found = MEASURES.unknown(expectation.measure)
+        raise _error(expectation, found.message, choices=found.choices, hint=found.hint)
     if expectation.body is not None and not _is_body_quantity(expectation.quantity):
         raise _error(expectation, f"a body has no quantity '{expectation.quantity}'", choices=BODY_QUANTITIES)
     problems: list[Problem] = []

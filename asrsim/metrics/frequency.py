@@ -27,7 +27,8 @@ from asrsim.samples import Array
 CONFIDENCE = 0.95
 """Confidence level of the confidence bands of gain and phase."""
 _STILL, _NOTHING = 1e-7, 1e-12
-"""Variation up to which an output counts as not moving: relative to the size of the output, and absolute in SI units."""
+"""Variation up to which an output counts as not moving. _STILL: relative to the size of the output; _NOTHING: absolute, in SI
+units."""
 _TRUSTED = 0.5
 """Coherence below which a point of the frequency response is unreliable, and is not used to find resonance and bandwidth."""
 
@@ -75,7 +76,7 @@ def frequency_response(
         band: Lowest and highest frequency, Hz; None: the band with more than -20 dB of the input's largest power.
 
     Raises:
-        RecordingError: The record is too short, the input constant, or no frequency of the band excited.
+        RecordingError: The record is too short, the input is constant, or no frequency of the band is excited.
     """
     t, u, y, findings = uniform(time, excitation, output)
     if len(t) < 64:
@@ -86,7 +87,7 @@ def frequency_response(
             code="constant-excitation",
             hint="Expected a chirp, multisine or noise",
         )
-    # Judge each signal on its own scale: a few micrometres may be a large motion of a stiff spring.
+    # Compare each signal with its own magnitude, since a few micrometres may be a large motion of a stiff spring.
     moves = bool(np.ptp(y) > max(_STILL * float(np.max(np.abs(y))), _NOTHING))
     if not moves:
         findings.append(
@@ -125,7 +126,7 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
     gain = np.abs(spectra.response)
     phase = np.degrees(np.unwrap(np.angle(spectra.response)))
     # The error of the response is circular in the complex plane. Its components along and across the response follow Student's
-    # distribution, because the variance is estimated too. If the noise exceeds the response, the phase is unknown: use the
+    # distribution, since the variance is estimated, too. If the noise exceeds the response, the phase is unknown, so use the
     # whole disc.
     sigma = spectra.deviation / math.sqrt(2)
     disc = sigma * math.sqrt(2 * float(f.ppf(CONFIDENCE, 2, 2 * spectra.freedom)))
@@ -148,12 +149,12 @@ def _response(spectra: Spectra, band: tuple[float, float], moves: bool, findings
 
 
 def _resonance(f: Array, gain: Array, coherence: Array) -> tuple[float, float] | None:
-    """Frequency and gain of the highest peak inside the band, refined by a parabola. Its gain is at least 5 % above that of the
-    low end.
+    """Frequency and gain of the highest peak inside the band, refined by a parabola. The gain at the peak is at least 5 % above
+    the gain at the low end of the band.
     """
     trusted = np.where(coherence > _TRUSTED, gain, 0.0)
     i = int(np.argmax(trusted))
-    # A gain that rises up to an end of the band has no peak there; the outermost 2 % of the points count as the end.
+    # A gain that rises up to an end of the frequency range has no peak there. The outermost 2 % of the points count as the end.
     edge = 1 + len(f) // 50
     if not edge <= i < len(f) - edge or trusted[i] < 1.05 * _low_end(gain):
         return None

@@ -12,15 +12,15 @@ from asrsim.samples import Array
 _LONGEST = 200_000
 """Largest number of samples in the correlation; longer records are correlated on a coarser grid."""
 _NEAR = 0.02
-"""Peaks whose correlation is lower than that of the best peak by less than this are equivalent; of them, the peak with the
-smallest lag is chosen.
+"""Difference from the correlation of the best peak below which another peak is equivalent. Of equivalent peaks, the peak with
+the smallest lag is chosen.
 """
 _VALLEY = 0.2
-"""Two peaks are distinct if the correlation between them falls by at least this amount."""
+"""Smallest fall of the correlation between two peaks for which the peaks count as distinct."""
 _TOP = 0.1
 """Fraction of a peak's height over which its parabola is fitted."""
 TRUSTED = 0.6
-"""Smallest correlation at which a lag is trusted: unrelated series may reach any smaller correlation."""
+"""Smallest correlation at which a lag is trusted, since unrelated series may reach any smaller correlation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Lag:
     at_limit: bool
     """Whether the best correlation is at the edge of the search; the true lag may lie beyond."""
     ambiguous: bool
-    """Whether other lags fit equally well (periodic signal); `seconds` is the smallest."""
+    """Whether other lags fit equally well (periodic signal); `seconds` is the smallest of these lags."""
 
     @property
     def is_trusted(self) -> bool:
@@ -45,7 +45,7 @@ class Lag:
 def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array, *, limit: float | None = None) -> Lag | None:
     """Lag of b behind a, from series (n,) and (m,) of any sampling; None if one of them is constant.
 
-    Both series are interpolated linearly to a common even step (NaN omitted). The correlation at each lag is normalised over
+    The two series are interpolated linearly to a common even step (NaN omitted). The correlation at each lag is normalised over
     the overlap (mean and size removed), so offsets and gains do not matter. Lags with an overlap of less than half of the
     shorter series are excluded. The peak is refined by a parabola, which is wider for noisier correlations.
 
@@ -68,7 +68,7 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     at_limit = peak in (0, len(rho) - 1)
     half = _summit(rho, peak)
     shift, correlation = (0.0, float(rho[peak])) if at_limit else _refined(rho, peak, half)
-    # On a rough peak the highest sample may lie on a flank: fit again around the vertex of the parabola.
+    # Fit again around the vertex of the parabola, since on a rough peak the highest sample may be on a flank.
     if not at_limit and half <= peak + round(shift) < len(rho) - half:
         peak += round(shift)
         shift, correlation = _refined(rho, peak, half)
@@ -81,7 +81,8 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
 
 
 def _summit(rho: Array, peak: int) -> int:
-    """Number of samples on each side of a peak for fitting its parabola: the top of a noisy peak, else 1."""
+    """Number of samples on each side of a peak for fitting its parabola. They cover the top of a noisy peak; for other peaks
+    the number is 1."""
     below = np.flatnonzero(rho < rho[peak] - min(_TOP * abs(float(rho[peak])), 20 * _roughness(rho)))
     left = peak - below[below < peak].max(initial=-1) - 1
     right = below[below > peak].min(initial=len(rho)) - peak - 1
@@ -124,7 +125,8 @@ def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float)
     sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
     power_x = sums(x * x, *in_x) - sum_x**2 / count
     power_y = sums(y * y, *in_y) - sum_y**2 / count
-    # The correlation is undefined if a series is constant in the overlap: rounding errors must not produce a number.
+    # The correlation is undefined if a series is constant in the overlap. The threshold excludes correlations of rounding
+    # errors.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
     usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)
@@ -138,9 +140,10 @@ def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
     """Index of the best peak (the smallest lag among equal peaks), and whether there were equal peaks."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    # Compare the best sample, too: it may lie at the edge of the search, on the flank of a peak that is outside.
+    # Also compare the best sample, since it may be at the edge of the search, on the flank of a peak outside.
     near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
-    # Adjacent maxima are ripples on one peak, represented by the highest; a valley separates peaks.
+    # Adjacent maxima without a valley between them are ripples on one peak, which the highest of them represents. A valley
+    # separates two peaks.
     summits = [int(near[0])]
     for i in map(int, near[1:]):
         if np.min(rho[summits[-1] : i + 1]) < rho[best] - _VALLEY:

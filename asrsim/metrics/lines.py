@@ -11,13 +11,14 @@ from asrsim.samples import Array
 _BLOCKS = 16
 """Number of parts into which the record is divided; the first parts may be omitted as a transient."""
 _AS_GOOD = 1.3
-"""The first parts of the record count as a transient if omitting them reduces the error of the fit by this factor."""
+"""Factor by which the error of the fit must fall without the first parts of the record, so that these parts count as a
+transient."""
 _ROUNDING = 1e-11
 """Relative residual below which the residual consists of rounding errors."""
 _APART = 2.0
 """Smallest distance of two lines in bins of the part of the record that is used."""
 _AROUND = 8
-"""Number of bins on each side of a line whose residual gives the noise at the line."""
+"""Number of bins on each side of a line, from whose residuals the noise at the line follows."""
 _STEPS = 6
 """Number of Gauss-Newton steps for the frequencies of the lines."""
 _LARGEST = 20_000_000
@@ -51,7 +52,8 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
     middle = np.clip(np.round(cycles * count / n).astype(int), _AROUND, len(spectra) - 1 - _AROUND)
     noise_u, noise_y = np.moveaxis(spectra[middle[:, None] + np.arange(-_AROUND, _AROUND + 1)], 2, 0)
     noise = np.sum(np.abs(noise_y - response[:, None] * noise_u) ** 2, axis=1)
-    # Count the bins whose noise the residual still contains: each fitted line removes the noise power of one bin from it.
+    # Degrees of freedom of the residual noise: number of bins minus number of fitted lines, since each fitted line removes the
+    # noise power of one bin.
     freedom = 2 * _AROUND + 1 - np.sum(np.abs(middle[:, None] - middle) <= _AROUND, axis=1)
     variance = noise / freedom * (2.0 / count) ** 2 / np.abs(line_u) ** 2
     relative = variance / np.maximum(np.abs(response) ** 2, 1e-300)
@@ -65,7 +67,7 @@ def by_lines(u: Array, y: Array, step: float, bins: NDArray[np.intp]) -> Spectra
 
 
 def _columns(time: Array, cycles: Array) -> Array:
-    """Cosines and sines of the lines, drift and mean: the columns of a fit."""
+    """Columns of a fit: cosines and sines of the lines, drift, and mean."""
     angle = 2 * np.pi * time[:, None] * cycles
     return np.concatenate([np.cos(angle), np.sin(angle), time[:, None], np.ones((len(time), 1))], axis=1)
 

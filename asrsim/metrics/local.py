@@ -21,7 +21,7 @@ point of the F test with 33 equations.
 _MOST = 1000
 """Largest number of frequencies; longer records are thinned evenly."""
 _STARTS, _REFINEMENTS = 3, 3
-"""Number of linear fits for the denominator, and of Gauss-Newton steps after them."""
+"""_STARTS: number of linear fits for the denominator; _REFINEMENTS: number of Gauss-Newton steps after these fits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ def local_rational(u: Array, y: Array, step: float, low: float, high: float) -> 
         raise RecordingError("the record is too short for its frequency band", code="too-short")
     if len(bins) > _MOST:
         bins = bins[np.unique(np.linspace(0, len(bins) - 1, _MOST).round().astype(int))]
-    # Near the ends the windows are shifted inwards (bin 0 contains the removed mean), so r is not centred there.
+    # Near the ends, the windows are shifted inwards, since bin 0 contains the removed mean. Therefore r is not centred there.
     index = np.clip(bins, half + 1, last - half)[:, None] + np.arange(-half, half + 1)
     r = (index - bins[:, None]) / half
     local_u, size_u = _scaled(transform_u[index])
@@ -96,7 +96,7 @@ class _Fit:
 
 
 def _simplest(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
-    """Fit of the given order, or the fit without poles if it is equally good: poles would then fit noise only."""
+    """Fit of the given order, or the fit without poles if it is equally good, since poles would then fit noise only."""
     rational, smooth = _fit(u, y, r, order), _fit(u, y, r, replace(order, poles=0))
     return _chosen(smooth.noise <= _AS_GOOD * rational.noise, smooth, rational)
 
@@ -105,7 +105,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
     """Fits of one order to windows (k, w) of transforms; r (k, w) is the position in the window.
 
     Without poles the fit is linear. With poles, linear fits weighted by the previous denominator (Sanathanan and Koerner) are
-    repeated, then refined by Gauss-Newton on the output error: noise among the regressors biases the linear fit. The
+    repeated, then refined by Gauss-Newton on the output error, since noise among the regressors biases the linear fit. The
     iteration with the smallest residual is used.
     """
     powers = r[..., None] ** np.arange(max(order.gain, order.leak, order.poles + 1))
@@ -119,7 +119,7 @@ def _fit(u: Complex, y: Complex, r: Array, order: _Order) -> _Fit:
     for step in range(_STARTS + _REFINEMENTS if order.poles else 1):
         refining = step >= _STARTS
         columns = np.concatenate([linear, -poles * (modelled if refining else y)[..., None]], axis=-1)
-        # The pseudo-inverse by singular values drops directions that an unexcited neighbourhood does not determine.
+        # Use the pseudo-inverse by singular values, which leaves out directions that unexcited frequencies do not determine.
         inverse = np.linalg.pinv(columns * weight[..., None], rcond=1e-10)
         if refining:
             solution = solution + np.einsum("kpw,kw->kp", inverse, y - modelled)

@@ -109,8 +109,8 @@ for _function, _unit, _needs in (
     MEASURES.own(_function.__name__, Measure(name=_function.__name__, function=_function, unit=_unit, needs=_needs))
 
 PAIR_MEASURES = ("rmse", "nrmse", "maximum_error", "bias", "delay", "r2")
-"""Measures that a comparison of run and recording reports once, of their difference. It reports all other measures for the run
-and for the recording.
+"""Measures of the difference between run and recording, which a comparison reports once. It reports all other measures for the
+run and for the recording.
 """
 AT_REST = ("rise", "overshoot", "settling", "peak_time", "steady_state", "steady_state_error")
 """Measures that are undefined unless the series is at rest at its end."""
@@ -145,7 +145,7 @@ def measure(
     found, time, arguments = _chosen(name, time, series, reference, start, end, options)
     if not len(time):
         return math.nan
-    # Pass read-only arrays: other measures get the same arrays, so a function must not write into them.
+    # Pass read-only arrays, since other measures get the same arrays and a function must not write to them.
     lacking = [None] if found.needs == "either" and len(arguments) == 1 else []
     result = found.function(*map(_read_only, (time, *arguments)), *lacking, **options)
     with suppress(TypeError, ValueError):
@@ -173,7 +173,7 @@ def unrest(
     **options: Any,
 ) -> float:
     """Motion that remains at the end of the series, in the unit of the series. 0 if the series is at rest, or if the measure
-    does not require rest. The arguments are those of `measure`.
+    does not require rest. The arguments are the arguments of `measure`.
     """
     if name not in AT_REST or np.ndim(series) != 1:
         return 0.0
@@ -187,7 +187,7 @@ def unrest(
 
 
 def rest_of(time: Array, series: Array) -> tuple[float, float]:
-    """Steady state of a series (n,), and the motion that is left at its end; see `measure` and `unrest`."""
+    """Steady state of a series (n,), and the motion that is left at the end of the series; see `measure` and `unrest`."""
     _, time, (values,) = _chosen("steady_state", time, series, None, None, None, {})
     if not len(time):
         return math.nan, 0.0
@@ -264,7 +264,7 @@ def trial_problems(
         options: Options of the measure, `start` and `end` among them, and further options.
         kinds: Kinds of value of the further options.
         poses: Whether the series are the poses of a body; None: as the measure needs.
-        compared: Whether there is a reference.
+        compared: Whether a reference is given.
     """
     found, own = MEASURES.get(name), {key: value for key, value in options.items() if key not in kinds}
     start, end = own.pop("start", None), own.pop("end", None)
@@ -286,7 +286,7 @@ def _failure(found: Measure, options: dict[str, Any], *, poses: bool, compared: 
     """Problems of a measure that cannot be applied to an artificial series."""
     time = np.linspace(0.0, 1.0, 201)
     series = np.tile(time[:, None], 7) if poses else 1.0 - np.exp(-5.0 * time) * np.cos(30.0 * time)
-    # The reference moves, as in a run: a constant one is a special case, in which many measures divide by zero.
+    # Use a reference that moves, as in a run. For a constant reference, many measures divide by 0.
     reference = 1.0 - np.exp(-5.0 * time) if compared else None
     try:
         with np.errstate(all="ignore"):

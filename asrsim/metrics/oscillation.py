@@ -1,4 +1,4 @@
-"""Dominant oscillation of a series: a decaying oscillation after a step, or a sustained one."""
+"""Dominant oscillation of a series: a decaying oscillation after a step, or a sustained oscillation."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ STILL = 1e-12
 def frequency(time: Array, values: Array) -> float:
     """Frequency in Hz of the dominant oscillation about the steady state; undefined without an oscillation.
 
-    While the oscillation exceeds the residual motion at the end: slope of a straight line through the times of the
-    interpolated zero crossings (least squares, both directions together), exact for a damped oscillation with even crossings.
-    For uneven crossings (several modes, noise): peak of the Hann-windowed Fourier transform, refined between bins. Fewer than
-    two crossings in a direction count as no oscillation.
+    The frequency follows from the slope of a straight line through the times of the interpolated zero crossings, while the
+    oscillation exceeds the residual motion at the end (least squares, both directions together). This is exact for a damped
+    oscillation with even crossings. For uneven crossings (several modes, noise), the frequency is the peak of the Hann-windowed
+    Fourier transform, refined between bins. Fewer than two crossings in a direction count as no oscillation.
     """
     largest, smallest = float(np.max(values)), float(np.min(values))
     if len(time) < 8 or not largest - smallest > STILL:
         return math.nan
-    # A decaying oscillation swings about its steady state, a sustained oscillation about the middle of its range.
+    # A decaying oscillation is about its steady state, and a sustained oscillation is about the middle of its range.
     decays = np.ptp(values[len(time) // 2 :]) < 0.5 * (largest - smallest)
     x = values - (mean(*last_part(time, values, SHARE)) if decays else 0.5 * (largest + smallest))
     excursion = float(np.max(np.abs(x)))
@@ -39,8 +39,8 @@ def frequency(time: Array, values: Array) -> float:
     even = _even(up, down)
     if even is not None:
         return even
-    # Use only the part between the first and the last crossing: the approach to the steady state and the standstill after it
-    # would dominate the spectrum.
+    # Use only the part between the first and the last crossing. The approach to the steady state and the time at rest after it
+    # would otherwise dominate the spectrum.
     crossed = sorted(up + down)
     ringing = (time >= crossed[0]) & (time <= crossed[-1])
     return _spectral_peak(time[ringing], x[ringing]) if ringing.sum() >= 8 else math.nan
@@ -65,8 +65,8 @@ def _crossings(time: Array, x: Array, floor: float) -> tuple[list[float], list[f
 def _even(up: list[float], down: list[float]) -> float | None:
     """Frequency of evenly spaced crossings, None for unevenly spaced crossings.
 
-    Upward and downward crossings have one period but separate first times: a wrong mean value shifts the first times, not the
-    period.
+    Upward and downward crossings have one period but separate first times, since a wrong mean value shifts the first times and
+    not the period.
     """
     rows = [(count, 1.0, 0.0) for count in range(len(up))] + [(count, 0.0, 1.0) for count in range(len(down))]
     matrix, targets = np.array(rows), np.array(up + down)
@@ -82,12 +82,13 @@ def _spectral_peak(time: Array, x: Array) -> float:
     step = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * step, step)
     y = (np.interp(grid, time, x) - np.mean(x)) * np.hanning(len(grid))
-    # Zeros appended to the record make the bins finer. A power of two: transform lengths with large prime factors take ten
-    # times the memory.
+    # Append zeros to the record, so that the bins are finer. Use a power of two, since transforms of lengths with large prime
+    # factors take ten times the memory.
     size = 1 << (8 * len(grid) - 1).bit_length()
     spectrum = np.abs(np.fft.rfft(y, size))
     bins = np.fft.rfftfreq(size, step)
-    # Below one period per record the window's main lobe dominates; its flank may reach higher, but is not a peak.
+    # Leave out frequencies below one period per record, at which the main lobe of the window dominates. Its flank may be higher
+    # than the peak.
     allowed = bins >= 1.0 / (grid[-1] - grid[0])
     allowed[[0, -1]] = False
     allowed[1:-1] &= (spectrum[1:-1] >= spectrum[:-2]) & (spectrum[1:-1] >= spectrum[2:])

@@ -28,13 +28,14 @@ def _response(time: Array, output: Array, given: Array, low: float | None, high:
 def gain(
     time: Array, values: Array, reference: Array, *, hertz: float, low: float | None = None, high: float | None = None
 ) -> float:
-    """Gain from reference to values at the frequency `hertz`; undefined outside the band."""
+    """Gain from reference to values at the frequency `hertz`; undefined outside the excited frequency band."""
     found = _response(time, values, reference, low, high)
     return math.nan if found is None else float(np.interp(hertz, found.frequency, found.gain, left=math.nan, right=math.nan))
 
 
 def _of_response(pick: Callable[[FrequencyResponse], float | None]) -> Callable[..., float]:
-    """Measure of time, output and input that a function of their frequency response defines; None: undefined."""
+    """Measure of time, output and input, defined by a function of the frequency response. If the function returns None, the
+    measure is undefined."""
 
     def measured(time: Array, values: Array, reference: Array, *, low: float | None = None, high: float | None = None) -> float:
         found = _response(time, values, reference, low, high)
@@ -47,23 +48,25 @@ def _of_response(pick: Callable[[FrequencyResponse], float | None]) -> Callable[
 
 @_of_response
 def largest_gain(found: FrequencyResponse) -> float | None:
-    """Largest gain from reference to values in the band."""
+    """Largest gain from reference to values in the excited frequency band."""
     return float(np.max(found.gain))
 
 
 @_of_response
 def resonance(found: FrequencyResponse) -> float | None:
-    """Frequency of the gain's peak inside the band; undefined without a peak."""
+    """Frequency of the gain's peak inside the excited frequency band; undefined without a peak."""
     return None if found.resonance is None else found.resonance[0]
 
 
 @_of_response
 def bandwidth(found: FrequencyResponse) -> float | None:
-    """Frequency at which the gain first falls 3 dB below its value at the low end of the band; undefined if it does not."""
+    """Frequency at which the gain first falls 3 dB below its value at the low end of the excited frequency band; undefined if
+    the gain does not fall so far."""
     return found.bandwidth
 
 
 @_of_response
 def coherence(found: FrequencyResponse) -> float | None:
-    """Smallest coherence of reference and values in the band: 1 if the reference explains the values fully, 0 if not at all."""
+    """Smallest coherence of reference and values in the excited frequency band. It is 1 if the reference explains the values
+    fully, and 0 if the reference explains nothing."""
     return float(np.min(found.coherence))

@@ -24,7 +24,7 @@ class Spectra:
     coherence: Array
     """Magnitude-squared coherence (m,), corrected for its bias."""
     deviation: Array
-    """Relative standard deviation (m,) of the complex response. The deviation of its real part, or of its imaginary part, is
+    """Relative standard deviation (m,) of the complex response. The deviation of the real part, or of the imaginary part, is
     smaller by the factor sqrt(2).
     """
     freedom: float
@@ -32,7 +32,8 @@ class Spectra:
 
 
 def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[Problem]]:
-    """Both series resampled to an even step (the median step) on the longest segment without a gap of over three samples."""
+    """The two series, resampled to an even step (the median step) on the longest segment without a gap of over three
+    samples."""
     keep = np.isfinite(time) & np.isfinite(u) & np.isfinite(y)
     if keep.sum() < 4:
         raise RecordingError("input and output have no samples in common", code="no-overlap")
@@ -57,6 +58,6 @@ def uniform(time: Array, u: Array, y: Array) -> tuple[Array, Array, Array, list[
         grid = t[0] + step * np.arange(math.floor((t[-1] - t[0]) / step + 1e-9) + 1)
         u, y, t = np.interp(grid, t, u), np.interp(grid, t, y), grid
     else:
-        # Rounding errors of the time stamps must not add up over a long record.
+        # Use equidistant times, so that rounding errors of the time stamps do not accumulate over a long record.
         t = np.linspace(t[0], t[-1], len(t))
     return t, u, y, findings

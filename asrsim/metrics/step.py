@@ -16,7 +16,8 @@ from asrsim.metrics.values import last_part, steady_state
 from asrsim.samples import Array
 
 ROUNDING = 1e-9
-"""Relative change of a series below which it has no step, and fraction of a step's height below which it has no overshoot."""
+"""Relative change below which a series has no step. It is also the fraction of a step's height below which a response has no
+overshoot."""
 
 
 def _normalised(time: Array, values: Array, initial: float | None, target: float | None) -> Array:
@@ -47,13 +48,14 @@ def rise(
     initial: float | None = None,
     target: float | None = None,
 ) -> float:
-    """Time from `low` to `high` of the step, between first crossings, interpolated; undefined without a step."""
+    """Time between the first crossings of `low` and `high` (fractions of the step), interpolated; undefined without a step."""
     x = _normalised(time, values, initial, target)
     return _first_crossing(time, x, high) - _first_crossing(time, x, low)
 
 
 def overshoot(time: Array, values: Array, *, initial: float | None = None, target: float | None = None) -> float:
-    """Peak beyond the steady state as a fraction of the step's height, 0 without overshoot; undefined without a step."""
+    """Peak beyond the steady state as a fraction of the step's height. It is 0 without overshoot, and undefined without a
+    step."""
     beyond = float(np.max(_normalised(time, values, initial, target))) - 1.0
     return 0.0 if beyond <= ROUNDING else beyond
 

@@ -44,20 +44,25 @@ def summarise(time: Array, columns: Mapping[str, Array], *, step: int | None = 0
         columns: Values (n,) by quantity: `link_position`, and if available `position_error` and `deflection` (derived, see
           `asrsim.log.derived`); measures of missing quantities are NaN.
         step: Sample at which the step begins, for overshoot and settling; None: there is no step, and overshoot and settling
-        time are NaN.
+            time are NaN.
     """
 
-    def of(name: str, quantity: str = "link_position", start: float | None = None) -> float:
-        known = quantity in columns and (start is None or start == start)
-        return measure(name, time, columns[quantity], start=start) if known else math.nan
+    def of(name: str, quantity: str = "link_position", reference: Array | None = None, **options: float) -> float:
+        return measure(name, time, columns[quantity], reference, **options) if quantity in columns else math.nan
 
     steady, left = rest_of(time, columns["link_position"]) if "link_position" in columns else (math.nan, math.nan)
-    start = math.nan if step is None or step >= len(time) else float(time[step])
+    # All measures that require rest use this test of rest.
+    rests = left == 0.0
+    error, overshoot, settling = math.nan, math.nan, math.nan
+    if rests and "position_error" in columns:
+        error = of("steady_state_error", reference=columns["link_position"] + columns["position_error"])
+    if rests and step is not None and step < len(time):
+        overshoot, settling = (of(name, start=float(time[step]), target=steady) for name in ("overshoot", "settling"))
     return JointSummary(
         steady_state=steady,
-        steady_state_error=of("steady_state", "position_error"),
-        overshoot=of("overshoot", start=start),
-        settling=of("settling", start=start),
+        steady_state_error=error,
+        overshoot=overshoot,
+        settling=settling,
         frequency=of("frequency"),
         peak_deflection=of("peak", "deflection"),
         motion_left=left,

@@ -16,7 +16,7 @@ def final(_time: Array, values: Array) -> float:
 
 
 def mean(time: Array, values: Array) -> float:
-    """Mean over time (trapezoidal rule, so uneven sampling does not matter)."""
+    """Mean over time, by the trapezoidal rule, so that uneven sampling has no effect."""
     span = float(time[-1] - time[0])
     return float(np.trapezoid(values, time)) / span if span > 0 else float(values[0])
 
@@ -69,10 +69,10 @@ def steady_state(time: Array, values: Array, *, share: float = SHARE) -> float:
 def steady_state_error(
     time: Array, values: Array, reference: Array | None = None, *, target: float | None = None, share: float = SHARE
 ) -> float:
-    """Reference minus value, mean over the last part of the record; undefined unless the error is at rest.
+    """Mean of reference minus value over the last part of the record; undefined unless the error is at rest.
 
-    The reference is the second series, or the constant `target`. The motion of the error is compared with the range of the
-    values, too.
+    The reference is the second series, or the constant `target`. The motion of the error is also compared with the range of the
+    values.
     """
     if reference is None and target is None:
         return math.nan

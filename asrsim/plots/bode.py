@@ -45,7 +45,7 @@ def pair_in_words(given: str | None, output: str | None) -> str:
 
 
 def bode_figure(found: Sequence[Response], *, title: str = "") -> Figure:
-    """Bode plot of several responses. Each simulation has its colour; experiments are thin and dark."""
+    """Bode plot of several responses. Each simulation has its own colour; curves of experiments are thin and dark."""
     from matplotlib.lines import Line2D
 
     joints = {one.joint.name: one.joint for one in found}
@@ -99,7 +99,7 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         kind = "experiment" if one.experiment else "simulation"
         gid = f"{one.joint.name}.{kind}.{one.variant}"
         if len(result.frequency) == 1:
-            # A line through a single point is invisible: draw a marker.
+            # Draw a marker, since a line through a single point is invisible.
             look |= {"marker": "o", "markersize": 4.0}
         for ax, values, margin in (
             (gain, level, (low, high)),
@@ -107,7 +107,8 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
         ):
             below, above = margin
             ax.fill_between(result.frequency, below, above, color=look["color"], alpha=0.2, linewidth=0, where=trusted.tolist())
-            # Draw the line over the whole band, dotted where the input explains little of the output.
+            # Draw the line over the whole frequency range. It is dotted at frequencies at which the input explains little of
+            # the output.
             ax.plot(result.frequency, np.where(trusted, values, np.nan), gid=gid, **look)
             if not trusted.all():
                 ax.plot(result.frequency, values, **{**look, "linewidth": 0.9, "linestyle": DOUBTFUL}, zorder=1.9)
@@ -132,7 +133,8 @@ def draw_bode(gain: Axes, phase: Axes, coherence: Axes, found: Sequence[Response
 
 
 def _shown(values: Array, trusted: NDArray[np.bool_], least: float) -> Array:
-    """Values that set the limits of the axis; values of low coherence are clipped to a range around those of high coherence."""
+    """Values that determine the limits of the axis. Values with low coherence are clipped to a range around the values with
+    high coherence."""
     if trusted.all() or not trusted.any():
         return values
     low, high = float(values[trusted].min()), float(values[trusted].max())
@@ -141,8 +143,8 @@ def _shown(values: Array, trusted: NDArray[np.bool_], least: float) -> Array:
 
 
 def label_frequencies(axes: Axes, start: float, end: float) -> None:
-    """Label the frequency axis at 1, 2, 5, 10 Hz and so on; a narrow band gets evenly spaced labels. A single frequency is
-    centred.
+    """Label the frequency axis at 1, 2, 5, 10 Hz and so on; a narrow range of frequencies gets evenly spaced labels. A single
+    frequency is centred.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 

@@ -1,4 +1,4 @@
-"""Charts: curves and bands as plain data, which a figure (`asrsim.plots.charts`) or a page (`asrsim.report`) draws."""
+"""Charts: curves and shaded areas as plain data, which a figure (`asrsim.plots.charts`) or a page (`asrsim.report`) draws."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Kind = Literal["line", "points", "both"]
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """Curve of a chart; NaN are gaps."""
+    """Curve of a chart. NaN marks a gap."""
 
     label: str
     """Name in the legend. Lines with the same label in one row of charts share an entry; an empty label has no entry."""
@@ -51,10 +51,10 @@ class Chart:
     """Axes with curves over a common quantity."""
 
     words: str
-    """What the vertical axis shows, in words."""
+    """Quantity of the vertical axis, in words."""
     unit: str = ""
     head: str = ""
-    """Title above the axes, such as the joint to which the charts of a row belong."""
+    """Title above the axes, such as the name of the joint to which the charts of a row belong."""
     across: str = "time"
     across_unit: str = "s"
     lines: Sequence[Line] = ()
@@ -62,11 +62,11 @@ class Chart:
     logarithmic: str = ""
     """Logarithmic axes: `x`, `y` or `xy`."""
     span: tuple[float, float] | None = None
-    """Range of the vertical axis; None: that of the curves."""
+    """Range of the vertical axis; None: the range of the curves."""
     reach: tuple[float, float] | None = None
-    """Range of the horizontal axis; None: that of the curves."""
+    """Range of the horizontal axis; None: the range of the curves."""
     note: str = ""
-    """Number to write into the axes."""
+    """Text that is written into the axes, such as a number."""
     places: Sequence[str] = ()
     """Tick labels at the values 0, 1, ... of the vertical axis, from the top; empty: the ticks show numbers."""
     mark: float | None = None

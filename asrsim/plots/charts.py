@@ -24,8 +24,8 @@ HEIGHT = 1.5
 LETTER = 0.068
 """Width of a letter of a tick label, inch."""
 MANY = 2e3
-"""Ratio of the ends of a logarithmic axis beyond which only powers of ten are labelled: labels at 2 and 5 would touch in a low
-chart.
+"""Ratio of the ends of a logarithmic axis beyond which only powers of ten are labelled, since labels at 2 and 5 would touch in
+a low chart.
 """
 
 
@@ -57,7 +57,7 @@ def chart_figure(rows: Sequence[Sequence[Chart]], *, title: str = "", width: flo
         for c, chart in enumerate(row):
             ax = axes[r, c]
             if chart is None:
-                ax.set_axis_off()  # hide the axes instead of removing them: they may carry the legend of the row
+                ax.set_axis_off()  # hide the axes instead of removing them, since they may contain the legend of the row
                 continue
             draw_chart(ax, chart)
             ax.yaxis.set_label_coords((0.38 - left) / width, 0.5)
@@ -126,18 +126,18 @@ def draw_chart(axes: Axes, chart: Chart) -> None:
         if name in chart.logarithmic and high > low * MANY:
             axis.set_major_locator(LogLocator(10.0, numticks=8))
     if chart.note:
-        # Write the number above the axes, where it hides no curve.
+        # Write the note above the axes, where it hides no curve.
         axes.text(1.0, 1.02, chart.note, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=style.GREY)
 
 
 def _counts(chart: Chart) -> bool:
-    """Whether the horizontal axis counts something, such as iterations: whole numbers without a unit."""
+    """Whether the horizontal axis counts something, such as iterations, so that it has whole numbers without a unit."""
     places = [np.asarray(line.x, dtype=float) for line in chart.lines]
     return not chart.across_unit and all(np.array_equal(x, np.round(x)) for x in places)
 
 
 def _scale(axes: Axes, axis: Axis, name: str, *, logarithmic: bool, counts: bool) -> None:
-    """Scale an axis, with few tick labels that are plain numbers. counts: the horizontal axis has whole numbers."""
+    """Scale an axis, with few tick labels that are plain numbers. counts: whether the horizontal axis has whole numbers."""
     from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
     from asrsim.plots.ticks import TICKS

@@ -31,7 +31,7 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 
     robot = folder / "robot.urdf"
     robot.write_text(info.urdf or "<robot name='none'/>", encoding="utf-8")
-    # Read only the claims and the names in the claims: the robot and signal files of the run may be missing.
+    # Read only the claims and the names in them, since the robot and signal files of the run may be missing.
     world = data.get("world")
     named = world.get("objects") if isinstance(world, dict) else None
     objects = {str(name): {"shape": "sphere", "size": 1.0} for name in named or ()} if isinstance(named, dict) else {}
@@ -48,7 +48,8 @@ def logged_claims(info: RunInfo, folder: Path) -> tuple[Expectation, ...]:
 def claimed_readings(infos: Sequence[RunInfo], paths: Sequence[Path]) -> dict[Path, Mapping[str, Any]]:
     """Options `lag`, `map` and `rate` that the runs' claims state for each recording, by path.
 
-    Pictures read a recording as the claims do; otherwise the numbers in a picture would contradict the verdicts.
+    Pictures read a recording with the same options as the claims; otherwise the numbers in a picture would contradict the
+    verdicts.
     """
     found: dict[Path, Mapping[str, Any]] = {}
     contents = {path: path.read_bytes() for path in paths if path.is_file()} if any(map(_claims, infos)) else {}
@@ -77,7 +78,8 @@ def claimed_clocks(infos: Sequence[RunInfo], recordings: Sequence[Recording]) ->
 def claimed_recording(
     path: Path, infos: Sequence[RunInfo], *, mapping: Sequence[str] | Path | None = None, rate: float | None = None
 ) -> Recording:
-    """Recording that is read as the runs' claims say, unless `mapping` or `rate` are given. Raises RecordingError."""
+    """Recording that is read with the options that the runs' claims state, unless `mapping` or `rate` are given. Raises
+    RecordingError."""
     joints = [joint.name for joint in infos[0].joints] if infos else None
     if mapping is None and rate is None:
         options = claimed_readings(infos, [path]).get(path, {})

@@ -20,18 +20,19 @@ from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, RunInfo, Samples
 
 REFERENCE = "reference_position"
 EXTRA: dict[str, Quantity] = {
-    REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references ask for"),
+    REFERENCE: Quantity(REFERENCE, "rad", "reference", "link position that the references demand"),
 }
-"""Quantities that only pictures use: the position reference, which has the same name in all operation modes."""
+"""Quantities that only pictures use. The position reference has the same name in all operation modes."""
 OBJECT, TASK_TIP = ("dx", "dy", "dz", "force"), ("dx", "dy", "dz", "reference_x", "reference_y", "reference_z", "error")
-"""Quantities of an object of the world (displacement from its first sample; magnitude of its contact forces except those with
-the ground), and of the tip of a Cartesian task (displacement, goal, and distance from the goal).
+"""OBJECT: quantities of an object of the world (displacement from its first sample; magnitude of its contact forces except the
+contact forces of the ground); TASK_TIP: quantities of the tip of a Cartesian task (displacement, goal, and distance from the
+goal).
 """
 BODIES: dict[str, Quantity] = {
     name: Quantity(name, "N" if name == "force" else "m", name, "") for name in dict.fromkeys((*OBJECT, *TASK_TIP))
 }
 KNOWN: Mapping[str, Quantity] = ChainMap(QUANTITIES, DERIVED, EXTRA, BODIES)
-"""Every quantity that pictures may show; also those of stages that are registered later."""
+"""Every quantity that pictures may show, including the quantities of stages that are registered later."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,7 @@ class RunCurves:
     path: Path
     info: RunInfo
     label: str
-    """Short name of the run: the variant, or the file's name."""
+    """Short name of the run: the name of its variant, or of its file."""
     joints: tuple[JointInfo, ...]
     """Joints that were selected from the log."""
     curves: Mapping[tuple[str, str], Curve]
@@ -64,8 +65,8 @@ def joint_info(runs: Sequence[RunCurves], joint: str) -> JointInfo:
 class CurveSource:
     """Stored and derived quantities of a log's joints and bodies, read chunk by chunk.
 
-    joints, quantities: all by default; bodies: also read the bodies; start, end: limits of the part to read, s. Raises LogError
-    for unknown names and for files that are not logs.
+    joints, quantities: names; None: all. bodies: whether the bodies are also read; start, end: limits of the part of the log to
+    read, s. Raises LogError for unknown names and for files that are not logs.
     """
 
     def __init__(
@@ -115,13 +116,14 @@ class CurveSource:
         )
 
     def span(self, first: float) -> tuple[float, float]:
-        """Start and end of the part to read, s; `first` is the time of its first sample."""
+        """Start and end of the part of the log to read, s. first: time of the first sample of this part."""
         # A log begins at 0, unless its run repeats a recording with another start time.
         last = (first if self._start is None else 0.0) + self.reader.duration
         return first, max(first, last if self._end is None else min(self._end, last))
 
     def chunks(self) -> Iterator[tuple[Samples, Array]]:
-        """Chunks of the log: samples, and the selected columns as a matrix (n, columns). Raises LogError if there are none."""
+        """Chunks of the log: samples, and the selected columns as a matrix (n, columns). Raises LogError if the log contains no
+        samples."""
         empty = True
         samples = self.reader.iter_samples(
             quantities=self._stored, joints=[joint.name for joint in self.joints], start=self._start, end=self._end
@@ -163,10 +165,11 @@ def read_curves(
     end: float | None = None,
     bins: int = BINS,
 ) -> RunCurves:
-    """Thinned curves of a log. The log is read chunk by chunk; memory depends on `bins`, not on the duration.
+    """Thinned curves of a log. The log is read chunk by chunk, so that the required memory depends on `bins` and not on the
+    duration.
 
-    joints, quantities: all by default, derived quantities included; start, end: limits of the part to read, s. Raises
-    LogError for unknown names, files that are not logs, and a part without samples.
+    joints, quantities: names; None: all, including derived quantities. start, end: limits of the part of the log to read, s.
+    Raises LogError for unknown names, files that are not logs, and a part without samples.
     """
     source = CurveSource(path, joints=joints, quantities=quantities, bodies=bodies, start=start, end=end)
     chunks = source.chunks()
@@ -184,7 +187,8 @@ def read_curves(
 
 
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
-    """The runs with distinct labels: the variant, else the part of the path in which the runs differ, else a number."""
+    """The runs with distinct labels. The labels are the present labels if these are distinct, or the parts of the paths in
+    which the runs differ, or the present labels with numbers."""
     for labels in (
         [run.label for run in runs],
         _differing([run.path.resolve().with_suffix("").parts for run in runs]),
@@ -204,7 +208,7 @@ def _differing(paths: Sequence[tuple[str, ...]]) -> list[str]:
 
 
 def drawable_quantities(reader: LogReader) -> tuple[str, ...]:
-    """All quantities that can be drawn from a log: first the stored ones, then the derived ones."""
+    """All quantities that can be drawn from a log: first the stored quantities, then the derived quantities."""
     stored = dict.fromkeys(name for joint in reader.info.joints for name in joint.quantities)
     derived = [name for name in DERIVED if "link_position" in stored or name == "equilibrium_position"]
     return (*(name for name in QUANTITIES if name in stored), *(name for name in stored if name not in QUANTITIES), *derived)
@@ -250,7 +254,7 @@ def stored(names: Sequence[str], joints: Sequence[JointInfo]) -> list[str]:
 def table(part: Samples, names: Sequence[str], joints: Sequence[JointInfo]) -> dict[str, Array]:
     """Values (n, joints) of each quantity, stored or derived."""
     found: dict[str, Array] = {}
-    # Infinite values of a diverged run give NaN differences: suppress NumPy's warning.
+    # Suppress NumPy's warning about infinite values of a diverged run, whose differences are NaN.
     with np.errstate(invalid="ignore"):
         for name in names:
             if name == REFERENCE:

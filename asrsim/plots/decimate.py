@@ -55,7 +55,7 @@ class Envelope:
         self.samples += len(time)
         gone, low, high = ~np.isfinite(values), values, values
         if gone.any():
-            # Infinite values cannot be drawn: treat them as gaps.
+            # Treat infinite values as gaps, since they cannot be drawn.
             values, low, high = (np.where(gone, instead, values) for instead in (np.nan, np.inf, -np.inf))
         ends = np.zeros(values.shape[1], dtype=np.intp)
         for begin, end in pairwise([0, *(np.flatnonzero(np.diff(self._interval(time))) + 1).tolist(), len(time)]):
@@ -75,8 +75,8 @@ class Envelope:
     def pairs(self, j: int) -> Array:
         """Smallest and largest value of every interval of series j, in order of time, as an array (2 * intervals,).
 
-        For several series on a common time axis: the values of interval k are drawn at 1/4 and 3/4 of the interval. NaN where
-        an interval has no sample.
+        Several series can thus share a time axis, on which the two values of interval k are drawn at 1/4 and 3/4 of the
+        interval. The values are NaN where an interval has no sample.
         """
         times, values = self.column(j)
         interval = self._interval(times)

@@ -1,6 +1,6 @@
 """Figures of a run: panels in rows, joints in columns, several pages if needed.
 
-`FIGURES` is the registry. Users add their own: `FIGURES.add("loops", RunFigure(title="torque loops", pages=loops))` in
+`FIGURES` is the registry. Users add their own figures: `FIGURES.add("loops", RunFigure(title="torque loops", pages=loops))` in
 a plugin file, or an entry point in the group "asrsim.figures".
 """
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 PER_PAGE = 3
 """Largest number of joints on a page."""
 TITLE = 60
-"""Largest number of letters in a line of a column's title: about the width of a column."""
+"""Largest number of letters in a line of a column's title. Such a line is about as wide as a column."""
 OVERVIEW_FROM = 5
 """Smallest number of joints for which the first page is an overview of all joints."""
 
@@ -57,14 +57,14 @@ class RunFigure:
     """A figure of one run or of several variants."""
 
     title: str
-    """What the figure shows, for the documentation."""
+    """Content of the figure in words, for the documentation."""
     pages: Callable[[Sequence[RunCurves]], Iterable[FigurePage]]
-    """Function that draws the pages of the runs, one at a time; no page if the runs have nothing to show."""
+    """Function that draws the pages of the runs, one at a time. It returns no page if the runs have nothing to show."""
 
 
 FIGURES: Registry[RunFigure] = Registry("figure", "asrsim.figures", instance=RunFigure)
 STANDARD = "overview", "joints", "energy", "objects"
-"""Figures that are drawn if none is named."""
+"""Figures that are drawn if no figure is named."""
 
 
 def run_pages(
@@ -76,9 +76,9 @@ def run_pages(
 ) -> Iterator[FigurePage]:
     """Pages of one run or of several variants, made one at a time.
 
-    figures: names in `FIGURES`; the standard ones by default. quantities: draw only these quantities, each in its own row.
-    brief: omit the energies; where an overview shows all joints, only the first page of joints follows. Raises InputError for
-    an unknown figure.
+    figures: names in `FIGURES`; None: the standard figures. quantities: names of the only quantities to draw, each in its own
+    row. brief: whether energies are left out; if an overview shows all joints, only the first page of joints follows it. Raises
+    InputError for an unknown figure.
     """
     if quantities is not None:
         yield from _grid_pages("quantities", "", [quantity_panel(name) for name in quantities], runs, joint_names(runs))
@@ -136,8 +136,8 @@ for name, figure in {
     ),
     "joints": RunFigure(
         title="per joint: link, motor and equilibrium positions with the reference; deflection; stiffness; torques at link and "
-        "motors; limits of joints, torques and deflections where the motion comes near them (of several runs: the limits that "
-        "they share)",
+        "motors; limits of joints, torques and deflections where the motion comes near them (with several runs: the limits "
+        "that all runs share)",
         pages=_joint_pages,
     ),
     "energy": RunFigure(
@@ -197,7 +197,8 @@ def grid_figure(
     subject: str = "",
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
-    """Figure with panels in rows and joints in columns; one legend per row at the right, the variants' legend below."""
+    """Figure with panels in rows and joints in columns. Each row has a legend at the right; the legend of the variants is below
+    the panels."""
     rows = [panel for panel in panels if any(content(panel, runs, joint) for joint in joints)]
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.85)
     grid = PanelGrid(columns=len(joints), heights=[style.ROW_HEIGHT - GAP_Y] * len(rows), width=wide)
@@ -210,7 +211,7 @@ def grid_figure(
             if not content(panel, runs, joint):
                 style.empty(axes[r, c])
         names = [name for name in panel.of_any(several=several) if name in shown]
-        # With several runs and a single quantity, the axis label names the quantity: leave the quantity out of the legend.
+        # With several runs and a single quantity, leave the quantity out of the legend, since the axis label names it.
         names = [name for name in (*(names if len(names) > 1 or not several else ()), LIMIT) if name in shown]
         words = {"motor_2_position": "adjuster \u03c3", "reference_2": "its reference"} if panel.key == "adjuster" else None
         legend(axes[r, -1], names, several=several, words=words, among=panel.of_any(several=several))
@@ -238,8 +239,8 @@ def overview_figure(runs: Sequence[RunCurves]) -> Figure:
             continue
         shown |= dict.fromkeys(draw_panel(ax, panel, runs, joints[index]))
         slides, first = (prismatic[joints[i]] for i in (index, index - index % columns))
-        # Only the first panel of a row has an axis label; if a joint of the row has another unit (rad or m), its title states
-        # the unit.
+        # Only the first panel of a row has an axis label. If another joint of the row has another unit (rad or m), its title
+        # states the unit.
         unit = "" if slides == first else " (m)" if slides else " (rad)"
         ax.set_title(shorten(joints[index], 30) + unit, loc="left", fontsize=8)
         if index % columns:
@@ -294,10 +295,10 @@ def draw_run(
 ) -> list[Path]:
     """Draw one run into `folder` (created if missing) and return the files; `asrsim.plots.job.plot` has more options.
 
-    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. Joints that
-    do not fit on one page give `joints_1.png`, `joints_2.png` and so on. formats: of `png`, `pdf`, `svg`. brief: no energies;
-    of many joints only the overview and the first page, as `asrsim run` draws them. Raises LogError for files that are not
-    logs, and OutputError.
+    The files are `joints.png` and `energy.png`, and for many joints or objects `overview.png` and `objects.png`. If the joints
+    do not fit on one page, the files are `joints_1.png`, `joints_2.png` and so on. formats: one or more of `png`, `pdf`, `svg`.
+    brief: whether energies are left out; of many joints, only the overview and the first page are then drawn, as by `asrsim
+    run`. Raises LogError for files that are not logs, and OutputError.
     """
     kinds = check_formats(formats)
     place = make_folder(Path(folder))

@@ -43,7 +43,7 @@ class PlotJob:
     joints: tuple[str, ...] | None = None
     quantities: tuple[str, ...] | None = None
     figures: tuple[str, ...] | None = None
-    """Names of the figures of runs alone, in `asrsim.plots.FIGURES`; None: the standard ones."""
+    """Names in `asrsim.plots.FIGURES` of the figures that show runs without recordings; None: the standard figures."""
     lag: LagChoice = "auto"
     """Lag of the recordings' clocks behind the run's clock in s, or the method that finds the lag."""
     measures: tuple[str, ...] = ()
@@ -62,7 +62,7 @@ class PlotJob:
 
     @property
     def empty(self) -> bool:
-        """Whether the job has nothing to draw: no log, and no recording for a Bode plot."""
+        """Whether the job has nothing to draw, since it has neither a log nor a recording for a Bode plot."""
         return not self.logs and not (self.bode and self.experiments)
 
 
@@ -128,7 +128,7 @@ class PlotResult:
 def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     """Draw the pictures and return the result. progress: called with the current task and the fraction done.
 
-    Raises InputError (logs, recordings, options) before anything is written, and OutputError.
+    Raises InputError for wrong logs, recordings and options, before anything is written; and OutputError.
     """
     formats = check_formats(job.formats)
     if job.empty:
@@ -136,7 +136,7 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
             "no log was named",
             key="logs",
             code="no-log",
-            hint="Without one, a recording's response can be drawn: --experiment FILE --bode",
+            hint="Without a log, the frequency response of a recording can be drawn: --experiment FILE --bode",
         )
     if job.figures is not None and (job.experiments or job.bode or job.quantities is not None):
         message = "named figures show runs only: leave out recordings, frequency responses and quantities"
@@ -232,7 +232,7 @@ def _compared(job: PlotJob, runs: Sequence[RunCurves], members: Sequence[Sequenc
             label=run.label,
             joints=job.joints,
             quantities=job.quantities,
-            # A recording has one clock: use the lag that was found with the first run for all runs.
+            # Use the lag that was found with the first run for all runs, since a recording has one clock.
             lags={str(r.path): lags.get(str(r.path), job.lag) for r in mine},
             measures=job.measures,
         )

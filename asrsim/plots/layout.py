@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEFT, GAP_X, GAP_Y, BOTTOM = 0.95, 0.98, 0.17, 0.44
-"""Space for labels left of the panels, between columns, between rows, and below the lowest row, inch."""
+"""Space for labels, inch. LEFT: left of the panels; GAP_X: between columns; GAP_Y: between rows; BOTTOM: below the lowest
+row."""
 HEAD, TITLE = 0.34, 0.46
-"""Height of the figure's title, and height of a column's title with two lines, inch."""
+"""HEAD: height of the figure's title, inch; TITLE: height of a column's title with two lines, inch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +40,7 @@ class PanelGrid:
     """Space for the labels left of the first column, inch."""
 
     def figure(self, labels: Sequence[str], **more: Any) -> tuple[Figure, Any]:
-        """Figure and its axes (rows, columns), with the legend of variants below."""
+        """Figure with the legend of variants at the bottom, and the axes (rows, columns) of the figure."""
         from asrsim.plots.ticks import TICKS, AggFigure
 
         width = self.left + self.columns * self.width + (self.columns - 1) * self.gap_x + self.right
@@ -64,7 +65,7 @@ class PanelGrid:
             },
         )
         for ax in axes.flat:
-            # Fixed position: otherwise axis labels would move with the width of the tick labels.
+            # Fix the position of axis labels, which would otherwise depend on the width of the tick labels.
             ax.yaxis.set_label_coords(-0.62 / self.width, 0.5)
             ax.yaxis.set_major_formatter(TICKS)
         variants(figure, labels)

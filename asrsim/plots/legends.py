@@ -26,8 +26,8 @@ def legend(
 ) -> None:
     """Draw a legend of quantities at the right of the axes, outside the data.
 
-    several: the figure has several runs: colours mark runs, line styles mark quantities. among: all quantities that the panel
-    may contain.
+    several: whether the figure has several runs, so that colours mark runs and line styles mark quantities. among: all
+    quantities that the panel may contain.
     """
     from matplotlib.lines import Line2D
 
@@ -60,7 +60,7 @@ def _named(quantity: str) -> str:
 LETTERS = 17
 """Number of letters of a line that fits at the right of the axes; longer names take several lines."""
 SYMBOL = 4
-"""Number of letters whose width a symbol and the space before it need."""
+"""Width of a symbol and of the space before it, in letters."""
 LIMIT = "limit"
 """Name of the limits in a legend."""
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))
@@ -74,7 +74,8 @@ def variant_columns(labels: Sequence[str], width: float) -> int:
 
 
 def variants(figure: Figure, labels: Sequence[str]) -> None:
-    """Draw a legend of variants and their colours below the panels if there are several variants. Its entries are in rows."""
+    """Draw a legend of variants and their colours below the panels if there are several variants. The entries of the legend are
+    in rows."""
     from matplotlib.lines import Line2D
 
     if len(labels) < 2:
@@ -89,7 +90,7 @@ def variants(figure: Figure, labels: Sequence[str]) -> None:
 
 
 _DIGITS = "₁₂₃₄₅₆₇₈"
-# Plain letters instead of mathtext: its parser would take a sixth of the drawing time.
+# Use plain letters, since the parser of mathtext would take a sixth of the drawing time.
 _WORDS = {
     REFERENCE: "reference",
     **{name: name.replace("_", " ") for name in each_motor("reference_{}")},

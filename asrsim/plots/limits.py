@@ -33,7 +33,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
         pairs = [_both(values.get(limit, math.nan)) for limit in limits]
     elif kind == "deflection":
         return _deflection_limits(run, joint, float(values.get("max_deflection", math.nan)))
-    # Ignore a limit of 0: in URDF, 0 stands for a joint without limits.
+    # Ignore a limit of 0, which means in URDF that the joint has no limit.
     curves = link or next((curve for (name, _), curve in run.curves.items() if name == joint), None)
     if curves is None:
         return []
@@ -43,7 +43,7 @@ def panel_limits(run: RunCurves, joint: str, panel: str) -> list[Curve]:
 
 
 def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
-    """Upper and lower limit of a joint's deflection. limit: deflection limit of its springs, rad (m)."""
+    """Upper and lower limit of a joint's deflection. limit: deflection limit of the joint's springs, rad (m)."""
     info = next((info for info in run.joints if info.name == joint), None)
     one, two = run.get(joint, "motor_1_position"), run.get(joint, "motor_2_position")
     if info is None or not math.isfinite(limit) or run.get(joint, "deflection") is None:
@@ -62,10 +62,11 @@ def _deflection_limits(run: RunCurves, joint: str, limit: float) -> list[Curve]:
 
 
 def largest_deflection(joint: JointInfo, limit: float, one: Array | None = None, two: Array | None = None) -> Array | None:
-    """Largest deflection of a joint, rad (m): a number, or one for each sample (n,); None if it is not known.
+    """Largest deflection of a joint, rad (m). The result is one number, or a number for each sample (n,); None if it is not
+    known.
 
-    limit: deflection limit of its springs; one, two: positions (n,) of its motors, rad (m). With two antagonistic springs, the
-    preset uses up part of the range.
+    limit: deflection limit of the joint's springs, rad (m); one, two: positions (n,) of the joint's two motors, rad (m). With
+    two antagonistic springs, the preset uses up part of the range.
     """
     if joint.motors > 2:
         return None

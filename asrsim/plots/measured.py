@@ -13,7 +13,7 @@ from asrsim.quantities import unit_of
 from asrsim.recordings.align import simulated, simulated_sources
 
 MEASURED = ("link_position",)
-"""Quantities that are measured unless others are named."""
+"""Quantities that are measured unless other quantities are named."""
 
 
 def measured_rows(
@@ -29,7 +29,7 @@ def measured_rows(
 
     Args:
         path: File of the log.
-        label: Source of the rows.
+        label: Label of the log, which the rows name as their source.
         measures: Measures, NAME or NAME:OPTION=VALUE,...
         joints: Names of joints; None: all.
         quantities: Names of quantities; None: `MEASURED`.

@@ -39,7 +39,7 @@ def check_formats(formats: Sequence[str]) -> tuple[str, ...]:
 
 def load_undocumented() -> None:
     """Load Matplotlib without the property lists in its docstrings, which take a sixth of the drawing time. Call this function
-    only in a process that does not show these docstrings. Does nothing if Matplotlib is loaded.
+    only in a process that does not show these docstrings. The function does nothing if Matplotlib is already loaded.
     """
     if "matplotlib.artist" not in sys.modules:
         from matplotlib import artist
@@ -56,7 +56,7 @@ def load_undocumented() -> None:
 def styled(*, mathematics: bool = True) -> Iterator[None]:
     """Apply asrsim's Matplotlib settings while figures are made and written; restore the user's settings afterwards.
 
-    mathematics: text between dollar signs is a formula. If False, names from users' files need no escaping.
+    mathematics: whether text between dollar signs is a formula. If False, names from users' files need no escaping.
     """
     import matplotlib
 
@@ -68,14 +68,14 @@ def styled(*, mathematics: bool = True) -> Iterator[None]:
 
 
 def save_figure(figure: Figure, folder: Path, name: str, formats: Sequence[str]) -> list[Path]:
-    """Write a figure as `folder/name.format` for each format; call it inside `styled`. Raises OutputError."""
+    """Write a figure as `folder/name.format` for each format; call this function inside `styled`. Raises OutputError."""
     paths = []
     for kind in formats:
         path = folder / f"{name}.{kind}"
-        # Compress little: a higher level would take longer than the drawing itself.
+        # Use a low compression level, since a higher level would take longer than the drawing.
         more: dict[str, Any] = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
         with written(path, "picture") as stream, warnings.catch_warnings():
-            # The font may lack letters of a joint's name: do not warn about the boxes drawn in their place.
+            # Suppress the warning if the font lacks letters of a joint's name. Boxes are drawn instead of these letters.
             warnings.filterwarnings("ignore", message="Glyph ")
             figure.savefig(stream, format=kind, metadata=METADATA[kind], **more)
         paths.append(path)

@@ -28,7 +28,7 @@ _FIRST = ("link_position", "equilibrium_position", "deflection", "stiffness", *e
 
 
 def comparison_pages(runs: Sequence[RunCurves], compared: Sequence[RunComparison], *, references: bool) -> Iterator[FigurePage]:
-    """All comparison pages. runs: curves in the order of `compared`; references: also draw recorded references."""
+    """All comparison pages. runs: curves in the order of `compared`; references: whether recorded references are also drawn."""
     keys = dict.fromkeys(key for one in compared for key in one.pairs)
     quantities = sorted(dict.fromkeys(q for _, q in keys), key=lambda q: _FIRST.index(q) if q in _FIRST else len(_FIRST))
     if not references:
@@ -54,7 +54,8 @@ def overlay_figure(
     *,
     part: tuple[int, int] = (1, 1),
 ) -> Figure:
-    """Figure with simulation and experiment for every joint (column) and quantity, and their difference below."""
+    """Figure with simulation and experiment for every joint (column) and quantity, and the difference of the two curves
+    below."""
     wide = style.COLUMN_WIDTH * (1.6 if len(joints) == 1 else 0.9)
     heights = [height for _ in quantities for height in (1.75, 0.85)]
     grid = PanelGrid(columns=len(joints), heights=heights, width=wide, gap_y=0.25)
@@ -76,7 +77,8 @@ def overlay_figure(
 
 
 def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str) -> None:
-    """Draw simulations in the variants' colours over thin dark experiments; several experiments form a band."""
+    """Draw simulations in the variants' colours over thin dark curves of experiments. Several experiments give a shaded
+    area."""
     found = [
         (n, run, one.pairs[joint, quantity])
         for n, (run, one) in enumerate(zip(runs, compared, strict=True))
@@ -107,7 +109,7 @@ def draw_overlay(axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunCo
 def draw_difference(
     axes: Axes, runs: Sequence[RunCurves], compared: Sequence[RunComparison], joint: str, quantity: str
 ) -> None:
-    """Draw simulation minus experiment on the given axes and write the root mean square."""
+    """Draw simulation minus experiment on the given axes and write the root mean square of the difference into them."""
     unit = style.unit(quantity, joint_info(runs, joint))
     found = [(n, one.pairs[joint, quantity]) for n, one in enumerate(compared) if (joint, quantity) in one.pairs]
     for place, (number, pair) in enumerate(found):
@@ -133,7 +135,7 @@ def draw_difference(
     if size > 1e-9 * whole:
         show_values(axes, [pair.difference for _, pair in found], brief="N" in unit)
     else:
-        # A negligible difference is drawn on the scale of the compared curves.
+        # Draw a negligible difference on the scale of the compared curves.
         axes.set_ylim(-0.1 * (whole or 1.0), 0.1 * (whole or 1.0))
     label_values(axes, "difference\n", unit or "-")
 

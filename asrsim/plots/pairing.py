@@ -1,4 +1,4 @@
-"""Assignment of recordings to runs, and their comparison."""
+"""Assignment of recordings to runs, and comparison of runs with their recordings."""
 
 from __future__ import annotations
 
@@ -97,9 +97,9 @@ def compare_run(
 ) -> RunComparison:
     """Comparison of a log with recordings of one experiment.
 
-    joints, quantities: all by default. lags: lag of each recording, by its path. measures: further
-    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError (no common joint or
-    quantity, no overlap in time) and LogError.
+    joints, quantities: names; None: all. lags: lag of each recording, by its path. measures: further
+    measures, NAME or NAME:OPTION=VALUE,... Raises RecordingError if log and recordings have no common joint or quantity, or do
+    not overlap in time; and LogError.
     """
     reader = open_log(path)
     infos = reader.info.joints
@@ -113,7 +113,7 @@ def compare_run(
     for recording, pairing in zip(recordings, pairings, strict=True):
         name = str(recording.path)
         alignments[name] = align_recording(recording, pairing, read, lag=lags[name], infos=infos)
-    # Read the position error for further measures: those of a link position may need the joint's reference.
+    # For further measures, also read the position error, since measures of a link position may need the joint's reference.
     stored = simulated_sources([*common, *(["position_error"] if measures else [])], infos)
     samples = reader.read(quantities=stored, joints=paired).samples
     compared = []
@@ -141,13 +141,13 @@ def _in_both(
     joints: Sequence[str] | None,
     quantities: Sequence[str] | None,
 ) -> tuple[list[str], list[str]]:
-    """Joints and quantities that the log and at least one recording have. Raises RecordingError if there are none."""
+    """Joints and quantities that the log and at least one recording have. Raises RecordingError if they have none in common."""
     wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
     paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
     common = [name for name in drawable_quantities(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
-        # Call the comparison only for its error, which is more precise than the error below.
+        # Call the comparison only since it raises an error that is more precise than the error below.
         compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
         message = "log and recording share none of the selected joints and quantities"
         raise RecordingError(message, file=recordings[0].path, code="nothing-shared")

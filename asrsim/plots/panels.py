@@ -31,20 +31,20 @@ class Panel:
     words: str
     """Label of the vertical axis, without unit."""
     quantities: tuple[str, ...]
-    """Quantities in drawing order: the first is drawn underneath."""
+    """Quantities in drawing order; the first quantity lies under the others."""
     optional: tuple[str, ...] = ()
-    """Quantities omitted while they are always zero."""
+    """Quantities that are left out if they are zero at all times."""
     shown: Callable[[JointInfo], bool] = lambda joint: True
     """Function that returns whether a joint has this panel."""
     compared: tuple[str, ...] | None = None
-    """Quantities drawn when a picture has several runs (distinguished by colour); None: `quantities`; (): no panel."""
+    """Quantities that are drawn if a picture has several runs, which colours distinguish; None: `quantities`; (): no panel."""
 
     def of(self, joint: JointInfo, *, several: bool = False) -> tuple[str, ...]:
-        """Quantities of a joint in this panel; several: the picture has several runs."""
+        """Quantities of a joint in this panel. several: whether the picture has several runs."""
         return tuple(name for name in self.of_any(several=several) if self._belongs(name, joint))
 
     def of_any(self, *, several: bool) -> tuple[str, ...]:
-        """Quantities that the panel may contain for any joint; several: the picture has several runs."""
+        """Quantities that the panel may contain for any joint. several: whether the picture has several runs."""
         return self.quantities if not several or self.compared is None else self.compared
 
     def _belongs(self, name: str, joint: JointInfo) -> bool:
@@ -112,7 +112,8 @@ ENERGY_PANELS = ("energy", "residual", "numerical_error")
 
 
 def joint_panels() -> tuple[Panel, ...]:
-    """Panels of a joint's motion and torques; for each stage of actuators, a panel for each unit of its quantities except J."""
+    """Panels of a joint's motion and torques. Each actuator stage adds one panel for each unit of its quantities; energies (J)
+    are left out."""
     return (*(PANELS[key] for key in JOINT_PANELS), *(panel for stage in STAGES.loaded() for panel in _stage_panels(stage)))
 
 
@@ -146,11 +147,12 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
                     continue
                 if name in panel.optional and curve.extent == 0.0:
                     continue
-                # With a single motor the equilibrium equals the motor position: draw one line for both.
+                # Draw one line for the two quantities, since with a single motor the equilibrium is equal to the motor
+                # position.
                 motor = run.get(joint, "motor_1_position")
                 if panel.key == "position" and name == "equilibrium_position" and motor is not None and _equal(curve, motor):
                     continue
-                # A reference that all variants share is drawn once.
+                # Draw a reference that all variants share only once.
                 if name.startswith("reference") and any(_equal(curve, other) for q, _, other in found if q == name):
                     continue
                 found.append((name, number, curve))
@@ -160,8 +162,8 @@ def content(panel: Panel, runs: Sequence[RunCurves], joint: str) -> list[tuple[s
 
 
 def draw_panel(axes: Axes, panel: Panel, runs: Sequence[RunCurves], joint: str) -> tuple[str, ...]:
-    """Draw a joint's panel, variants by colour, and return the names of the drawn quantities, with `limit` if limits were
-    drawn.
+    """Draw a joint's panel, in which colours mark variants. Returns the names of the drawn quantities, with `limit` if limits
+    were drawn.
     """
     drawn = content(panel, runs, joint)
     several = len(runs) > 1

@@ -35,7 +35,7 @@ class Response:
     label: str
     """Label of the run."""
     variant: int
-    """Number of the run, which selects its line style."""
+    """Number of the run, which determines the line style of the response."""
     source: str
     """Path of the log or recording."""
     experiment: bool
@@ -73,18 +73,18 @@ class ResponseExperiment:
     """Delay of the recording against the run, s."""
 
     def column(self, quantity: str, joint: str) -> Column | None:
-        """Recorded quantity of a joint of the run, None if not recorded."""
+        """Recorded quantity of a joint of the run; None if the quantity is not recorded."""
         channels = self.recording.channels.values()
         return next((c for c in channels if c.quantity == quantity and self.joints.get(c.joint or "") == joint), None)
 
     def require(self, quantity: str, joint: str) -> Column:
-        """Recorded quantity of a joint of the run. Raises RecordingError if not recorded."""
+        """Recorded quantity of a joint of the run. Raises RecordingError if the quantity is not recorded."""
         column = self.column(quantity, joint)
         if column is None:
             raise RecordingError(
                 f"the recording has no {quantity} of {joint}",
                 code="no-quantity",
-                hint=f"Say which column it is with --map COLUMN={joint}.{quantity}",
+                hint=f"Name its column with --map COLUMN={joint}.{quantity}",
             )
         return column
 
@@ -141,7 +141,7 @@ def responses(
             found.append(_response(info, label, variant, u, y, band))
         for one in experiments:
             with _collected(problems, info.name, one.recording.path):
-                # The user's choice of an input must be recorded; otherwise the run's reference replaces a missing one.
+                # If the user chooses an input, it must be recorded. Otherwise the run's reference replaces a missing input.
                 if given is not None:
                     pair = one.require(first, first_joint or info.name), one.require(last, info.name)
                 elif recorded := one.column(last, info.name):
@@ -167,7 +167,8 @@ def recorded_responses(
     given: str | None,
     output: str | None,
 ) -> tuple[list[Response], list[Problem]]:
-    """Responses of a recording without a run, for every joint that has both columns, and problems of the other joints.
+    """Responses of a recording without a run, for every joint with a column of the reference and a column of the output, and
+    problems of the other joints.
 
     given, output: as in `responses`; None: the recorded reference and the link position.
     """
@@ -199,7 +200,8 @@ def _collected(problems: list[Problem], joint: str, file: Path) -> Iterator[None
 
 
 def _recorded_input(one: ResponseExperiment, info: JointInfo) -> Column | None:
-    """Recorded reference of a joint's link; None if there is none, or if reference 1 belongs to a motor in the joint's mode."""
+    """Recorded reference of a joint's link; None if no reference is recorded, or if reference 1 belongs to a motor in the
+    joint's mode."""
     mode = MODES.get(info.mode) if info.mode is not None else None
     return one.column("reference_1", info.name) if mode is not None and (mode.mapped or not mode.spring) else None
 

@@ -10,7 +10,7 @@ from asrsim.quantities import shown
 from asrsim.tables import TableColumn, from_rows
 
 _NOTHING = 1e-12
-"""Two numbers count as equal if they differ by at most this: the difference is then a rounding error."""
+"""Largest difference between two numbers that count as equal. Such a difference is a rounding error."""
 
 
 def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:
@@ -26,8 +26,8 @@ def metric_tables(rows: Sequence[MetricRow]) -> list[list[TableColumn]]:
 
 
 def worth_saying(rows: Sequence[MetricRow]) -> list[MetricRow]:
-    """Metrics that a table shows. Left out of a comparison are references that are equal in run and recording, and measures of
-    a step response if neither motion settles."""
+    """Metrics that a table shows. In a comparison, references that are equal in run and recording are left out. Measures of a
+    step response are left out if neither motion settles."""
     from asrsim.metrics.measures import STEP_MEASURES
 
     same = {

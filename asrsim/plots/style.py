@@ -1,8 +1,8 @@
 """Style of all pictures: colours, line styles, sizes.
 
-Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers can distinguish. In pictures
-of one run a colour marks the part: vermilion the link, blue the equilibrium, as in the paper's figures. In pictures of
-several runs a colour marks the run, and a line style the quantity.
+Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers can distinguish. In pictures of
+one run a colour marks the part: vermilion marks the link and blue marks the equilibrium, as in the paper's figures. In pictures
+of several runs a colour marks the run, and a line style marks the quantity.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _OF_MOTORS = (
     (SKY, "#cfe8f7", "#a3d5f2", "#1f6a9a"),
 )
 MOTORS = {i: _OF_MOTORS[(i - 1) % len(_OF_MOTORS)] for i in range(1, MOST_MOTORS + 1)}
-"""Colours of each motor: of its motion, its reference, its spring's torque, and its friction."""
+"""Colours for the motion, the reference, the spring's torque and the friction of each motor."""
 COLOURS: dict[str, str] = {
     "link_position": VERMILION,
     "link_velocity": VERMILION,
@@ -71,14 +71,14 @@ LINE_STYLES: tuple[Any, ...] = (
 )
 """Line styles, one per quantity, where colours mark runs."""
 VARIANTS = (VERMILION, BLUE, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW)
-"""Colours, one per run; further runs start again from the first."""
+"""Colours, one per run; further runs repeat the colours from the first."""
 
 COLUMN_WIDTH, ROW_HEIGHT, LEGEND_WIDTH = 3.7, 1.55, 1.5
-"""Width of a column, height of a row, width of the legends, inch."""
+"""COLUMN_WIDTH: width of a column; ROW_HEIGHT: height of a row; LEGEND_WIDTH: width of the legends; all in inches."""
 DPI = 150
 """Resolution of a picture, dots per inch."""
 WIDTH, WIDE = 1.25, 2.6
-"""Width of a line, and of a reference or recording under other lines, pt."""
+"""WIDTH: width of a line, pt; WIDE: width of a reference or recording under other lines, pt."""
 
 RC: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -87,7 +87,7 @@ RC: dict[str, Any] = {
     "mathtext.fontset": "dejavusans",
     "axes.labelsize": 8.5,
     "axes.titlesize": 9,
-    # Fixed position of titles, so that Matplotlib need not measure all labels.
+    # Fix the position of titles, so that Matplotlib need not measure all labels.
     "axes.titley": 1.0,
     "axes.prop_cycle": f"cycler('color', {list(VARIANTS)})",
     "axes.edgecolor": "#8a8a8a",
@@ -99,7 +99,7 @@ RC: dict[str, Any] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "axes.formatter.limits": (-4, 5),
-    # Do not use mathtext here: its parser would run for every label.
+    # Do not use mathtext here, since its parser would run for every label.
     "axes.formatter.use_mathtext": False,
     "axes.xmargin": 0.0,
     "axes.ymargin": 0.08,
@@ -125,7 +125,7 @@ RC: dict[str, Any] = {
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
     "path.simplify_threshold": 0.1,
-    # Fixed salt for the random names in SVG files, so that equal logs give equal files.
+    # Fix the salt of the random names in SVG files, so that equal logs give equal files.
     "svg.hashsalt": "asrsim",
 }
 """Matplotlib settings while asrsim makes and writes figures; the user's settings are restored afterwards."""
@@ -138,7 +138,8 @@ def colour(quantity: str) -> str:
 
 
 def styles_of_equal_colours(quantities: Sequence[str]) -> dict[str, Any]:
-    """Line style of each quantity of a panel: quantities of one colour have different styles. References have wide lines."""
+    """Line style of each quantity of a panel. Quantities with the same colour have different styles. References have wide
+    lines."""
     found = dict.fromkeys(quantities, LINE_STYLES[0])
     colours: list[str] = []
     for quantity in quantities:
@@ -164,7 +165,8 @@ def darker(colour_text: str) -> str:
 
 
 def symbol(quantity: str) -> str:
-    """Symbol of a stage's quantity for legends, if it is valid mathtext; else "". Names of other quantities contain theirs."""
+    """Symbol of a stage's quantity for legends, if it is valid mathtext; else "". Names of other quantities contain their
+    symbols."""
     from matplotlib.mathtext import MathTextParser
 
     from asrsim.actuators.stages import STAGES
@@ -228,7 +230,7 @@ def in_words(key: str) -> str:
 
 
 def empty(axes: Axes) -> None:
-    """Say in axes without curves that nothing was recorded."""
+    """Write into axes without curves that nothing was recorded."""
     axes.set_ylabel("")
     axes.set_yticks([])
     axes.grid(False)

@@ -8,8 +8,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 TICKS = "{x:.9g}"
-"""Format of tick labels. It writes the power of ten at each number: a common power would cover the panel's title. An axis may
-show a change by a millionth (`asrsim.plots.view`), so fewer digits would give several ticks the same label."""
+"""Format of tick labels. It writes the power of ten at each number, since a common power would cover the panel's title. It has
+nine digits, since an axis may show a change by a millionth (`asrsim.plots.view`): with fewer digits, several ticks would have
+the same label."""
 
 
 class AggFigure(Figure):

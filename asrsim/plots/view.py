@@ -18,11 +18,11 @@ BRIEF = 0.005
 PREFIXES = (("µ", 1e-6), ("m", 1e-3))
 """Prefixes of smaller units with their factors, the smallest factor first."""
 SMALL = 5.0
-"""An axis is labelled in a smaller unit if its largest value in the smaller unit is below this number."""
+"""Largest value, in the smaller unit, up to which an axis is labelled in the smaller unit."""
 SMALLER = ("m", "rad", "N", "N m", "J")
 """Units that may get a prefix."""
 FLATTENED = 4.0
-"""A peak is cut off if the range of all values exceeds the range of the values without the peak by this factor."""
+"""Ratio of the range of all values to the range without a peak, above which the peak is cut off."""
 
 
 def draw_curve(
@@ -49,8 +49,8 @@ def show_values(
 ) -> None:
     """Scale the axis of values to all curves and to the limits that the curves approach.
 
-    The range is never narrower than `still` or than rounding errors. brief: a peak that lasts for a moment and would flatten
-    the other values is cut off; an arrow at the edge marks the peak and states its value.
+    The range is never narrower than `still` or than rounding errors. brief: whether a peak is cut off that lasts for a moment
+    and would flatten the other values; an arrow at the edge marks this peak and states its value.
     """
     finite = [curve.values[np.isfinite(curve.values)] for curve in curves]
     low = min((float(v.min()) for v in finite if len(v)), default=0.0)
@@ -78,15 +78,15 @@ def show_values(
 
 
 def label_values(axes: Axes, words: str, unit: str) -> None:
-    """Label the axis of values, after its range is set. A range of a few thousandths or millionths of its unit has a smaller
-    unit: 0.075 mm in place of 7.5e-05 m."""
+    """Label the axis of values, after the range of the axis is set. If the range is a few thousandths or millionths of the
+    unit, the label has a smaller unit, such as 0.075 mm in place of 7.5e-05 m."""
     size = max(map(abs, axes.get_ylim()))
     prefix, scale = next(((sign, scale) for sign, scale in PREFIXES if size < SMALL * scale), ("", 1.0))
     if unit not in SMALLER or not prefix:
         axes.set_ylabel(style.axis_label(words, unit))
         return
     axes.set_ylabel(style.axis_label(words, prefix + unit))
-    # Write nine digits: with all digits, a rounding error would show as 0.30000000000000004.
+    # Write nine digits. With all digits, a rounding error would appear, as in 0.30000000000000004.
     axes.yaxis.set_major_formatter(lambda value, place: f"{value / scale:.9g}".replace("-", "\N{MINUS SIGN}"))
 
 

@@ -1,4 +1,4 @@
-"""Recordings of experiments: read, mapped to joints, aligned with a simulation and compared with it."""
+"""Recordings of experiments. They are read, mapped to joints, aligned with a simulation, and compared with it."""
 
 from __future__ import annotations
 

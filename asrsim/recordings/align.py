@@ -1,4 +1,6 @@
-"""Aligns the clock of a recording with that of a simulation: estimates the lag between them and resamples series."""
+"""Aligns the clock of a recording with the clock of a simulation. Estimates the lag between the clocks, and resamples
+series.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,9 @@ from asrsim.recordings.matching import wrong_unit
 from asrsim.samples import Array, JointInfo, Samples, is_staircase
 
 ALIGN_ON = ("reference_1", "link_position", "motor_1_position", "equilibrium_position", "deflection", "link_velocity")
-"""Quantities for automatic alignment, in order of preference: the first that moves in both records is used. The reference comes
-first, as both records contain the same reference. The lag of a response is part of the difference to be measured.
+"""Quantities for automatic alignment, in order of preference. The first quantity that moves in both records is used. The
+reference is preferred since it is equal in the two records. A response also has a lag, but this lag is part of the difference
+that a comparison measures.
 """
 
 SampleReader = Callable[[Sequence[str], Sequence[str]], Samples]
@@ -35,17 +38,17 @@ def align_recording(
     lag: LagChoice = "auto",
     infos: Sequence[JointInfo] = (),
 ) -> Alignment:
-    """Alignment of a recording's clock with a run's clock. Only one series of the run is in memory at a time.
+    """Alignment of the clock of a recording with the clock of a run. Only one series of the run is in memory at a time.
 
     Args:
         recording: The experiment.
         pairing: Maps each joint of the recording to a joint of the run.
         read: Function that returns samples of the run, for example from its log.
         lag: See `LagChoice`.
-        infos: The run's joints; columns whose unit does not fit their joint are left out.
+        infos: Joints of the run. Columns whose unit does not fit their joint are left out.
 
     Raises:
-        RecordingError: Recording and run share no quantity, or with `auto` do not overlap in time.
+        RecordingError: The recording and the run share no quantity or, with the lag `auto`, do not overlap in time.
     """
     columns, _ = matched_columns(recording, pairing, infos, (*QUANTITIES, *DERIVED))
     known = {info.name: info for info in infos if info.quantities}
@@ -62,7 +65,7 @@ def align_recording(
         moves = _moves(values) and _moves(column.values)
         if best is None or moves:
             best = (f"{joint}.{quantity}", samples.time, values, column)
-        # If the lag is not estimated, the first series is enough: only the times of the series are used.
+        # If the lag is not estimated, only the times of a series are used, so the first series suffices.
         if moves or lag != "auto":
             break
     if best is None:
@@ -81,7 +84,7 @@ def align_recording(
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Context in which RecordingErrors name the recording's file."""
+    """Context that adds the recording's file to each RecordingError."""
     try:
         yield
     except RecordingError as error:
@@ -91,7 +94,7 @@ def naming(path: Path) -> Iterator[None]:
 def matched_columns(
     recording: Recording, pairing: Mapping[str, str], infos: Sequence[JointInfo], quantities: Sequence[str] | None = None
 ) -> tuple[dict[tuple[str, str], Column], list[Problem]]:
-    """Columns by (joint, quantity) of the run, and problems. Columns whose unit does not fit their joint are left out."""
+    """Columns by joint of the run and quantity, and problems. Columns whose unit does not fit their joint are left out."""
     known = {info.name: info for info in infos}
     found: dict[tuple[str, str], Column] = {}
     wrong: list[Problem] = []
@@ -109,15 +112,16 @@ def matched_columns(
 
 
 def simulated_sources(names: Iterable[str], joints: Sequence[JointInfo]) -> list[str]:
-    """Quantities that the joints of a run record, from which `simulated` takes the named quantities."""
+    """Recorded quantities of a run from which `simulated` computes the named quantities."""
     return recorded_sources([one for name in names for one in (f"sent_{name}", name)], joints)
 
 
 def simulated(samples: Samples, joint: str, quantity: str, infos: Sequence[JointInfo] = ()) -> Array | None:
-    """Values (n,) that a simulation has for a recorded quantity of a joint; None if they are not recorded.
+    """Simulated values (n,) of a joint's quantity that correspond to the recorded values; None if the simulation did not record
+    them.
 
-    A recorded reference is the command that was sent, before delays and other effects of the simulated commands. Derived
-    quantities need `infos`.
+    A recorded reference corresponds to the command that was sent, before delays and other imperfections of the simulated
+    commands. Derived quantities need `infos`.
     """
     index = samples.joints.index(joint)
     sent = samples.values.get(f"sent_{quantity}")
@@ -138,13 +142,15 @@ def _moves(values: Array) -> bool:
 
 
 LagChoice = float | Literal["auto", "off", "start"]
-"""Lag: `auto`, by cross-correlation; `off`, clocks unchanged; `start`, first samples aligned; or the recording's delay, s."""
+"""How the lag is determined. `auto`: by cross-correlation. `off`: the clocks stay unchanged. `start`: the first samples are
+aligned. A number: delay of the recording, s.
+"""
 _CLEARLY = 0.1
-"""Smallest gain in correlation from a reversed sign at which the recorded sign counts as reversed: both signs of a swing fit
-almost equally, half a period apart.
+"""The recorded sign counts as reversed if the reversed sign increases the correlation by more than this value. Both signs of an
+oscillation fit almost equally, with lags that differ by half a period.
 """
 _GAP = 3.0
-"""Largest gap across which samples are interpolated, in time steps of the source: two lost samples are filled."""
+"""Largest gap across which samples are interpolated, in time steps of the source. Up to two lost samples are filled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,9 +158,11 @@ class Alignment:
     """Shift of the recording's clock, and the method that determined it."""
 
     lag: float
-    """Delay of the recording, s; subtracted from its time."""
+    """Delay of the recording, s. It is subtracted from the recording's times."""
     how: str
-    """Method that gave the delay: `cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: why`."""
+    """Method that gave the delay: `cross-correlation of joint.quantity`, `set`, `off`, `start`, or `not aligned: ` and the
+    reason.
+    """
     found: Lag | None = None
     findings: tuple[Problem, ...] = ()
 
@@ -162,7 +170,7 @@ class Alignment:
     def said(self) -> str:
         """Delay of the recording as text, for example `0.12 s late`."""
         lag = round(self.lag, 4)
-        # Delays between clocks with different origins are large: the format `g` would drop the fractions of a second.
+        # Delays between clocks with different origins are large, so the format `g` would drop the fractions of a second.
         return f"{f'{abs(lag):.4f}'.rstrip('0').rstrip('.')} s {'early' if lag < 0.0 else 'late'}"
 
 
@@ -185,10 +193,10 @@ def align(
         recording: Values (m,) of this quantity in the recording.
         choice: See `LagChoice`.
         name: Name of the quantity, for messages.
-        command: Whether the quantity is a command: each value of a staircase then holds until the next sample.
+        command: Whether the quantity is a command. If a command is a staircase, each value is held until the next sample.
 
     Raises:
-        RecordingError: The choice is not a `LagChoice`, or with `auto` the records do not overlap in time.
+        RecordingError: The choice is not a `LagChoice` or, with `auto`, the records do not overlap in time.
     """
     start = float(time_recording[0] - time_simulation[0])
     stated = {"off": 0.0, "start": start}.get(str(choice), choice)
@@ -197,14 +205,15 @@ def align(
             raise RecordingError("the lag must be a number of seconds, auto, off or start", value=choice, code="bad-lag")
         return Alignment(lag=float(stated), how=choice if isinstance(choice, str) else "set")
     if start and min(time_simulation[-1], time_recording[-1]) <= max(time_simulation[0], time_recording[0]):
-        # One clock began long before the other: the search starts where both records begin together.
+        # One clock began long before the other. Search around the lag at which both records begin at the same time.
         together = align(time_simulation, simulation, time_recording - start, recording, name=name, command=command)
         if together.how.startswith("not aligned"):
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
     result = _correlated(time_simulation, simulation, time_recording, recording, name, command)
     if start and result.how.startswith("not aligned"):
-        # The clocks may differ by more than the search allows: search again from where both records begin together.
+        # The clocks may differ by more than the search allows. Search again around the lag at which both records begin at the
+        # same time.
         together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
         if not together.how.startswith("not aligned"):
             return replace(together, lag=together.lag + start)
@@ -214,12 +223,12 @@ def align(
 def _correlated(
     time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, name: str, command: bool
 ) -> Alignment:
-    """Alignment by cross-correlation. The arguments are those of `align`."""
+    """Alignment by cross-correlation. The arguments are as in `align`."""
     step = min(float(np.median(np.diff(time))) for time in (time_simulation, time_recording))
     first = _held(time_simulation, simulation, step) if command else (time_simulation, simulation)
     second, values = _held(time_recording, recording, step) if command else (time_recording, recording)
     found = estimate_lag(*first, second, values)
-    # Try the reversed sign, too: a periodic signal with a reversed sign would be aligned half a period off.
+    # Try the reversed sign, too. Otherwise a periodic signal with a reversed sign would be shifted by half a period.
     turned = estimate_lag(*first, second, -values)
     how = f"cross-correlation of {name}"
     if found is None:
@@ -240,24 +249,26 @@ def _correlated(
 
 
 def _held(time: Array, values: Array, step: float) -> tuple[Array, Array]:
-    """Times and values of a command, sampled every `step` s if it is a staircase of a larger step: a straight line from one
-    value to the next would be half a sample early.
+    """Times and values of a command. A staircase with longer steps is sampled every `step` s. Linear interpolation between its
+    samples would be half a sample early.
     """
     known = np.isfinite(values)
     stamps, stairs = time[known], values[known]
     if not is_staircase(stairs) or step > 0.75 * np.median(np.diff(stamps)):
         return time, values
     fine = np.arange(stamps[0], stamps[-1] + 0.5 * step, step)
-    # Look a little ahead, so that rounding does not delay a value by one step.
+    # Add a fraction of a step to the times, so that rounding does not delay a value by one step.
     return fine, stairs[np.searchsorted(stamps, fine + 1e-3 * step, side="right") - 1]
 
 
 def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
-    """Lag near an estimated lag at which both records have exactly the same values; the estimate if there is no such lag.
+    """Exact lag near an estimated lag, at which both records of a command have the same values. It is the estimate if there is
+    no such lag.
 
-    Two records of a command have the same values at the samples of the coarser record. If the finer record holds each value
-    until the next, a range of lags up to one sample wide fits. The clocks are then left unchanged if no lag is in the range.
-    Else the command changed at samples of the coarser record, so that its largest lag behind the finer record is the true lag.
+    With the exact lag, two records of a command have the same values at the samples of the coarser record. If the finer record
+    holds each value until the next sample, a range of lags fits, whose width is up to one sample. If a lag of 0 is in this
+    range, the clocks are left unchanged. Otherwise the command is assumed to change at samples of the coarser record. The
+    largest lag of the coarser record in the range is then the true lag.
     """
     records = [
         (time[np.isfinite(own)], own[np.isfinite(own)])
@@ -287,15 +298,20 @@ def _exact(time_simulation: Array, simulation: Array, time_recording: Array, rec
 
 
 _ROUNDS, _SHIFTS = 4, 41
-"""Rounds of the search for the exact lag, and lags that each round tries; each round is 20 times finer, so that
-four divide the first range by 160,000.
+"""_ROUNDS: number of rounds of the search for the exact lag.
+_SHIFTS: number of lags that each round tries. Each round is 20 times finer than the round before, so that four rounds divide
+the first range by 160,000.
 """
 _SAME = 1e-8
-"""Largest mean square difference of two records of the same command, relative to their variance: four digits."""
+"""Two records are equal if their mean square difference, relative to their variance, is at most this value. They then agree in
+four digits.
+"""
 
 
 def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 0.0) -> tuple[float, float]:
-    """Start and end of the common interval on the simulation's clock, s. Raises RecordingError if there is none."""
+    """Start and end of the common time interval on the simulation's clock, s. Raises RecordingError if the records do not
+    overlap.
+    """
     start = max(float(time_simulation[0]), float(time_recording[0]) - lag)
     end = min(float(time_simulation[-1]), float(time_recording[-1]) - lag)
     if end <= start:
@@ -310,10 +326,12 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
 
 
 def resample(time: Array, values: Array, grid: Array) -> Array:
-    """Values (m,) at the times of the grid, resampled from values (n,); NaN outside the record and in gaps above three steps.
+    """Values (m,) at the times of the grid, resampled from values (n,). They are NaN outside the record and in gaps longer than
+    three steps.
 
-    The interpolation is linear where the source is at least four times as fine as the grid. Elsewhere it is Akima's piecewise
-    cubic (Journal of the ACM 17, 1970), which follows smooth motion and does not ring at steps. Nothing is filtered.
+    The interpolation is linear if the source is at least four times as fine as the grid. Otherwise it is Akima's piecewise
+    cubic interpolation (Journal of the ACM 17, 1970), which follows smooth motion and does not overshoot at steps. The values
+    are not filtered.
     """
     keep = np.isfinite(values)
     t, v = time[keep], values[keep]
@@ -325,9 +343,9 @@ def resample(time: Array, values: Array, grid: Array) -> Array:
         from scipy.interpolate import Akima1DInterpolator
 
         result = np.asarray(Akima1DInterpolator(t, v)(np.clip(grid, t[0], t[-1])), dtype=np.float64)
-    # Time stamps are rounded: up to half a step beyond the ends, the end value is used.
+    # Time stamps are rounded, so use the end value up to half a step beyond the ends.
     outside = (grid < t[0] - 0.5 * step) | (grid > t[-1] + 0.5 * step)
     after = np.clip(np.searchsorted(t, grid, side="left"), 1, len(t) - 1)
-    # A time lies in a gap only if it is strictly between two samples: a time at a sample has a value.
+    # A time is in a gap only if it is strictly between two samples, since a time at a sample has a value.
     inside = (t[after] - t[after - 1] > _GAP * step) & (grid > t[after - 1]) & (grid < t[after])
     return np.where(outside | inside, np.nan, result)

@@ -15,9 +15,9 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.times import is_time
 
 _OBJECTS = ("MatlabOpaque", "MatlabFunction", "MatlabObject")
-"""SciPy's classes for MATLAB's objects, which it cannot read."""
+"""SciPy's classes for MATLAB objects, whose contents SciPy cannot read."""
 Leaf = tuple[str, list[RawColumn]]
-"""Path of a struct, and the columns of a variable in this struct: a vector has one column, a matrix several."""
+"""Path of a struct, and the columns of a variable in this struct. A vector has one column, and a matrix has several."""
 
 
 def read_matlab(path: Path, reading: Reading) -> Content:
@@ -26,7 +26,7 @@ def read_matlab(path: Path, reading: Reading) -> Content:
         start = stream.read(520)
     if start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF":
         with library("h5py", "hdf5").File(path) as file:
-            # Leave out groups whose names begin with #: MATLAB stores the contents of objects in them.
+            # Leave out groups whose names begin with #, since MATLAB stores the contents of objects in them.
             return of_tree({name: file[name] for name in file if not name.startswith("#")}, [], reading)
     from scipy.io import loadmat
 
@@ -43,7 +43,7 @@ def read_numpy(path: Path, reading: Reading) -> Content:
     for name in arrays:
         try:
             found[name] = arrays[name]
-        except ValueError as error:  # NumPy refuses Python objects, because unpickling would run code from the file
+        except ValueError as error:  # NumPy refuses to read Python objects, since unpickling would run code from the file
             findings.append(Problem(f"is not read: {error}", key=name, code="objects"))
     return of_tree(found, findings, reading)
 
@@ -80,7 +80,7 @@ def of_tree(tree: Mapping[str, Any], findings: list[Problem], reading: Reading) 
 
 
 def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> Iterator[Leaf]:
-    """Vectors and matrices of a struct and of its nested structs. struct: path of the struct, which ends with a point."""
+    """Vectors and matrices of a struct and of its nested structs. struct: path of the struct, with a point at its end."""
     for name, value in tree.items():
         cells = isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object and value.ndim)
         items = (
@@ -88,7 +88,7 @@ def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> It
         )
         for path, item in items:
             dataset = type(item).__name__ == "Dataset"
-            if isinstance(item, Mapping):  # also a group of an HDF5 file
+            if isinstance(item, Mapping):  # a struct, or a group of an HDF5 file
                 yield from _leaves(item, f"{path}.", findings)
             elif type(item).__name__ in _OBJECTS or (dataset and item.dtype.kind not in "fiub"):
                 message = "is a MATLAB object (timeseries, table, function), which cannot be read"
@@ -100,8 +100,8 @@ def _leaves(tree: Mapping[str, Any], struct: str, findings: list[Problem]) -> It
 
 
 def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
-    """Tables of the variables: one for each struct and length, with the time vectors of this length from the struct and its
-    parents.
+    """Tables of the variables. All variables of a struct with the same length form a table. The table also gets the time
+    vectors of this length from the struct and its parents.
 
     stated: names of the time columns that the user states.
     """
@@ -117,7 +117,7 @@ def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
 
 
 def _columns(name: str, value: Any) -> list[RawColumn]:
-    """Columns of a vector or matrix; none for other values. The longer side of a matrix is the time."""
+    """Columns of a vector or matrix; none for other values. The longer dimension of a matrix is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
     if array.dtype.kind == "M" and array.ndim == 1 and len(array):

@@ -1,4 +1,4 @@
-"""Reads ROS 1 bags, ROS 2 bags and MCAP files without ROS, by the message definitions in the file."""
+"""Reads ROS 1 bags, ROS 2 bags and MCAP files by the message definitions in the file, without an installation of ROS."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from asrsim.recordings.reading import Reading
 from asrsim.samples import Array
 
 _SAME_CLOCK = 1.0
-"""Header stamps and times of recording count as readings of one clock if they differ by at most this time, s."""
+"""Header stamps and times of recording count as times of the same clock if they differ by less than this time, s."""
 LONGEST = 64
-"""Largest number of entries in an array of signals; longer arrays are pictures, scans or maps."""
+"""Largest number of entries in an array of signals. Longer arrays are pictures, scans or maps."""
 NAMES = ("name", "names", "joint_names", "interface_names")
-"""Message fields that name the entries of the other arrays in the message. They also name the entries of arrays in parts of the
+"""Message fields with names for the entries of the message's other arrays. The names also apply to arrays in parts of the
 message that have no such field.
 """
 _JOINT_STATE = {"position": "position", "velocity": "velocity", "effort": "torque"}
@@ -41,27 +41,27 @@ TOPICS: dict[str, str] = {
         for i, name in enumerate(reference_topics(mode, MOST_MOTORS), start=1)
     },
 }
-"""Quantity carried by a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
+"""Quantity in the messages of a toolbox topic `.../<joint>/<topic>` of type Float64, by the last part of the topic."""
 _FOREIGN = ("Image", "PointCloud", "LaserScan", "CameraInfo", "OccupancyGrid", "/Log", "String", "TFMessage", "tfMessage",
             "Diagnostic")  # fmt: skip
 """Parts of the names of message types that carry no signals."""
 _NO_TIME = 2**63
-"""Time stamps from this value on are invalid, ns."""
+"""Time stamps of this value or more are invalid, ns."""
 Label = tuple[str, str | None]
 """Path of a number in a message, and the joint that the message states for this number."""
 
 
 class NoSignal(Exception):  # noqa: N818
-    """Raised for a message whose arrays are too long for signals."""
+    """Raised for a message with arrays that are too long for signals."""
 
 
 def _members(message: Any) -> Mapping[str, Any]:
-    """Fields of a message or JSON object, by name; none for other values."""
+    """Fields of a message or JSON object, by name; an empty mapping for other values."""
     return message if isinstance(message, dict) else vars(message) if is_dataclass(message) else {}
 
 
 def stamp_of(message: Any) -> int | None:
-    """Time stamp of a message, ns, from its header or its own fields; None if the stamp is missing or zero."""
+    """Time stamp of a message, ns, from its header or its own fields; None if the stamp is missing or 0."""
     members = _members(message)
     for stamp in (_members(members.get("header")).get("stamp"), members.get("stamp"), members.get("timestamp")):
         # Seconds and nanoseconds are called sec and nanosec, secs and nsecs, or sec and nsec, in any order.
@@ -78,9 +78,9 @@ def _is_number(value: Any) -> bool:
 def flatten(
     message: Any, prefix: str = "", names: Sequence[str] = (), joint: str | None = None
 ) -> Iterator[tuple[Label, float]]:
-    """Labels and values of all numbers in a message or JSON object. Raises NoSignal.
+    """Labels and values of all numbers in a message or JSON object. Raises NoSignal if an array is too long.
 
-    names, joint: names of array entries, and the joint, from the enclosing message.
+    names: names of array entries, from the enclosing message; joint: joint that the enclosing message states.
     """
     members = _members(message)
     named = [members[key] for key in NAMES if isinstance(members.get(key), list)]
@@ -131,7 +131,7 @@ class _Topic:
 
 
 Messages = Iterator[tuple[_Topic, int, bytes]]
-"""For each message: its topic, time of recording in ns, and its bytes."""
+"""For each message: its topic, its time of recording in ns, and its bytes."""
 
 
 @dataclass
@@ -142,7 +142,7 @@ class _Group:
     """Labels in the order of the first message."""
     received: array[int] = field(default_factory=lambda: array("q"))
     stamped: array[int] = field(default_factory=lambda: array("q"))
-    """Header stamps, ns; 0 for a message without stamp."""
+    """Header stamps, ns; 0 for a message without a stamp."""
     values: array[float] = field(default_factory=lambda: array("d"))
 
     @property
@@ -152,8 +152,8 @@ class _Group:
 
 
 def _series(groups: Sequence[_Group]) -> Iterator[_Group]:
-    """Numbers of a topic that occur in the same messages. A topic whose messages sometimes lack velocities gives two groups:
-    positions of all messages, and velocities of some.
+    """Groups of the numbers that occur in the same messages of a topic. For example, if some messages of a topic lack
+    velocities, there are two groups: the positions of all messages, and the velocities of some messages.
     """
     found: dict[Label, list[_Group]] = {}
     for group in groups:
@@ -182,7 +182,7 @@ def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
 
 
 def read_bag(path: Path, reading: Reading) -> Content:
-    """All numeric series of a bag. Raises RecordingError if nothing can be read."""
+    """Content of a bag: all series of numbers. Raises RecordingError if nothing can be read."""
     findings: list[Problem] = []
     topics: list[_Topic] = []
     tables = tuple(_tables(_messages(path, topics, findings), reading.time.columns, findings))
@@ -208,7 +208,7 @@ def _messages(path: Path, topics: list[_Topic], findings: list[Problem]) -> Mess
     kind = "a ROS 1 bag" if suffix == ".bag" else "a ROS 2 bag" if suffix == ".db3" or path.is_dir() else "MCAP"
     try:
         yield from _of_mcap(path, topics) if kind == "MCAP" else _of_bag(path, topics, ros1=suffix == ".bag")
-    except Exception as error:  # on damaged files rosbags and mcap raise errors of many types (struct, sqlite, KeyError, ...)
+    except Exception as error:  # for damaged files, rosbags and mcap raise errors of many types (struct, sqlite, KeyError, ...)
         said = f"{type(error).__name__} {str(error)[:80]}".rstrip()
         if not topics:
             hint = "`rosbag reindex`, `ros2 bag reindex` or `mcap recover` repair a file that its recorder did not close"
@@ -260,7 +260,7 @@ def _of_mcap(path: Path, topics: list[_Topic]) -> Messages:
 
 
 class _Types:
-    """Message definitions of the file, and ROS's standard definitions where the file has none."""
+    """Message definitions of the file, and the standard definitions of ROS for types that the file does not define."""
 
     def __init__(self, *, ros1: bool) -> None:
         from rosbags.typesys import Stores, get_typestore
@@ -270,7 +270,9 @@ class _Types:
         self.standard = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.LATEST)
 
     def topic(self, name: str, kind: str, definition: str) -> _Topic:
-        """Topic with its decoder, or the reason why it cannot be decoded. definition: the type in the MSG language of ROS."""
+        """Topic with its decoder, or with the reason why its messages cannot be decoded. definition: definition of the message
+        type in the MSG language of ROS.
+        """
         from rosbags.typesys import get_types_from_msg
 
         if any(word in kind for word in _FOREIGN):
@@ -336,19 +338,21 @@ def _tables(messages: Messages, stated: Sequence[str], findings: list[Problem]) 
 def _tables_of(
     topic: _Topic, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem], seen: Counter[str]
 ) -> Iterator[RawTable]:
-    """Tables of a topic: one for each set of numbers that occur in the same messages. seen: names of the columns so far."""
+    """Tables of a topic, one for each set of numbers that occur in the same messages. stated: time columns that the user
+    states; seen: number of uses of each column name so far.
+    """
     count, series = sum(len(group.received) for group in groups), list[_Group]()
     for group in _series(groups):
         if len(group.received) > 1:
             series.append(group)
         else:
-            message = "the topic has one message only; a time series needs more"
+            message = "the topic has only one message; a time series needs more"
             if count > 1:
                 message = f"only one message has {listed([label for label, _ in group.labels], 4)}; a time series needs more"
             findings.append(Problem(message, key=topic.name, code="too-short"))
     if not series:
         return
-    # Use one kind of times for all numbers of a topic: otherwise positions and velocities would be shifted against each other.
+    # Use the same clock for all numbers of a topic. Otherwise positions and velocities would be shifted against each other.
     by_header = _has_header_times(topic.name, groups, stated, findings)
     labels = [label for group in series for label, own in group.labels if own is None]
     nameless = [label for label in labels if label.partition("[")[0] in _JOINT_STATE]
@@ -371,8 +375,8 @@ def _tables_of(
 
 
 def _has_header_times(topic: str, groups: Sequence[_Group], stated: Sequence[str], findings: list[Problem]) -> bool:
-    """Whether the header stamps are used as the times of a topic's messages: if the user chose them, or if both clocks agree.
-    Otherwise the times of recording are used.
+    """Whether the header stamps are used as the times of a topic's messages. They are used if the user states them, or if they
+    agree with the times of recording. Otherwise the times of recording are used.
     """
     received, stamped = (np.concatenate(times) for times in zip(*map(_times, groups), strict=True))
     lag = float(np.median(stamped - received)) * 1e-9
@@ -385,12 +389,12 @@ def _has_header_times(topic: str, groups: Sequence[_Group], stated: Sequence[str
 
 
 def _times(group: _Group) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Times of recording and header stamps of messages, ns."""
+    """Times of recording, and header stamps, of a group's messages, ns."""
     return np.array(group.received, dtype=np.int64), np.array(group.stamped, dtype=np.int64)
 
 
 def _time_of(group: _Group, *, by_header: bool) -> RawColumn:
-    """Time of messages: their header stamps, or the times of recording."""
+    """Time column of a group: the header stamps of its messages, or their times of recording."""
     received, stamped = _times(group)
     stamps = stamped if by_header else received
     zero = int(stamps[0]) if stamps[0] > EPOCH * 1e9 else 0

@@ -1,5 +1,5 @@
-"""Physical kind of a recorded command, by its name and unit. A command is never dropped silently: if its kind is unclear, the
-user is asked.
+"""Physical kind of a recorded command, by its name and unit. If the kind of a command is unclear, the user is asked; no command
+is left out silently.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ def is_command(parts: Sequence[str]) -> bool:
 def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
     """Kind of a command, such as `torque`; "" if neither name nor unit states it.
 
-    The last part of a path counts first: `/effort_controller/joint_commands/position` is a position.
+    The last part of a path has precedence: `/effort_controller/joint_commands/position` is a position.
 
     Args:
         parts: Parts of the command's name, without the joint.
         unit: Unit that the file states.
 
-    Raises CommandDoubtError for a kind that is ambiguous, contradicts the unit, or is accepted by no operation mode.
+    Raises CommandDoubtError if the kind is ambiguous or contradicts the unit, or if no operation mode accepts it.
     """
     measured = "" if unit is None else UNIT_KINDS.get(unit.si, unit.si)
     target = f"reference_1 [{unit.symbol if unit else 'unit'}]"
@@ -49,7 +49,7 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
         if len(stated) > 1:
             raise CommandDoubtError(f"its name may mean a command of {one_of(stated)}", target)
         if stated:
-            # In `q1_ref [N m]`, the q belongs to the joint's name: the unit shows that the command is a torque.
+            # In `q1_ref [N m]`, the q belongs to the joint's name. The unit shows that the command is a torque.
             named = measured and "q" in words and stated == ["position"]
             return _taken(measured if named else stated[0], unit, measured)
         if hint := next((word for word in words if word in LETTERS), ""):
@@ -61,7 +61,7 @@ def kind_of(parts: Sequence[str], unit: Unit | None) -> str:
 
 
 def _stated(part: str) -> list[str]:
-    """Kinds that the words of a part of a name state unambiguously; each kind is listed once."""
+    """Kinds that the words of a part of a name state unambiguously. Each kind is listed once."""
     return [*dict.fromkeys(kind for word in spellings_of(tokens_of(part)) if (kind := kind_of_word(word)))]
 
 
@@ -73,19 +73,19 @@ def _taken(kind: str, unit: Unit | None, measured: str) -> str:
         raise CommandDoubtError("it commands a stiffness; mode 6 takes a preset, in rad", "reference_2 [rad]")
     if kind not in TAKEN:
         what = f"of {one_of([kind])}" if unit is None or unit.si in UNIT_KINDS else f"in {unit.symbol}"
-        raise CommandDoubtError(f"it is a command {what}, which no operation mode takes")
+        raise CommandDoubtError(f"it is a command {what}, which no operation mode accepts")
     return measured or kind
 
 
 def unknown_words(words: Sequence[str]) -> list[str]:
-    """Words of a command's name (as returned by `words_of`) whose meaning is unknown."""
+    """Words of a command's name whose meaning is unknown. words: as returned by `words_of`."""
     return [one for one in words if not (one in (REFERENCE, "motor", "?") or one in LETTERS or kind_of_word(one))]
 
 
 def command_unit(name: str, joint: str | None) -> str:
-    """SI unit of the kind that the name of a command states, such as "N m" for `knee_tau_des`; "" if it states none.
+    """SI unit of the kind that the name of a command states, such as "N m" for `knee_tau_des`; "" if the name states no kind.
 
-    joint: Joint whose name may be part of the column's name.
+    joint: joint whose name may be part of the column's name.
     """
     rest = find_joint(split_header(name)[0], [joint] if joint else [])[1]
     for part in reversed(re.split(r"[./]", rest)):

@@ -1,4 +1,6 @@
-"""Compares a simulation with a recording: common quantities on a common clock, their differences, and metrics."""
+"""Compares a simulation with a recording: puts common quantities on a common clock, and computes their differences and
+metrics.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +42,7 @@ class Series:
     quantity: str
     unit: str
     time: Array
-    """Times (m,) on the simulation's clock, s: sample times of the coarser record within the overlap."""
+    """Times (m,) on the simulation's clock, s. They are the sample times of the coarser record within the overlap."""
     simulation: Array
     """Simulated values (m,); NaN in gaps."""
     recording: Array
@@ -48,16 +50,16 @@ class Series:
     reading: str
     """Description of how the column was read."""
     metrics: Mapping[str, float]
-    """Measures of the difference of simulation and recording, by name; NaN where undefined."""
+    """Measures of the difference between simulation and recording, by name; NaN if a measure is undefined."""
     each: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    """Measures of single series, such as measures of a step response, by name; each has a pair of values (simulation,
-    recording), from the samples of its own record within the overlap.
+    """Measures of single series, such as measures of a step response, by name. Each is a pair of values, for the simulation and
+    for the recording. Each value is computed from the samples of the series' own record within the overlap.
     """
     findings: tuple[Problem, ...] = ()
 
     @property
     def difference(self) -> Array:
-        """Simulation minus recording (m,)."""
+        """Simulated minus recorded values (m,)."""
         return self.simulation - self.recording
 
 
@@ -69,14 +71,14 @@ class Comparison:
     series: tuple[Series, ...]
     alignment: Alignment
     findings: tuple[Problem, ...] = ()
-    """Problems of the comparison; the problems of the file are in the recording's `findings`."""
+    """Problems of the comparison. The problems of the file are in the recording's `findings`."""
 
     def find(self, joint: str, quantity: str) -> Series | None:
-        """Series of a joint's quantity; None unless both records contain it."""
+        """Series of a joint's quantity; None if one of the records does not contain it."""
         return next((s for s in self.series if (s.joint, s.quantity) == (joint, quantity)), None)
 
     def rows(self, source: str = "") -> list[MetricRow]:
-        """All metrics as rows for tables, JSON and CSV. source: name of the simulation."""
+        """All metrics, as rows for tables, JSON and CSV. source: name of the simulation."""
         name = self.recording.name
         pair = f"{source} - {name}" if source else name
         rows: list[MetricRow] = []
@@ -112,14 +114,14 @@ def compare(
     Args:
         samples: Samples of the simulation, for example of a log.
         recording: The experiment.
-        infos: The simulated joints (`RunInfo.joints`), which derived quantities need (deflection, equilibrium, position error).
+        infos: The simulated joints (`RunInfo.joints`). Derived quantities (deflection, equilibrium, position error) need them.
         quantities: Quantities to compare; None: all shared quantities except energies.
-        lag: auto, off, start, or the delay of the recording in s.
-        measures: Further measures, NAME or NAME:OPTION=VALUE,...; those that need a reference compare the link position of run
-        and recording each with its own reference.
+        lag: See `LagChoice`: auto, off, start, or the delay of the recording in s.
+        measures: Further measures, NAME or NAME:OPTION=VALUE,... Measures that need a reference compare the link positions of
+            run and recording each with its own reference.
 
     Raises:
-        RecordingError: No common joint, no common quantity, or no overlap in time.
+        RecordingError: The simulation and the recording have no common joint, no common quantity, or no overlap in time.
         InputError: A measure is unknown, lacks a required option, or is a measure of bodies.
     """
     further = [one for one in asked_measures(measures) if one.text not in (*PAIR_MEASURES, *STEP_MEASURES)]
@@ -149,6 +151,16 @@ def compare(
     records = [_records(one, found[one.joint, one.quantity], samples, every, infos, alignment.lag) for one in series]
     series = tuple(replace(one, each=_each(further, *own)) for one, own in zip(series, records, strict=True))
     findings += alignment.findings
+    findings += condense(
+        Problem(
+            f"is not compared: the simulation has no joint {column.joint}",
+            key=column.source,
+            file=recording.path,
+            code="no-such-joint",
+        )
+        for column in recording.channels.values()
+        if column.quantity and column.joint is not None and column.joint not in pairing
+    )
     for one in series:
         findings += [replace(p, file=recording.path, key=f"{one.joint}.{one.quantity}") for p in one.findings]
     for quantity in {one.quantity: None for one in series}:
@@ -172,7 +184,8 @@ def _series(
 ) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
-    # Keep the samples of the coarser record, and interpolate the finer record: this adds the smallest error.
+    # Keep the samples of the coarser record, and interpolate the finer record, since interpolation of the finer record causes
+    # the smaller error.
     coarse = np.median(np.diff(shifted)) >= np.median(np.diff(time))
     base = shifted if coarse else time
     slack = _slack(end)
@@ -202,31 +215,33 @@ def _series(
 
 
 def _slack(end: float) -> float:
-    """Time, s, by which an overlap is widened: rounding in the last digit of a time stamp must not remove the last sample."""
+    """Time by which an overlap is widened, s, so that rounding in the last digit of a time stamp does not remove the last
+    sample. end: end of the overlap, s.
+    """
     return 1e-6 * max(1.0, abs(end))
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Record:
-    """Series of one record at the record's own samples."""
+    """Series of a record, at the sample times of this record."""
 
     time: Array
     """Times (n,) on the simulation's clock, s."""
     values: Array
     """Values (n,); NaN in gaps."""
     reference: Array | None
-    """Its own reference (n,); None if unknown."""
+    """Reference (n,) of this record; None if it is unknown."""
 
     def within(self, start: float, end: float) -> _Record:
-        """Part between two times, s."""
+        """Part of the record between two times, s."""
         part = (self.time >= start) & (self.time <= end)
         reference = None if self.reference is None else self.reference[part]
         return _Record(time=self.time[part], values=self.values[part], reference=reference)
 
 
 def _each(asked: Sequence[AskedMeasure], *records: _Record) -> dict[str, tuple[float, float]]:
-    """Measures of run and recording, each with its own samples and reference; without any reference, measures of two series
-    are left out.
+    """Measures of run and recording, by name. Each value is computed with the samples and the reference of its own record. If
+    neither record has a reference, measures that compare two series are left out.
     """
     ours, theirs = records
     steps = {name: (measure(name, ours.time, ours.values), measure(name, theirs.time, theirs.values)) for name in STEP_MEASURES}
@@ -246,8 +261,8 @@ def _records(
     infos: Sequence[JointInfo],
     lag: float,
 ) -> tuple[_Record, _Record]:
-    """Run and recording of a series within their overlap. simulation: values (n,) at the times of the samples; columns: of all
-    quantities of the recording, since a link position needs its references.
+    """Run and recording of a series within their overlap. simulation: simulated values (n,) at the times of the samples;
+    columns: columns of all quantities of the recording, since the measures of a link position need the references.
     """
     column = columns[series.joint, series.quantity]
     shifted = column.time - lag
@@ -270,25 +285,26 @@ def _records(
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Range and mean of several runs of one experiment, at common times."""
+    """Range and mean of several recordings of one experiment, at common times."""
 
     time: Array
     """Times (m,) on the simulation's clock, s."""
     mean: Array
-    """Mean of the runs (m,)."""
+    """Mean (m,) of the recorded values."""
     low: Array
-    """Smallest value of the runs (m,)."""
+    """Smallest of the recorded values, (m,)."""
     high: Array
-    """Largest value of the runs (m,)."""
+    """Largest of the recorded values, (m,)."""
     count: int
-    """Number of runs."""
+    """Number of recordings."""
 
 
 def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band | None:
-    """Band of several recordings, at the times of the first recording; None if no recording has the series.
+    """Band of several recordings of a joint's quantity, at the times of the first recording; None if no recording has the
+    quantity.
 
-    The band is NaN before the last run begins and after the first run ends, so that the band never jumps there. In the gap of
-    one run, the band covers the other runs.
+    The band is NaN at times at which not all recordings are running, so that it does not jump when a recording begins or ends.
+    In a gap of one recording, the band covers the other recordings.
     """
     found = [s for s in (c.find(joint, quantity) for c in comparisons) if s is not None]
     if not found:
@@ -298,6 +314,6 @@ def band(comparisons: Sequence[Comparison], joint: str, quantity: str) -> Band |
     known = np.isfinite(runs)
     within = np.maximum.accumulate(known, axis=1) & np.maximum.accumulate(known[:, ::-1], axis=1)[:, ::-1]
     runs[:, ~within.all(axis=0)] = np.nan
-    with np.errstate(invalid="ignore"):  # it is possible that no run has a value
+    with np.errstate(invalid="ignore"):  # at some times no recording has a value
         mean = np.nansum(runs, axis=0) / np.isfinite(runs).sum(axis=0)
     return Band(time=time, mean=mean, low=np.fmin.reduce(runs), high=np.fmax.reduce(runs), count=len(found))

@@ -1,4 +1,4 @@
-"""Folders as recordings: one file for each quantity or topic, joined by time."""
+"""Folders as recordings: a folder contains one file for each quantity or topic, and the files are joined by time."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from asrsim.recordings.data import Column, Content, RawColumn, RawTable
 FOLDER = "folder"
 """Name of the format of a recording in several files."""
 MOST_FILES = 64
-"""Largest number of files that are joined to one recording."""
+"""Largest number of files that are joined into one recording."""
 
 
 def joined(folder: Path, read: Callable[[Path], Content], suffixes: Collection[str]) -> Content:
-    """Content of all recordings in a folder, with a table for each table of a file; columns contain the name of their file.
+    """Content of all files in a folder, with a table for each table of a file. Each column states the name of its file.
 
-    Links and files of other kinds are not read. Raises RecordingError for a folder without recordings, or with too many.
+    Links and files of other kinds are not read. Raises RecordingError if the folder has no recordings, or too many.
 
     Args:
         folder: The folder.
-        read: Reads one file.
-        suffixes: Endings of the names of recordings.
+        read: Function that reads one file.
+        suffixes: File name endings of recordings.
     """
     files = [
         file
@@ -51,7 +51,7 @@ def joined(folder: Path, read: Callable[[Path], Content], suffixes: Collection[s
 
 
 def require_one_time(tables: Sequence[RawTable]) -> None:
-    """Raise RecordingError if tables of several files were not recorded at one time, or if their clocks differ."""
+    """Raise RecordingError if tables of several files were not recorded at the same time, or if their clocks differ."""
     tables = [table for table in tables if table.columns and table.columns[0].file]
     dated = {bool(table.zero) for table in tables}
     if len(dated) > 1:
@@ -65,7 +65,7 @@ def require_one_time(tables: Sequence[RawTable]) -> None:
 
 
 def require_one_recording(raw: Sequence[RawColumn], columns: Sequence[Column]) -> None:
-    """Raise RecordingError if two files have the same quantity of a joint: they are two recordings."""
+    """Raise RecordingError if two files contain the same quantity of a joint, since they are then probably two recordings."""
     owner: dict[str, RawColumn] = {}
     for one, column in zip(raw, columns, strict=True):
         first = owner.setdefault(column.meaning, one) if column.quantity and not column.given and one.file else one

@@ -1,4 +1,4 @@
-"""Registry of file readers, one for each format. Users add readers by the entry point group `asrsim.recordings`."""
+"""Registry of file readers, one for each format. Users add readers by entry points in the group `asrsim.recordings`."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ from asrsim.recordings.text import read_text
 from asrsim.registry import Registry, result_fault
 
 SECONDS, RATE = 60.0, 1e6
-"""Time limit for reading a binary format: SECONDS s of wall-clock time, and a further second for each RATE bytes of the file.
+"""Time limit for reading a file of a binary format. It is SECONDS s of wall-clock time, and a further second for each RATE
+bytes of the file.
 """
 MEMORY, RATIO = 2**30, 32
-"""Memory limit for reading a binary format: MEMORY bytes, and RATIO further bytes per byte of the file. The code of the
-libraries alone takes half of MEMORY.
+"""Memory limit for reading a file of a binary format. It is MEMORY bytes, and RATIO further bytes for each byte of the file.
+The code of the libraries alone takes half of MEMORY.
 """
 
 
@@ -43,11 +44,15 @@ class Reader:
 
     suffixes: tuple[str, ...]
     read: Callable[[Path, Reading], Content]
-    """Reads a file. Raises RecordingError for a known problem; any other error is reported as a damaged file."""
+    """Function that reads a file. It raises RecordingError for a known problem. Any other error is reported as a damaged
+    file.
+    """
     magic: tuple[bytes, ...] = ()
-    """First bytes that identify the format, whatever the file's ending."""
+    """First bytes that identify the format. They have precedence over the ending of the file's name."""
     confined: bool = True
-    """True: the file is read in a child process with limits on time and memory. True for all formats except text and JSON."""
+    """Whether the file is read in a child process with limits on time and memory. Of asrsim's formats, only text and JSON are
+    not.
+    """
 
     def __post_init__(self) -> None:
         if not (isinstance(self.suffixes, tuple) and all(map(_is_suffix, self.suffixes))):
@@ -58,12 +63,16 @@ class Reader:
 
 
 def _is_suffix(ending: object) -> bool:
-    """Whether a file's ending can be equal to this one: it begins with a point and is compared in lower case."""
+    """Whether this is a valid ending of file names. It must begin with a point and be in lower case, since endings are compared
+    in lower case.
+    """
     return isinstance(ending, str) and ending[:1] == "." and len(ending) > 1 and ending == ending.lower()
 
 
 _CLASSES = {one.__name__: one for one in (Content, RawTable, RawColumn, Problem)}
-"""Classes in the answer of the child process, by name."""
+"""Classes that the answer of the child process may contain, by name."""
+OWN_READER = "A reader of your own needs --plugin FILE"
+"""Hint for a file that no reader of asrsim can read."""
 READERS: Registry[Reader] = Registry("file format", "asrsim.recordings", instance=Reader)
 _OURS = {
     "text": Reader(suffixes=(".csv", ".tsv", ".txt", ".dat", ".log", ".asc"), read=read_text, confined=False),
@@ -74,7 +83,7 @@ _OURS = {
     "arrow": Reader(suffixes=(".parquet", ".feather"), read=read_arrow, magic=(b"PAR1", b"ARROW1")),
     "bag": Reader(suffixes=(".mcap", ".bag", ".db3"), read=read_bag, magic=(b"\x89MCAP0", b"#ROSBAG")),
 }
-"""Readers of asrsim, by name; all other readers are users'."""
+"""Readers of asrsim, by name. All other readers belong to users."""
 for _name, _reader in _OURS.items():
     READERS.own(_name, _reader)
 
@@ -94,8 +103,9 @@ def content_of(path: Path, reading: Reading) -> Content:
 
 
 def format_of(path: Path) -> str:
-    """Name of the reader: a user's reader, by the file's ending or first bytes; else a reader of asrsim, by the first bytes,
-    else by the ending, else text. Raises RecordingError.
+    """Name of the reader of a file. A user's reader is preferred, by the ending of the file's name or by the first bytes of the
+    file. Otherwise it is a reader of asrsim, by the first bytes or else by the ending. The reader of text reads all other
+    files. Raises RecordingError.
     """
     if not path.exists():
         raise RecordingError("there is no such file", hint=similar_file(path), code="no-file")
@@ -108,7 +118,7 @@ def format_of(path: Path) -> str:
     if (pointer := lfs_pointer(start, "recording")) is not None:
         raise RecordingError([pointer])
     readers = {name: READERS.get(name) for name in READERS}
-    # JSON may have blanks before and between its first characters.
+    # Also compare the first bytes without blanks, since JSON may have blanks before and between its first characters.
     heads = start, b"".join(start.split())
     for name in sorted(readers, key=_OURS.__contains__):
         reader = readers[name]
@@ -116,23 +126,24 @@ def format_of(path: Path) -> str:
         if named or any(head.startswith(reader.magic) for head in heads):
             return name
     by_suffix = next((name for name, reader in readers.items() if path.suffix.lower() in reader.suffixes), "text")
-    # Text may have any ending: MATLAB's `save -ascii` writes text to .mat files.
+    # Read text with any ending as text. For example, MATLAB's `save -ascii` writes text to .mat files.
     text = readers[by_suffix].confined and start.isascii() and b"\0" not in start
     return "text" if text else by_suffix
 
 
 def with_reader_hint(problem: Problem, path: Path) -> Problem:
-    """The problem of a file, with the hint on readers of users if no reader is known for the file's ending."""
+    """The problem of a file. If no reader is known for the file's ending, it gets a hint that users can add readers."""
     known = {suffix for name in READERS for suffix in READERS.get(name).suffixes}
     if path.suffix.lower() in ("", *known, *DOCUMENTS) or not path.is_file():
         return problem
     before = f"{problem.hint}{'' if problem.hint.endswith('?') else '.'} " if problem.hint else ""
-    return replace(problem, hint=f"{before}A reader of your own needs --plugin FILE")
+    return problem if OWN_READER in before else replace(problem, hint=f"{before}{OWN_READER}")
 
 
 def _confined(name: str, path: Path, reading: Reading) -> Content:
-    """Content read in a child process, as damaged files may crash a library or make it request all memory."""
-    # The request is trusted and may be a pickle. The answer depends on the hostile file, so it is plain data.
+    """Content of a file, read in a child process, since a damaged file may crash a library or make it request all memory."""
+    # The request is trusted, so it may contain a pickle. The answer is plain data, since it depends on a file that may have
+    # been crafted to run code.
     request = {
         "root": str(Path(__file__).parents[2]),
         "reader": name,
@@ -167,17 +178,18 @@ def answer_of(request: dict[str, str]) -> bytes:
     except MemoryError:
         message = "needs far more memory than a recording of its size"
         answer = [Problem(message, hint="If the file is not damaged, record it in shorter parts", code="memory")]
-    except Exception as error:  # on damaged files libraries raise errors of many types
+    except Exception as error:  # for damaged files, libraries raise errors of many types
         said = " ".join(str(error).split())[:200]
         message = f"cannot be read as {request['reader']}: {type(error).__name__} {said}".rstrip()
-        answer = [Problem(message + _place_in_plugin(request["plugin"], error), code="damaged")]
+        answer = [Problem(message + _place_in_plugin(request["reader"], request["plugin"], error), code="damaged")]
     return pack(answer)
 
 
 def checked(name: str, found: Any, reading: Reading) -> Content:
-    """What the reader with this name returned, with its numbers as arrays. Raises RecordingError, with file and line of the
-    reader, unless it is a `Content` of tables in which each column has a name, and all columns have equally many numbers. A
-    column of joints' names has texts.
+    """Content that the reader with this name returned, with its numbers as arrays.
+
+    The content must be a `Content` of tables. The columns of a table must have names, and equally many numbers; a column of
+    joint names contains texts. Otherwise raises RecordingError with the file and line of the reader.
     """
     function = READERS.get(name).read
 
@@ -214,14 +226,17 @@ def checked(name: str, found: Any, reading: Reading) -> Content:
     return replace(found, tables=tuple(tables))
 
 
-def _place_in_plugin(plugin: str, error: Exception) -> str:
-    """Line of a user's reader at which it raised an error, in words; empty for asrsim's readers."""
+def _place_in_plugin(name: str, plugin: str, error: Exception) -> str:
+    """File and line at which a user's reader raised an error, as text; empty for readers of asrsim."""
     lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if plugin and one.filename == plugin]
+    code = getattr(READERS.get(name).read, "__code__", None) if plugin else None
+    if not lines and code is not None:  # Python refused to call the reader, since it takes other arguments
+        return f" ({plugin}:{code.co_firstlineno})"
     return f" ({plugin}:{lines[-1]})" if lines else ""
 
 
 def pack(answer: Content | Sequence[Problem]) -> bytes:
-    """Content or problems as bytes without executable code: JSON and NumPy arrays in one archive."""
+    """Content or problems as bytes: JSON and NumPy arrays in one archive, which contains no executable code."""
     arrays: list[NDArray[Any]] = []
 
     def plain(one: Any) -> Any:
@@ -237,7 +252,7 @@ def pack(answer: Content | Sequence[Problem]) -> bytes:
 
 
 def unpack(data: bytes) -> Content:
-    """Content from the bytes of `pack`. Raises RecordingError where the bytes contain problems."""
+    """Content from the bytes that `pack` returns. Raises RecordingError if the bytes contain problems."""
     arrays = np.load(BytesIO(data), allow_pickle=False)
 
     def built(found: dict[str, Any]) -> Any:

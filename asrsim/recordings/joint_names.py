@@ -1,7 +1,8 @@
-"""Columns of joints' names, as JointState messages have them in text: `name0` says which joint `position0` belongs to.
+"""Columns of joint names, as in JointState messages that were written as text. For example, `name0` contains the name of the
+joint to which `position0` belongs.
 
-Programs of ROS write such messages in three ways: a column for each entry (`rostopic echo -p`), a list in a cell (bagpy,
-pandas), and a column for each entry without a header (`ros2 topic echo --csv`).
+Programs of ROS write such messages in three formats: a column for each entry (`rostopic echo -p`), a list in a cell (bagpy,
+pandas), and a column for each entry but no header (`ros2 topic echo --csv`).
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from asrsim.errors import Problem, counted, listed, printable
 from asrsim.recordings.data import RawColumn, RawTable, unique
 
 MOST = 64
-"""Largest number of entries of a list in a cell, and of joints that the columns of names may name."""
+"""Largest number of entries of a list in a cell, and largest number of joints in the columns of names."""
 _LIST = re.compile(r"array\(\s*(?:'[a-zA-Z]'\s*,\s*)?\[(?P<inner>.*)\]\s*\)|[\[(](?P<all>.*)[\])]", re.DOTALL)
 """Pattern of a list in a cell: `[1, 2]`, `(1.0, 2.0)`, `['a', 'b']`, `[1. 2.]`, `array('d', [1.0, 2.0])`."""
 _ENTRY = re.compile(r"""b?'((?:[^'\\]|\\.)*)'|b?"((?:[^"\\]|\\.)*)"|([^\s,;]+)""")
 _NAME = re.compile(r"(?P<head>(?:.*?[./_ ])?)(?:joint_?)?names?(?P<place>\d+|[\[(]\d+[\])])", re.IGNORECASE)
 """Pattern of the header of a column of names, such as `field.name0` or `name[0]`."""
 _FIELDS = ("position", "velocity", "effort")
-"""Arrays that follow the names in a JointState message (sensor_msgs/JointState)."""
+"""Arrays that follow the array of names in a message of type sensor_msgs/JointState."""
 
 
 def entries(cell: str) -> list[str] | None:
@@ -36,7 +37,7 @@ def entries(cell: str) -> list[str] | None:
 
 
 def list_widths(rows: Sequence[Sequence[str]]) -> dict[int, int]:
-    """Number of entries by the index of each column whose cells are lists, from the first rows of a table."""
+    """Number of list entries for each column whose cells are lists, by the column's index. rows: first rows of a table."""
     if not rows:
         return {}
     columns = Counter(map(len, rows)).most_common(1)[0][0]
@@ -50,7 +51,9 @@ def list_widths(rows: Sequence[Sequence[str]]) -> dict[int, int]:
 
 
 def spread(cells: list[str], widths: Mapping[int, int]) -> list[str]:
-    """Cells with a cell for each entry of a list; a header `position` becomes `position[0]`, `position[1]`, ..."""
+    """Cells of a row, in which a separate cell for each entry replaces a list. A header `position` becomes `position[0]`,
+    `position[1]`, ...
+    """
     if not widths or len(cells) <= max(widths):
         return cells
     result: list[str] = []
@@ -65,8 +68,8 @@ def spread(cells: list[str], widths: Mapping[int, int]) -> list[str]:
 
 
 def name_columns(header: Sequence[str]) -> dict[int, list[int]]:
-    """By index of each column of names: indices of the columns that it describes, which have the same prefix and the same
-    number.
+    """Indices of the columns that each column of names describes, by the index of the column of names. The columns have the
+    same prefix and the same number as the column of names.
     """
     found: dict[int, list[int]] = {}
     for i, name in enumerate(header):
@@ -75,12 +78,13 @@ def name_columns(header: Sequence[str]) -> dict[int, list[int]]:
         pattern = re.compile(rf"{re.escape(match['head'])}(?:.*[./_ ])?[a-z_]*[a-z]{re.escape(match['place'])}", re.IGNORECASE)
         described = (other.strip() for other in header)
         found[i] = [j for j, other in enumerate(described) if pattern.fullmatch(other) and not _NAME.fullmatch(other)]
-    # Columns of names that describe no other column, such as a column `name0` alone, count as ordinary text.
+    # If no column of names describes another column, as with a single column `name0`, the columns are ordinary text.
     return found if any(found.values()) else {}
 
 
 def message_names(cells: Sequence[str], kinds: Sequence[str]) -> list[str]:
-    """Names of the columns of a JointState message that `ros2 topic echo --csv` prints without a header; [] for other rows.
+    """Column names for a row of a JointState message that `ros2 topic echo --csv` prints without a header; an empty list for
+    other rows.
 
     kinds: kind of each cell, as `asrsim.recordings.text.parse` returns it.
     """
@@ -97,10 +101,10 @@ def message_names(cells: Sequence[str], kinds: Sequence[str]) -> list[str]:
 
 
 def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
-    """Table without columns of names, whose other columns know the joint that the names state.
+    """Table without columns of names. Its other columns state the joint that the names give.
 
-    Where the names change their order between rows, the values follow the names: there is then a column for each joint, such as
-    `position[elbow]`. Values of rows without a name become NaN.
+    If the order of the names changes between rows, the values are sorted by the names. The table then has a column for each
+    joint, such as `position[elbow]`. Values without a name become NaN.
     """
     columns = table.columns
     groups = {
@@ -122,7 +126,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
     seen: Counter[str] = Counter()
     result: list[RawColumn] = []
     done: set[str] = set()
-    repeated = np.zeros(len(columns[0].values), dtype=bool)  # rows that name a joint several times
+    repeated = np.zeros(len(columns[0].values), dtype=bool)  # rows in which a joint is named several times
     for j, column in kept:
         if j not in owner:
             result.append(replace(column, name=unique(column.name, seen)))
@@ -154,7 +158,7 @@ def with_joints(table: RawTable, findings: list[Problem]) -> RawTable:
 
 
 def _plain(text: str) -> str:
-    """Name of a joint without quotes and blanks around it."""
+    """Name of a joint, without surrounding quotes and blanks."""
     found = _ENTRY.fullmatch(text.strip())
     return printable(((found[1] or found[2] or found[3]) if found else text.strip()) or "")
 

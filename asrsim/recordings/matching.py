@@ -1,4 +1,4 @@
-"""Maps the joints of a recording to those of the simulation by their names, and checks the units of columns."""
+"""Maps the joints of a recording to the joints of the simulation by their names, and checks the units of columns."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asrsim.recordings.words import TAKEN, UNIT_KINDS, one_of
 
 
 def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str]:
-    """Map from joints of the recording to joints of the simulation. Raises RecordingError without a common joint."""
+    """Joint of the simulation for each joint of the recording. Raises RecordingError if they have no common joint."""
     recorded = recording.joints
     pairing = {joint: name for joint in recorded if (name := matching_name(joint, names)) is not None}
     if pairing:
@@ -35,7 +35,8 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
 def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None = None) -> Problem | None:
     """Problem of a column whose stated unit does not fit the joint, such as m for a revolute joint; None if the unit fits.
 
-    mode: Control mode of the run, which decides whether the reference is a position or a torque; None: not checked.
+    mode: operation mode of the joint in the run, which determines whether the reference is a position or a torque; None: the
+    reference is not checked.
     """
     quantity = str(column.quantity)
     if quantity == "reference_1" and column.unit:
@@ -44,13 +45,14 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
         wanted = UNIT_KINDS[MODES[mode].units[0]] if mode in MODES else ""
         how = "is" if column.stated else "is, by its name,"
         if kind == "force" or kind not in TAKEN:
-            why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode takes it"
+            why = f"{joint} is revolute and takes a torque" if kind == "force" else "no operation mode accepts it"
             hint = f"State the quantity in this column: --map '{column.source}={joint}.reference_1 [unit]', or =ignore"
             return Problem(f"{how} a command of {one_of([kind])}, but {why}", key=column.source, hint=hint, code="wrong-unit")
         if wanted and kind != wanted:
             message = f"{how} in {column.unit}, but the reference of {joint} is a {wanted} in mode {mode}"
             return Problem(message, key=column.source, code="wrong-unit")
-    # Accept any unit of a second or later reference or motor: it may be an adjuster, which moves in m in AwAS-II.
+    # Accept any unit for the second and later references and motors, since they may belong to an adjuster. In AwAS-II, the
+    # position of the adjuster is in m.
     if not column.stated or re.match(r"(reference|motor)_[2-9]", quantity):
         return None
     kind, right, others = ("prismatic", "m", PRISMATIC_UNITS) if prismatic else ("revolute", "rad", PRISMATIC_UNITS.values())
@@ -62,7 +64,7 @@ def wrong_unit(column: Column, joint: str, *, prismatic: bool, mode: int | None 
 
 
 def matching_name(name: str, names: Sequence[str]) -> str | None:
-    """Name in `names` that equals `name` up to case and separators; None if no name does."""
+    """Name in `names` that is equal to `name` except for case and separators; None if there is no such name."""
 
     def plain(text: str) -> str:
         return text.lower().translate({ord(sign): None for sign in "_- "})

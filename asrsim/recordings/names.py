@@ -1,4 +1,4 @@
-"""Derives joint and quantity from the name of a column. Each name is read independently of all other columns."""
+"""Derives joint and quantity from the name of a column. Each name is interpreted independently of the other columns."""
 
 from __future__ import annotations
 
@@ -50,22 +50,22 @@ _NOT_MEASURED = {
     )
     for word in words.split()
 }
-"""Words before a quantity in a path that mean values which were neither measured nor commanded at their times, such as
-`output.effort` or the `points` of a trajectory.
+"""Words in a path before the quantity, such as `output` in `output.effort`, or the `points` of a trajectory. They mean that the
+values were neither measured nor commanded at their times.
 """
 _DOUBTFUL = {"?", "theta", "position", "velocity", "torque", "force", "deflection", "stiffness"}
-"""Words of an ambiguous name about which the user is asked."""
+"""The user is asked about an ambiguous name that contains one of these words."""
 
 
 def column_quantities() -> dict[str, Quantity]:
-    """All quantities that a column may contain, by name, including the quantities of all registered stages. A recorded
-    reference is a command as it was sent.
+    """All quantities that a column may contain, by name, including the quantities of all registered stages. Quantities
+    `sent_...` are left out, since a recorded reference is a command as it was sent.
     """
     return {name: one for name, one in (QUANTITIES | DERIVED).items() if not name.startswith("sent_")}
 
 
 def stated_unit(name: str) -> Unit | None:
-    """Unit in the name of a column. For a velocity, deg means deg/s."""
+    """Unit in the name of a column. In the name of a velocity, deg means deg/s."""
     unit = split_header(name)[1]
     if unit is not None and unit.si in ("rad", "m") and "velocity" in words_of(tokens_of(name)):
         return Unit(f"{unit.symbol}/s", f"{unit.si}/s", unit.factor)
@@ -73,10 +73,11 @@ def stated_unit(name: str) -> Unit | None:
 
 
 def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file: str = "") -> tuple[str | None, str | None]:
-    """Joint and quantity of a column, by its name and unit alone; no quantity if the name means none. Raises DoubtError.
+    """Joint and quantity of a column, only by its name and unit. The quantity is None if the name states no quantity. Raises
+    DoubtError.
 
-    joints: joints of the simulation; None: the name states the joint. file: name of the column's file, if several files make
-    the recording; its name completes that of the column.
+    joints: joints of the simulation; None: the name states the joint. file: name of the column's file, if several files form
+    the recording; its words complete the name of the column.
     """
     known, plain = column_quantities(), split_header(name)[0]
     head, dot, last = plain.strip("./ ").rpartition(".")
@@ -94,7 +95,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
     numbers = [int(word) for word in tokens if word.isdecimal()]
     words = [word for word in words_of(tokens) if not word.isdecimal()]
     said = [word for word in words_of(tokens_of(file)) if not word.isdecimal()]
-    if unsure := unknown_words(said):  # such as `run` in `run_position`: its meaning is unknown
+    if unsure := unknown_words(said):  # the meaning of a word is unknown, such as `run` in `run_position`
         said = said if REFERENCE in said and not {*words} - {"field"} else [word for word in said if word not in unsure]
     if not {*words} - {REFERENCE, "field"}:
         words = [word for word in (*words, *said) if word != "field"]
@@ -112,7 +113,7 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
         quantity = _commanded([" ".join(said), *above, tail], words, unit, owned=joint is not None)
     else:
         quantity = _QUANTITIES.get(" ".join(sorted(words)))
-    # Other characters (q', q*, a dot above) are ambiguous.
+    # Names with other characters (q', q*, a dot above) are ambiguous.
     if quantity is None or re.search(r"[^\w\s./,:#()[\]-]", rest) or (words == ["force"] and (unit is None or unit.si != "N")):
         stated = unit is not None and unit.si in ("rad", "rad/s", "N m")
         if named or stated or _DOUBTFUL & {*words_of(tokens_of(rest))}:
@@ -144,13 +145,13 @@ def meaning_of(name: str, unit: Unit | None, joints: Sequence[str] | None, file:
 
 
 def _commanded(parts: Sequence[str], words: Sequence[str], unit: Unit | None, *, owned: bool) -> str | None:
-    """Reference that a command's column contains; None if it commands no quantity of a joint. Raises CommandDoubtError.
+    """Reference that the column of a command contains; None if it is not a command for a joint. Raises CommandDoubtError.
 
     Args:
         parts: Parts of the column's path, without the joint.
         words: Words of the last part.
         unit: Unit that the file states.
-        owned: Whether the name contains that of a joint.
+        owned: Whether the column's name contains the name of a joint.
     """
     others = sorted({*words} - {REFERENCE})
     if others in (["preset"], ["preset", "stiffness"]):
@@ -175,13 +176,13 @@ def check_path(name: str, joint: str | None, joints: Sequence[str] | None) -> No
 
 
 def _words_above(path: str) -> set[str]:
-    """Words of a path without its last part."""
+    """Words in all parts of a path but the last."""
     return {word for part in re.split(r"[./]", path)[:-1] for word in tokens_of(part)}
 
 
 def within_joint(name: str) -> str:
-    """Name of a number whose joint the file states: the last part of its path, preceded by `desired` if the part before means a
-    command, as in `field.desired.positions`.
+    """Name of a column whose joint the file states. If earlier parts of its path mean a command, as in
+    `field.desired.positions`, the name is `desired` and the last part.
     """
     *above, last = re.split(r"[./]", name)
     return f"desired {last}" if is_command(above) else name
@@ -193,14 +194,16 @@ def _joint_called(name: str, joints: Sequence[str] | None) -> str:
 
 
 def _fitting(quantity: str, unit: Unit | None) -> str:
-    """Quantity, after checking that the unit fits the quantity. Raises DoubtError."""
+    """The quantity, after a check that the unit fits it. Raises DoubtError."""
     if unit is not None and not fits(unit.si, column_quantities()[quantity].unit):
         raise DoubtError(f"its name means {quantity}, but its unit is {unit.symbol}")
     return quantity
 
 
 def find_raw(wanted: str, columns: Sequence[RawColumn]) -> int | None:
-    """Index of a column by its header, with or without unit, or by its number in the file."""
+    """Index of a column, by its header with or without the unit, or by its number in the file; None if there is no such
+    column.
+    """
     headers = [column.name for column in columns]
     numbers = [str(column.place or i) for i, column in enumerate(columns, start=1)]
     for names in (headers, [split_header(header)[0] for header in headers], numbers):

@@ -1,4 +1,4 @@
-"""Joint to which a column belongs, by a joint's name or a number in the column's name."""
+"""Joint to which a column belongs, by the name of a joint or a number in the column's name."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from asrsim.recordings.words import LETTERS, WORDS, DoubtError, is_known, spaced
 
 
 def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
-    """Joint whose name is part of the column's name, and the rest of the column's name.
+    """Joint whose name is part of the column's name, and the rest of the column's name. The joint is None if there is no such
+    joint.
 
-    A known word may follow without a gap, as in `kneepos`. A joint's name of one letter must be a separate word. If the letter
-    also has another meaning, as in `q_des`, it must be the first word, and a known word must follow.
+    A known word may follow the joint's name without a gap, as in `kneepos`. A joint's name of one letter must be a separate
+    word. If the letter also has another meaning, as in `q_des`, it must be the first word, and a known word must follow.
     """
     text = spaced(name)
     for joint in sorted(joints, key=len, reverse=True):
@@ -31,7 +32,9 @@ def find_joint(name: str, joints: Sequence[str]) -> tuple[str | None, str]:
 
 
 def joint_of(number: int | None, joints: Sequence[str] | None, *, indexed: bool) -> str:
-    """Joint with this number. indexed: joints are counted from 0, as in an array. Raises DoubtError if it is ambiguous."""
+    """Joint with this number. indexed: whether joints are counted from 0, as in an array. Raises DoubtError if the number is
+    ambiguous.
+    """
     if number is None:
         if joints is None or len(joints) == 1:
             return (joints or ["joint_1"])[0]

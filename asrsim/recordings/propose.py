@@ -1,4 +1,4 @@
-"""Proposes the document that says how a recording is read: a reason for each line, and questions where names are ambiguous."""
+"""Proposes a reading document for a recording. Each line has a reason, and ambiguous names are questions for the user."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def propose(
         mapping: Items of `--map`.
         rate: Sampling rate that replaces the file's time, Hz.
         joints: Joints of the simulation.
-        called: The recording's path in the document; "": the recording's file name.
+        called: Path of the recording that the document states; "": the file name of the recording.
 
-    The document contains the questions about columns, so the recording's findings do not.
+    The questions about columns are in the document, so they are removed from the findings of the recording.
 
     Raises RecordingError if the file cannot be read.
     """
@@ -51,7 +51,7 @@ def propose(
 
 
 def _map(recording: Recording, reading: Reading) -> Iterator[str]:
-    """Lines of `map`: used columns, and ambiguous columns as comments to complete."""
+    """Lines of `map`: used columns, and ambiguous columns as comments that the user completes."""
     columns = list(recording.channels.values())
     given = {one.column: one.text for one in reading.maps}
     yield "map:"
@@ -66,7 +66,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
         yield _line(f"  # {_yaml({column.source: target})}", f"? {column.question}")
     others = [column for column in columns if not (column.quantity or column.question)]
     if len(others) == len(columns):
-        # No column's name has a meaning, so the user states the meaning of each column.
+        # No name of a column has a known meaning, so ask for the meaning of each column.
         for one in others:
             target = f"JOINT.QUANTITY [{_unit(one) or 'unit'}]"
             yield _line(f"  # {_yaml({one.source: target})}", "?")
@@ -75,7 +75,7 @@ def _map(recording: Recording, reading: Reading) -> Iterator[str]:
 
 
 def _unit(column: Column) -> str:
-    """Unit of the numbers in the file; empty if it is unknown."""
+    """Unit of a column's numbers in the file; empty if it is unknown."""
     return column.conversion.partition(" -> ")[0] if " -> " in column.conversion else column.unit
 
 
@@ -84,7 +84,7 @@ def _line(text: str, reason: str) -> str:
 
 
 def _yaml(data: Mapping[str, Any], *, flow: bool = False) -> str:
-    """Data as one line of YAML; flow: in braces."""
+    """Data as one line of YAML. flow: whether the data are in braces."""
     import yaml
 
     return yaml.safe_dump(dict(data), default_flow_style=flow, allow_unicode=True, width=math.inf, sort_keys=False).strip()

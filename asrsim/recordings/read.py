@@ -1,4 +1,4 @@
-"""Reads recordings of any format: determines each column's quantity and unit, and checks its numbers."""
+"""Reads recordings of any format. Determines the quantity and unit of each column, and checks its numbers."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
 
 _TURNS = 20.0
-"""Whole numbers above this magnitude are encoder counts or degrees, not angles in rad."""
+"""Whole numbers above this magnitude count as encoder counts or degrees, not as angles in rad."""
 ORIGINS = ("command line", "", "named in the file", "by its name")
-"""Sources of a column's meaning, the strongest first; "" stands for the name of a document."""
+"""Sources of a column's meaning, in order of precedence. "" represents the name of a reading document."""
 
 
 def read_recording(
@@ -50,16 +50,16 @@ def read_recording(
 
     Args:
         path: A file of any format in `asrsim.recordings.READERS`, or a reading document whose key `file` names the recording.
-        mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or a
-            reading document in place of `lab.csv.yaml`. Items override the entries of documents.
-        joints: Joints of the simulation, which numbers in the names of columns refer to.
-        rate: Sampling rate, Hz; evenly spaced times from 0 replace the file's time.
+        mapping: Meanings of columns: items `COLUMN=JOINT.QUANTITY [unit]`, `COLUMN=time [ms]` or `COLUMN=ignore`, or the path
+            of a reading document that replaces `lab.csv.yaml`. Items have precedence over the entries of documents.
+        joints: Joints of the simulation. Numbers in the names of columns refer to them.
+        rate: Sampling rate, Hz. If it is stated, evenly spaced times from 0 replace the file's time.
 
     Returns:
         The recording in SI units with all findings.
 
     Raises:
-        RecordingError: With what was found and what was expected.
+        RecordingError: The file cannot be read. The message states what was found and what was expected.
     """
     path, joints = Path(path), None if joints is None else one_or_more(joints)
     if is_document(str(path)) and mapping is None:
@@ -79,41 +79,43 @@ def read_cached(
     rate: float | None = None,
     in_seconds: bool = False,
 ) -> tuple[Content, Recording]:
-    """Content and recording as by `read_tables`, from memory where they were read before.
+    """Content and recording as in `read_tables`, from memory if they were read before.
 
-    _modified: `asrsim.recordings.reading.modified` of the path. in_seconds: as in `Reading`. The other arguments are those of
-    `read_recording`.
+    _modified: result of `asrsim.recordings.reading.modified` for the path; in_seconds: as in `Reading`. The other arguments are
+    as in `read_recording`.
     """
     return read_tables(path, replace(resolve_reading(mapping, path, rate), in_seconds=in_seconds), joints)
 
 
 def read_tables(path: Path, reading: Reading, joints: Sequence[str] | None = None) -> tuple[Content, Recording]:
-    """Content of the file, with times and with all findings, and the recording made of its tables."""
+    """Content of the file with times and all findings, and the recording from its tables. Raises RecordingError."""
     findings: list[Problem] = []
     content: Content | None = None
     try:
+        findings += READERS.broken()
         content = content_of(path, reading)
         findings += content.findings
         content = with_times(content, reading, findings)
         content = _windowed(content, reading)
         recording = _recording(path, content, reading, joints, findings)
     except RecordingError as error:
-        # A file that cannot be read may be another kind of document.
+        # If the file cannot be read, it may be a document of another kind.
         unread = content is None and path.suffix.lower() in (*DOCUMENTS, ".urdf", ".xacro")
         if unread and (other := mistaken(path, "recording")) is not None:
             raise RecordingError(other) from None
-        # If no time is found, it may be in a column of text that is not a date.
-        said = [*error.problems, *(one for one in findings if one.code == "text-column")]
+        # Also report columns of text: if no time was found, the time may be in such a column, in a format that is not a date.
+        said = [*error.problems, *READERS.broken(), *(one for one in findings if one.code == "text-column")]
         said[0] = with_reader_hint(said[0], path)
         raise RecordingError(replace(one, file=one.file or path) for one in said) from None
-    found = tuple(replace(one, file=one.file or path) for one in findings)
+    # Tables with the same clock have the same findings about it.
+    found = tuple({str(one): replace(one, file=one.file or path) for one in findings}.values())
     return replace(content, findings=found), replace(recording, findings=tuple(condense(found)))
 
 
 def _recording(
     path: Path, content: Content, reading: Reading, joints: Sequence[str] | None, findings: list[Problem]
 ) -> Recording:
-    """Recording made of the tables. Raises RecordingError with all problems of the mapping."""
+    """Recording from the tables of a content. Raises RecordingError with all problems of the mapping."""
     raw = [column for table in content.tables for column in table.columns]
     times = [table.time for table in content.tables for _ in table.columns]
     meanings = _meanings(raw, _explicit(raw, reading, joints), reading, joints)
@@ -134,7 +136,7 @@ def _recording(
 
 
 def _windowed(content: Content, reading: Reading) -> Content:
-    """Content cut to the window. Raises RecordingError if no samples are left."""
+    """Content, cut to the time window of the reading. Raises RecordingError if no samples are left."""
     if reading.window is None:
         return content
     start, end = reading.window
@@ -148,7 +150,8 @@ def _windowed(content: Content, reading: Reading) -> Content:
 
 
 def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] | None) -> dict[int, ColumnMap]:
-    """Mappings by index of the column. Raises RecordingError for unknown columns, unknown joints and unfitting units.
+    """Mappings of columns, by index of the column. Raises RecordingError for unknown columns, unknown joints, and units that do
+    not fit.
 
     joints: joints of the simulation. Documents may name other joints, since they may describe a larger robot.
     """
@@ -157,7 +160,8 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     problems: list[Problem] = []
     for one in reading.maps:
         if (index := find_raw(one.column, raw)) is not None:
-            # Items take precedence over the document, which may name the column differently: with its unit, or by its number.
+            # The last mapping of a column counts, so that items have precedence over the document. An item and the document may
+            # name the same column differently, with its unit or by its number.
             found[index] = one
             continue
         message, hint = f"the file has no such column; it is named by {one.origin}", did_you_mean(one.column, names)
@@ -190,7 +194,7 @@ def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
 def _meanings(
     raw: Sequence[RawColumn], explicit: Mapping[int, ColumnMap], reading: Reading, joints: Sequence[str] | None
 ) -> Iterator[ColumnMap]:
-    """Meaning of each column, by its mapping, or else by the file or the column's name."""
+    """Meaning of each column. A mapping has precedence; otherwise the file or the column's name states the meaning."""
     names = [re.sub(r"(#\d+)+$", "", column.header) for column in raw]
     uses = Counter((column.file, name) for column, name in zip(raw, names, strict=True))
     for i, (column, name) in enumerate(zip(raw, names, strict=True)):
@@ -204,7 +208,7 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 unnamed = joints and quantity and column.joint is None
                 if unnamed and first != name and first in names:
-                    joint_of(0, joints, indexed=False)  # a file that counts joints from 0 fits only a robot that counts from 0
+                    joint_of(0, joints, indexed=False)  # joint numbers from 0 need a robot with joint numbers from 0
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
                     raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:
@@ -218,7 +222,8 @@ def _meanings(
 
 
 def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[str | None, str | None]:
-    """Joint and quantity that the file states for a column, or else that its name implies. Raises DoubtError.
+    """Joint and quantity of a column. The file states them or, if it does not, the column's name implies them. Raises
+    DoubtError.
 
     name: name of the column without the number that distinguishes equal names, such as `#2`.
     """
@@ -245,14 +250,15 @@ def _meaning(raw: RawColumn, name: str, joints: Sequence[str] | None) -> tuple[s
 
 
 def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
-    """Column in SI units, converted by its mapping and the unit in its header. Its `conversion` lists the steps.
+    """Column in SI units. Its mapping and the unit in its header determine the conversion. `conversion` lists the steps of the
+    conversion.
 
-    Values above `LARGEST` become NaN, as no sensor measures them.
+    Values above `LARGEST` become NaN, since no sensor measures them.
     """
     unit = _unit(raw, meaning)
     usual = "" if meaning.quantity is None else unit_of(meaning.quantity)
     commands = meaning.quantity in each_motor("reference_{}")
-    # The unit of a reference depends on the mode, unless its name states what it commands.
+    # The unit of a reference depends on the operation mode, unless its name states the kind of the command.
     if commands:
         usual = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
     assumed = usual or ("SI" if commands else "")
@@ -285,17 +291,17 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
 
 
 def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Column]:
-    """Columns without repetitions: for each joint and quantity, the first column of the strongest source in `ORIGINS` stays in
-    use.
+    """Columns, of which only one is used for each joint and quantity: the first column whose source of the meaning has the
+    highest precedence in `ORIGINS`.
 
-    Raises RecordingError if the user maps two columns to one quantity.
+    Raises RecordingError if the user maps two columns to the same quantity.
     """
 
     def rank(column: Column) -> int:
         return ORIGINS.index(column.origin) if column.origin in ORIGINS else 1
 
     def order(column: Column) -> tuple[int, bool, bool]:
-        """Sort key. Among the commands of one joint, a position precedes the torque or current of an inner controller; a column
+        """Sort key. Of several commands of a joint, a position precedes the torque or current of an inner controller. A column
         with the joint's name precedes a column with the joint's number.
         """
         inner = column.quantity == "reference_1" and UNIT_KINDS.get(column.unit, "position") != "position"
@@ -307,7 +313,7 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
     for column in sorted(columns, key=order):
         if column.quantity is None or (first := owner.setdefault((column.joint, column.quantity), column)) is column:
             continue
-        message = f"is a second column for {column.meaning}, beside '{first.source}'"
+        message = f"is a second column for {column.meaning}, in addition to '{first.source}'"
         if rank(column) == rank(first) < 2:
             problems.append(Problem(message, key=column.source, code="mapped-twice"))
         elif rank(column) == rank(first):
@@ -321,11 +327,11 @@ def _without_repeats(columns: list[Column], findings: list[Problem]) -> list[Col
 
 
 ASKED = ("asked", "nothing-mapped")
-"""Codes of the questions about ambiguous columns."""
+"""Codes of findings that are questions about columns."""
 
 
 def _questions(path: Path, columns: Sequence[Column], plugin: str) -> list[Problem]:
-    """Questions about ambiguous columns, each with the option that answers it. plugin: plugin file of the file's reader."""
+    """Questions to the user about ambiguous columns. plugin: plugin file of the file's reader; "" for a reader of asrsim."""
     asked = [column for column in columns if column.question]
     commands = [column for column in asked if "command" in column.question]
     command = shlex.join(["asrsim", "init", "--experiment", path.name, *plugin_options([plugin] if plugin else [])])

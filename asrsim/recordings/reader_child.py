@@ -1,4 +1,4 @@
-"""Reads a recording of a binary format in a child process, as damaged files may crash the library of the format.
+"""Reads a recording of a binary format in a child process, since damaged files may crash the library of the format.
 
 `asrsim.confined.run` runs this script. It reads a request in JSON from stdin and writes the bytes of
 `asrsim.recordings.formats.pack` to stdout.
@@ -15,7 +15,7 @@ if __name__ == "__main__":
     sys.path.insert(0, request["root"])
     from asrsim.recordings.formats import answer_of
 
-    # Redirect what a user's reader prints, since stdout carries the answer.
+    # Redirect the output that a user's reader prints, since stdout transports the answer.
     with redirect_stdout(sys.stderr):
         answer = answer_of(request)
     sys.stdout.buffer.write(answer)

@@ -1,4 +1,6 @@
-"""Options for reading a recording: a document such as `lab.csv.yaml`, and items of `--map`, which take precedence."""
+"""Options for reading a recording. They are from a document such as `lab.csv.yaml`, and from items of `--map`, which have
+precedence.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +23,9 @@ if TYPE_CHECKING:
     from asrsim.recordings.data import Column
 
 ENDING = ".yaml"
-"""Ending appended to a recording's name: name of the document that says how the recording is read."""
+"""Ending that, appended to a recording's name, gives the name of its reading document."""
 SEPARATORS = {"tab": "\t", ";": ";", ",": ",", "|": "|", "blanks": None}
-"""Separator of cells for each word in a document; None: runs of white space."""
+"""Separator of cells for each word that a document may state. None: any number of blanks."""
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*"
@@ -32,7 +34,7 @@ _TARGET = re.compile(
 )
 """Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02 late 0.003`."""
 _TIME = re.compile(r"time(?:\s*\[(?P<unit>[^\[\]]*)\])?")
-"""Pattern of the target of an item for the time, such as `time [ms]`."""
+"""Pattern of the meaning of a time column in an item of `--map`, such as `time [ms]`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,26 +42,28 @@ class ColumnMap:
     """Meaning of a column: joint, quantity, unit and conversion."""
 
     column: str = ""
-    """Header of the column, or its number counted from 1; "" for a meaning that the column's name implies."""
+    """Header of the column, or its number counted from 1; "" if the column's name implies the meaning."""
     joint: str | None = None
     quantity: str | None = None
     """Quantity in the column; None: the column is not used."""
     unit: Unit | None = None
-    """Unit that replaces the unit in the header."""
+    """Unit that replaces the unit in the header; None: the unit in the header."""
     scale: float = 1.0
-    """Factor on the numbers in addition to the unit's factor, such as -1 for a reversed axis."""
+    """Factor of the numbers in addition to the factor of the unit, such as -1 for a reversed axis."""
     offset: float = 0.0
-    """Offset added after scaling, SI units."""
+    """Offset that is added after scaling, in SI units."""
     unwrapped: bool = False
-    """True: jumps of an angle by a whole turn are removed."""
+    """Whether jumps of an angle by whole turns are removed."""
     late: float = 0.0
-    """Delay of the column's values behind the recording's clock, s; subtracted from their times."""
+    """Delay of the column's values behind the recording's clock, s. It is subtracted from their times."""
     origin: str = "command line"
     text: str = "ignore"
-    """Text after `COLUMN=` in an item of `--map`. For a column about which the user is asked, only the part after the joint."""
+    """Text after `COLUMN=` in an item of `--map`. For a column about which the user is asked, it is only the part after the
+    joint.
+    """
 
     def corrected(self, *, gain: float = 1.0, offset: float = 0.0, late: float = 0.0) -> ColumnMap:
-        """Meaning whose values are gain * (values - offset), `late` s earlier."""
+        """Meaning that gives the values gain * (values - offset), at times `late` s earlier."""
         moved = gain * (self.offset - offset)
         found = replace(self, scale=gain * self.scale, offset=moved, late=self.late + late)
         return replace(found, text=found._as_text())
@@ -78,7 +82,9 @@ class ColumnMap:
 
 
 def item_of(column: Column, *, gain: float, joint: str | None = None) -> str:
-    """Item of `--map` that multiplies the values of a column and keeps the rest of its mapping. joint: joint of the robot."""
+    """Item of `--map` that multiplies the values of a column by `gain`, and keeps the rest of its mapping. joint: joint of the
+    robot; None: the joint of the column.
+    """
     read = column.read_as or ColumnMap(quantity=column.quantity)
     return f"{column.source}={replace(read, joint=joint or column.joint).corrected(gain=gain).text}"
 
@@ -100,12 +106,12 @@ class TimeKeys:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Headers, or numbers in the file, of the columns that contain the time."""
+        """Columns that contain the time, by header or by number in the file."""
         return () if self.column is None else one_or_more(self.column)
 
     @property
     def stated(self) -> Unit | None:
-        """Stated unit of the time; None where no unit is stated."""
+        """Stated unit of the time; None if no unit is stated."""
         return None if self.unit is None else find_unit(self.unit)
 
     def __post_init__(self) -> None:
@@ -118,7 +124,9 @@ TIME = block_of(TimeKeys, "mapping that describes the time", main="column")
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Options for reading a file. Options that are None are detected. With `columns`, the names of columns have no meaning."""
+    """Options for reading a file. Options that are None are detected. If `columns` is stated, the names of columns have no
+    meaning.
+    """
 
     file: str | None = declare(Text(text="name of a file"), doc="the recording that this document describes", default=None)
     time: TimeKeys = declare(
@@ -163,13 +171,15 @@ class Reading:
         shown="by the columns' names",
     )
     given: tuple[ColumnMap, ...] = ()
-    """Meanings of the columns from the items of `--map`, which take precedence over `columns`."""
+    """Meanings of columns from the items of `--map`. They have precedence over `columns`."""
     maps: tuple[ColumnMap, ...] = field(default=(), init=False)
-    """Meanings of the columns, from `columns` and then from `given`: if a column has two meanings, the last counts."""
+    """Meanings of columns, first from `columns` and then from `given`. If a column has two meanings, the last one counts."""
     in_seconds: bool = False
-    """True: a time without a unit is in s, as in scenarios; False: the user is asked about an implausible step."""
+    """Whether a time without a unit is in s, as in scenarios. If false, the user is asked about the unit if the time step is
+    implausible in s.
+    """
     document: str = ""
-    """Name of the document; "" without a document."""
+    """Name of the reading document; "" if there is none."""
 
     def __post_init__(self) -> None:
         problems: list[Problem] = []
@@ -197,13 +207,13 @@ READING = block_of(Reading, "reading")
 
 
 def reading_file(path: Path) -> Path | None:
-    """Path of the reading document beside a recording; None if it does not exist."""
+    """Path of the reading document of a recording, in the same folder; None if it does not exist."""
     beside = path.with_name(path.name + ENDING)
     return beside if beside.is_file() else None
 
 
 def modified(path: Path) -> tuple[int, int]:
-    """Modification times of a recording and of the document beside it, ns; 0 without a file. Caches use them to notice
+    """Modification times of a recording and of its reading document, ns; 0 if a file does not exist. Caches use them to notice
     changes.
     """
     beside = reading_file(path)
@@ -213,7 +223,7 @@ def modified(path: Path) -> tuple[int, int]:
 
 
 def load_reading(path: Path) -> Reading:
-    """Reading options from a document. Raises RecordingError with all problems."""
+    """Reading options from a reading document. Raises RecordingError with all problems."""
     try:
         return replace(read_file(READING, path), document=path.name)
     except InputError as error:
@@ -223,7 +233,9 @@ def load_reading(path: Path) -> Reading:
 def resolve_reading(
     mapping: Sequence[str] | Path | None, path: Path, rate: float | None = None, *, beside: bool = True
 ) -> Reading:
-    """Reading options from the document beside the file or named in `mapping`, and from items, which take precedence."""
+    """Reading options from a document and from items of `--map`, which have precedence. The document is named in `mapping`, or
+    it is the document of the recording. beside: whether to use the document of the recording.
+    """
     items: Sequence[str | Path] = () if mapping is None else one_or_more(mapping)
     documents = [Path(item) for item in items if is_document(item)]
     document = documents[-1] if documents else reading_file(path) if beside else None
@@ -238,7 +250,7 @@ def resolve_reading(
 
 
 def _with_item(reading: Reading, text: str) -> Reading:
-    """Reading with an item of `--map`. Raises RecordingError."""
+    """Reading options with an additional item of `--map`. Raises RecordingError."""
     column, _, target = (part.strip() for part in text.rpartition("="))
     if not column or not target:
         raise _error(text, "is not COLUMN=JOINT.QUANTITY", hint="For example --map 'q1=joint_1.link_position [deg]'")
@@ -248,16 +260,16 @@ def _with_item(reading: Reading, text: str) -> Reading:
 
 
 def is_document(item: str | Path) -> bool:
-    """Whether an item of `--map` is the path of a document that says how a file is read."""
+    """Whether an item of `--map` is the path of a reading document."""
     return isinstance(item, Path) or (Path(item).suffix.lower() in (".yaml", ".yml") and Path(item).is_file())
 
 
 def parse_meaning(column: str, target: str, origin: str = "command line") -> ColumnMap:
-    """Meaning of a column, from `JOINT.QUANTITY [unit]` or `ignore`. Raises RecordingError.
+    """Meaning of a column, from a text `JOINT.QUANTITY [unit]` or `ignore`. Raises RecordingError.
 
-    A minus or factor before the joint scales: `-JOINT.QUANTITY`, `0.01*JOINT.QUANTITY`. The offset comes last, in SI units:
-    `... [deg] - 0.02`. `unwrapped` before the offset removes jumps by whole turns. `late 0.003` at the end says that the values
-    are 3 ms behind the recording's clock.
+    A minus sign or a factor before the joint scales the values: `-JOINT.QUANTITY`, `0.01*JOINT.QUANTITY`. `unwrapped` after the
+    unit removes jumps by whole turns. An offset in SI units may follow: `... [deg] - 0.02`. `late 0.003` at the end means that
+    the values are 3 ms behind the recording's clock.
     """
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)

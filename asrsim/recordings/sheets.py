@@ -20,11 +20,12 @@ from asrsim.recordings.reading import Reading
 from asrsim.recordings.text import read_cells
 
 MOST_CELLS = 10_000_000
-"""Largest number of cells of a workbook; a file may encode billions of cells as a few repeated cells."""
+"""Largest number of cells of a workbook. A small file may encode billions of cells as a few repeated cells."""
 
 
 def read_json(path: Path, reading: Reading) -> Content:
-    """Tables of a JSON file: one record per line, a list of records (also in an object), or an object of lists of numbers.
+    """Tables of a JSON file. The file contains one record per line, a list of records (directly or in an object), or an object
+    with lists of numbers.
 
     Raises RecordingError if the file is not JSON or contains no records.
     """
@@ -36,7 +37,7 @@ def read_json(path: Path, reading: Reading) -> Content:
 
 
 def _content(data: Any, reading: Reading) -> Content:
-    """Content made of JSON data. Raises RecordingError if the data contain no records and no arrays."""
+    """Content from JSON data. Raises RecordingError if the data contain neither records nor arrays."""
     if isinstance(data, dict):
         lists = [one for one in data.values() if isinstance(one, list) and one and isinstance(one[0], dict)]
         if not lists:
@@ -54,7 +55,9 @@ def _content(data: Any, reading: Reading) -> Content:
 
 
 def _arrays(data: Any) -> Any:
-    """JSON data in which lists of numbers are arrays, with NaN for null. Text and lists of unequal length become None."""
+    """JSON data, in which arrays replace lists of numbers, and NaN replaces null. Text and lists of unequal length become
+    None.
+    """
     if isinstance(data, dict):
         return {name: _arrays(one) for name, one in data.items()}
     try:
@@ -64,7 +67,9 @@ def _arrays(data: Any) -> Any:
 
 
 def _loaded(text: str) -> Any:
-    """Data of a JSON text, or the records of a text with one record per line. The last line of a truncated file may be bad."""
+    """Data of a JSON text, or records of a text with one record per line. An incomplete last line is ignored, since the file
+    may have been truncated.
+    """
     try:
         return json.loads(text)
     except ValueError as error:
@@ -80,7 +85,7 @@ def _loaded(text: str) -> Any:
 
 
 def _flat(data: Any, prefix: str, around: Sequence[Any] = ()) -> Iterator[tuple[str, str]]:
-    """Paths and values of all numbers and words in a record, such as `header.stamp.sec` and `position[0]`.
+    """Paths and values of all numbers and texts in a record. Examples of paths are `header.stamp.sec` and `position[0]`.
 
     around: names of list entries, from the enclosing record.
     """
@@ -101,7 +106,9 @@ def _flat(data: Any, prefix: str, around: Sequence[Any] = ()) -> Iterator[tuple[
 
 
 def read_excel(path: Path, reading: Reading) -> Content:
-    """Table of the sheet in `reading`, or else of the first sheet with two rows of numbers. Raises RecordingError."""
+    """Content of the sheet that `reading` names or, if it names none, of the first sheet with two rows of numbers. Raises
+    RecordingError.
+    """
     from python_calamine import CalamineWorkbook
 
     book = CalamineWorkbook.from_path(path)
@@ -118,7 +125,7 @@ def read_excel(path: Path, reading: Reading) -> Content:
     full = [name for name, rows in tables.items() if sum(any(isinstance(cell, float) for cell in row) for row in rows) > 1]
     if not full:
         raise RecordingError("has no sheet with rows of numbers", code="no-numbers")
-    # Empty the rows with a single filled cell: such a row is a title, not part of the table.
+    # Empty the rows with a single filled cell, since such a row is a title and not part of the table.
     rows = [row if sum(cell != "" for cell in row) > 1 else [] for row in tables[full[0]]]
     found = read_cells([[_text(cell) for cell in row] for row in rows], reading)
     if len(full) == 1:

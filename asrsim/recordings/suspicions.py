@@ -1,4 +1,4 @@
-"""Finds probable errors of unit, sign and range in the numbers of columns. Each report states the option that corrects the
+"""Finds probable errors of unit, sign and range in the numbers of columns. Each problem states the option that corrects the
 error.
 """
 
@@ -22,20 +22,20 @@ _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
 _FEWEST = 20
 """Smallest number of samples for a comparison of two columns."""
 _NEAR, _FAR = 1.5, 10.0
-"""A number is suspected to mark missing values if its distance from all other numbers exceeds the range of these numbers by the
-factor _NEAR for typical marks such as 999, else by the factor _FAR.
+"""A number is suspected to mark missing values if it is far from all other numbers. Its distance must exceed their range times
+_NEAR if it is a typical mark, such as 999, and their range times _FAR otherwise.
 """
 _LIMITS = (2.0**15, 2.0**15 - 1, 2.0**16 - 1, 2.0**31, 2.0**31 - 1, 2.0**32 - 1)
-"""Largest and smallest integers, which mark missing values in some files."""
+"""Magnitudes of the largest and smallest integers of computers. Some files mark missing values by them."""
 _OTHERS = 0.3
-"""Error with two columns interchanged, relative to the error without interchange, below which they are suspected to be
-interchanged.
-"""
+"""Two columns are suspected to be interchanged if interchanging them reduces the error to less than this fraction."""
 _FOLLOWS, _TURNED = 0.9, -0.7
-"""Correlation above which one column follows another, and correlation below which its sign is reversed."""
+"""_FOLLOWS: one column follows another if their correlation is at least this value.
+_TURNED: the sign of a column is probably reversed if its correlation with the expected values is below this value.
+"""
 _GEARED = 10.0
-"""Ratio of the motions of a motor and its link above which the motor counts as measured before its gear. A spring so soft that
-it caused this ratio would hardly move the link.
+"""A motor position counts as measured before the gear if the motor moves more than this number of times as far as the link. If
+a soft spring caused this ratio, the link would hardly move.
 """
 
 
@@ -51,16 +51,17 @@ def suspicions(columns: Sequence[Column], raw: Sequence[Array]) -> list[Problem]
 
 
 def beside(expected: Array, measured: Array, column: Column, joint: str, than: str = "the simulation") -> list[Problem]:
-    """Suspected errors of unit (values 57.3 or 1000 times too large or too small) and of sign in a column.
+    """Suspected errors of unit and of sign in a column. An error of unit makes values 57.3 or 1000 times too large or too
+    small.
 
-    The ranges (5 to 95 %) of both series are compared; where one series is constant, the mean magnitudes are compared.
+    The ranges (5 to 95 %) of the two series are compared. If one series is constant, their mean magnitudes are compared.
 
     Args:
         expected: Expected values (n,).
         measured: Values of the column at the same times (n,).
         column: The column.
         joint: Joint of the simulation.
-        than: Name of the expected values in messages.
+        than: Words for the expected values in messages.
     """
     ratio = _ratio(expected, measured)
     found: list[Problem] = []
@@ -81,7 +82,7 @@ def beside(expected: Array, measured: Array, column: Column, joint: str, than: s
 
 
 def gear_between(motor: Column, link: Column | None) -> float:
-    """Ratio of the motions of a motor and its link, if the motor was measured before its gear; else 0."""
+    """Ratio of the motor's motion to the link's motion if the motor was measured before the gear; 0 otherwise."""
     if link is None or motor is link:
         return 0.0
     known = np.isfinite(motor.values) & (motor.time >= link.time[0]) & (motor.time <= link.time[-1])
@@ -98,9 +99,11 @@ def gear_between(motor: Column, link: Column | None) -> float:
 def interchanged(
     expected: Mapping[str, Array], measured: Mapping[str, Array], columns: Mapping[str, Column], than: str = "the simulation"
 ) -> Iterator[Problem]:
-    """Pairs of columns of one quantity, each of which fits the joint of the other far better than its own joint.
+    """Problems of pairs of columns with the same quantity. Each column of a pair fits the joint of the other column far better
+    than its own joint.
 
-    expected, measured: values (n,) by joint, at equal times. columns: column of each joint.
+    expected, measured: values (n,) at equal times, by joint; columns: column of each joint; than: words for the expected values
+    in messages.
     """
 
     def error(a: str, b: str) -> float:
@@ -118,7 +121,9 @@ def interchanged(
 
 
 def condense(findings: Iterable[Problem]) -> list[Problem]:
-    """Problems, merged if more than two have the same code: the first message, followed by the keys of the other problems."""
+    """Problems, of which more than two with the same code are merged into one. Its message is the first message, followed by
+    the keys of the other problems.
+    """
     kinds: dict[str, list[Problem]] = {}
     for one in findings:
         kinds.setdefault(one.code, []).append(one)
@@ -131,7 +136,7 @@ def condense(findings: Iterable[Problem]) -> list[Problem]:
 
 
 def _alone(column: Column, raw: Array) -> Iterator[Problem]:
-    """Problems in the numbers of one column. raw: values in the file's unit."""
+    """Problems in the numbers of a single column. raw: values in the file's unit."""
     missing = np.isnan(column.values)
     time, values, numbers = column.time[~missing], column.values[~missing], raw[~missing]
     if missing.all():
@@ -173,10 +178,10 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
 
 
 def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
-    """Problems of numbers that are probably not measurements: a number far from all others, and zeros between values far from
-    zero.
+    """Problems of numbers that are probably not measurements: a number far from all other numbers, and numbers 0 between values
+    far from 0.
 
-    time, numbers: (n,) the samples that have a number, in the file's unit.
+    time, numbers: times and values (n,) of the samples that have a number; the values are in the file's unit.
     """
     if len(numbers) < _FEWEST:
         return
@@ -184,7 +189,7 @@ def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
         there = numbers == mark
         low, high = (others.min(), others.max()) if len(others := numbers[~there]) > 0.5 * len(numbers) else (mark, mark)
         gap = max(low - mark, mark - high)
-        # Programs write 999 or 32767 for missing values; other numbers must be farther away to be suspected.
+        # Programs write 999 or 32767 for missing values. Other numbers are suspected only if they are farther away.
         usual = re.fullmatch(r"-?9{2,}(\.9+|\.0)?", str(mark)) or abs(mark) in _LIMITS
         if high > low and gap > (_NEAR if usual else _FAR) * (high - low):
             message = f"is {mark:g} in {counted(int(there.sum()), 'sample')}, the first at t = {time[there][0]:.6g} s, and "
@@ -213,25 +218,26 @@ def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
 
 
 def _turns(values: Array) -> int:
-    """Number of joints between which the samples seem to alternate; 0 for a single joint."""
+    """Number of joints between which the samples seem to alternate; 0 if they seem to belong to a single joint."""
     if len(values) < _FEWEST or np.ptp(values) == 0.0:
         return 0
     changes = np.array([np.mean(np.abs(values[lag:] - values[:-lag])) for lag in range(1, min(41, len(values) // 2))])
     near = np.flatnonzero(changes < 0.1 * changes[0])
-    # Do not suspect a smooth motion, which changes most in half a period, or a resting sensor, which alternates between
-    # neighbouring values.
+    # Do not suspect a smooth motion, whose largest changes are over half a period. Do not suspect a sensor at rest, which
+    # alternates between neighbouring values.
     apart = changes.max() < 3 * changes[0] and changes[0] > 10 * np.diff(np.unique(values)).min()
     return int(near[0]) + 1 if len(near) and apart else 0
 
 
 def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
-    """Problem of a velocity that is not the derivative of the position. Compares integrals, as derivatives amplify noise."""
+    """Problem of a velocity that is not the derivative of the position. Compares integrals, since derivatives amplify noise."""
     both = np.isfinite(position.values) & np.isfinite(velocity.values)
     time, angle, speed = position.time[both], position.values[both], velocity.values[both]
     if len(time) < _FEWEST or min(np.ptp(angle), np.ptp(speed)) < 1e-9 * max(1.0, float(np.max(np.abs(angle)))):
         return
     integral = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(time))))
-    # The integral of a small velocity offset is a straight line, which is removed.
+    # Remove a straight line from the position and from the integral, since the integral of a small velocity offset is a
+    # straight line.
     line = np.column_stack([np.ones_like(time), time - time[0]])
     angle, integral = (values - line @ np.linalg.lstsq(line, values, rcond=None)[0] for values in (angle, integral))
     correlation = _correlation(angle, integral)
@@ -250,12 +256,14 @@ def _slope(position: Column, velocity: Column) -> Iterator[Problem]:
 
 
 def _correlation(a: Array, b: Array) -> float:
-    """Correlation coefficient of two series (n,); 0 for short series, and where one of them is constant."""
+    """Correlation coefficient of two series (n,); 0 if they are short, or if one of them is constant."""
     return float(np.corrcoef(a, b)[0, 1]) if len(a) >= _FEWEST and min(np.ptp(a), np.ptp(b)) > 1e-9 else 0.0
 
 
 def _ratio(expected: Array, measured: Array) -> float:
-    """Ratio of the measured range to the expected range; at rest, ratio of the mean magnitudes; 0: unknown."""
+    """Ratio of the measured range to the expected range. At rest, it is the ratio of the mean magnitudes. 0: the ratio is
+    unknown.
+    """
     known = [values[np.isfinite(values)] for values in (expected, measured)]
     if not all(map(len, known)):
         return 0.0

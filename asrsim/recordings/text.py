@@ -1,4 +1,6 @@
-"""Reads delimited text and cells of sheets. The first lines decide the layout; then the columns are converted in blocks."""
+"""Reads delimited text and cells of sheets. The layout is detected from the first lines. Then the columns are converted in
+blocks of lines.
+"""
 
 from __future__ import annotations
 
@@ -29,21 +31,25 @@ MISSING = {"", "nan", "na", "n/a", "null", "none", "-nan", "#n/a", "-", "--"}
 """Cells that mean "no value"."""
 _EPOCH, _MICROSECOND = datetime(1970, 1, 1, tzinfo=UTC), timedelta(microseconds=1)
 _SAMPLE = 200
-"""Number of lines at the start of a file that decide its layout."""
+"""Number of lines at the start of a file from which its layout is detected."""
 _BLOCK = 1000
-"""Lines that are read at a time. Larger blocks are slower, as Python's garbage collector visits the rows of a block often."""
+"""Number of lines that are read at a time. Larger blocks are slower, since Python's garbage collector visits the rows of a
+block often.
+"""
 _BRACKETS = " []()<>{}"
 _ONLY_BRACKETS = re.compile(r"\s*(?:[\[(][^\])\s]*[\])]\s*)+")
-"""Pattern of a row of units in brackets without names before them."""
+"""Pattern of a row that contains only units in brackets, without names."""
 _LONGEST = 200
-"""Largest length of a joint's name."""
+"""Largest length of a joint's name, in characters."""
 NumberedLine = tuple[int, list[str]]
 """Line number and cells of a row."""
 
 
 def split(line: str, separator: str | None) -> list[str]:
-    """Cells of a line without surrounding blanks and quotes. separator: None for runs of blanks."""
-    if " " not in line and '"' not in line:  # as in most files, no cell has blanks or quotes to remove
+    """Cells of a line, without surrounding blanks and quotes. separator: character between cells; None: any number of
+    blanks.
+    """
+    if " " not in line and '"' not in line:  # most files have no blanks or quotes to remove
         return line.split(separator)
     if separator is not None and '"' in line and len(line) < csv.field_size_limit():
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
@@ -51,15 +57,16 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def parse(cell: str, decimal: str) -> tuple[str, float]:
-    """Kind of a cell (`missing`, `number`, `stamp` or `text`), and its value; NaN for missing values and text.
+    """Kind of a cell (`missing`, `number`, `stamp` or `text`), and its value. The value is NaN for missing values and text.
 
-    The value of a stamp is the Unix time in ns of an ISO 8601 date (UTC by default), or ns since midnight for a time of day.
+    The value of a stamp is in ns: the Unix time of an ISO 8601 date (UTC by default), or the time since midnight for a time of
+    day.
     """
     if cell.lower() in MISSING:
         return "missing", math.nan
     with suppress(ValueError):
         return "number", number_in(cell, decimal)
-    # Excel writes 62 s as 01:02, which would be read as one hour and two minutes: a time of day needs two colons.
+    # Excel writes 62 s as 01:02, which would be read as one hour and two minutes. Therefore a time of day must have two colons.
     for text in (cell, f"1970-01-01T{cell}") if cell.count(":") != 1 else ():
         with suppress(ValueError):
             moment = datetime.fromisoformat(text.replace("/", "-"))
@@ -79,25 +86,29 @@ def share_of_values(kinds: Sequence[str]) -> float:
 
 @dataclass(kw_only=True)
 class CellColumn:
-    """Column of cells, which are converted to numbers block by block."""
+    """Column of cells. The cells are converted to numbers block by block."""
 
     name: str
     kind: str
-    """Kind of the cells: number, stamp, text, or joint for the joints' names, which stay text in `blocks`."""
+    """Kind of the cells: number, stamp, text or joint. Cells of the kind joint are names of joints, and stay text in
+    `blocks`.
+    """
     zero: int | None = None
-    """First date or time of day in the column, ns."""
+    """First date or time of day in the column, ns; None for other kinds."""
     blocks: list[Array] = field(default_factory=list)
     faults: list[int] = field(default_factory=list)
-    """Lines of the cells that are not numbers."""
+    """Line numbers of the cells that are not numbers."""
     example: str = ""
     """First cell that is not a number."""
     doubtful: list[tuple[int, int, str]] = field(default_factory=list)
-    """Index, line and text of each number whose mark may be a decimal mark or may group digits, such as `1.234`."""
+    """Index, line number and text of each number with an ambiguous mark, such as `1.234`. The mark may be a decimal mark or
+    separate groups of digits.
+    """
     uses: set[str] = field(default_factory=set)
-    """How the other numbers of the column use the mark that is not the decimal mark: `marks.GROUPS`, `marks.POINT`."""
+    """Uses of the mark that is not the decimal mark in the other numbers of the column: `marks.GROUPS`, `marks.POINT`."""
 
     def add(self, cells: Sequence[str], lines: Sequence[int], decimal: str) -> None:
-        """Convert cells; text becomes NaN and is reported with its line."""
+        """Convert cells and append them as a block. Text becomes NaN, and its line is stored in `faults`."""
         text = "".join(cells) if self.kind == "number" else "_"
         plain = "_" not in text and (decimal == "." or "." not in text)
         try:
@@ -110,9 +121,9 @@ class CellColumn:
         self.blocks.append(np.array(values, dtype=float))
 
     def values(self, decimal: str, *, stated: bool) -> Array:
-        """Values (n,). Raises RecordingError if a mark may be a decimal mark or may group digits, and no other cell decides it.
+        """Values (n,) of the column. Raises RecordingError if the use of a mark is ambiguous and no other cell shows it.
 
-        stated: Whether the user states the decimal mark.
+        stated: whether the user states the decimal mark.
         """
         values: Array = np.concatenate(self.blocks)
         if not self.doubtful or GROUPS in self.uses or (stated and POINT not in self.uses):
@@ -152,20 +163,20 @@ class TableLayout:
     stated: bool
     """Whether the user states the decimal mark."""
     header: int
-    """Line of the names; 0: the file has no names."""
+    """Line number of the header with the names; 0: the file has no header."""
     first: int
-    """Line of the first row of numbers."""
+    """Line number of the first row of numbers."""
     names: tuple[str, ...]
     kinds: tuple[str, ...]
     """Kind of each column: number, stamp, text or joint, as in `CellColumn`."""
     skipped: tuple[NumberedLine, ...]
-    """Rows with values above the first row, with a different number of cells."""
+    """Rows with values above the first row of numbers, which have a different number of cells."""
 
     def content(self, rows: Iterable[NumberedLine]) -> Content:
-        """Content with the table made of the rows, and one problem for each kind of fault.
+        """Content with a table of the rows, and with one problem for each kind of fault.
 
-        Blank lines and comments are skipped, and rows of another length are skipped and reported. Raises RecordingError if no
-        number is left.
+        Blank lines and comments are skipped. Rows with another number of cells are skipped and reported. Raises RecordingError
+        if no number is left.
         """
         columns = [CellColumn(name=name, kind=kind) for name, kind in zip(self.names, self.kinds, strict=True)]
         lines: list[int] = []
@@ -174,7 +185,7 @@ class TableLayout:
         while block := [*itertools.islice(waiting, _BLOCK)]:
             whole = block
             if not _are_plain(block, len(columns)):
-                # A power failure may leave zero bytes at the end of a file.
+                # A power failure may leave null bytes at the end of a file.
                 filled = [row for row in block if "".join(row[1]).strip("\0 \t") and not row[1][0].startswith(COMMENTS)]
                 whole = [row for row in filled if len(row[1]) == len(columns)]
                 ragged += [row for row in filled if len(row[1]) != len(columns)]
@@ -203,7 +214,7 @@ class TableLayout:
             findings.append(Problem("text is not read", key=listed(unread, 6), code="text-column"))
         if not self.header and self.names[0] != "column_1":
             arrays = [*dict.fromkeys(name.partition("[")[0] for name in self.names)]
-            message = f"has no header; its rows are those of a JointState message: {', '.join(arrays)}"
+            message = f"has no header; its rows are the arrays of a JointState message: {', '.join(arrays)}"
             hint = "If other arrays were recorded, name the columns: --map 'velocity[0]=elbow.link_torque'"
             findings.append(Problem(message, hint=hint, code="no-header"))
         elif not self.header:
@@ -218,7 +229,7 @@ class TableLayout:
 
 
 def _are_plain(rows: Sequence[NumberedLine], width: int) -> bool:
-    """Whether all rows have this number of cells and begin with a number: then no row is blank or a comment."""
+    """Whether all rows have this number of cells and begin with a number. No row is then blank or a comment."""
     first = [cells[0] for _, cells in rows if len(cells) == width]
     try:
         return len([*map(float, first)]) == len(rows)
@@ -251,7 +262,7 @@ def read_text(path: Path, reading: Reading) -> Content:
 
 
 def read_cells(rows: list[list[str]], reading: Reading) -> Content:
-    """Content made of rows of cells, from a sheet or a list of records."""
+    """Content from rows of cells of a sheet or of a list of records. Raises RecordingError if the rows contain no table."""
     width = max((len(row) for row in rows), default=0)
     numbered = [(i, row) for i, row in enumerate(rows, start=1) if any(row) and i >= (reading.header or 0)]
     filled = [(i, row + [""] * (width - len(row))) for i, row in numbered]
@@ -264,17 +275,20 @@ def read_cells(rows: list[list[str]], reading: Reading) -> Content:
 
 
 def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> TableLayout:
-    """Layout derived from the first rows. Raises RecordingError if they contain no table, or the header does not fit."""
+    """Layout of a table, derived from its first rows. Raises RecordingError if they contain no table, or if the header does not
+    fit.
+    """
     kinds = [kinds_of(cells, decimal) for _, cells in rows]
-    # The names of joints in rows below their header do not count as text: there may be more names than numbers.
+    # Names of joints in the rows do not count as text, since a row may contain more names than numbers.
     naming: dict[int, list[int]] = {}
     for (_, cells), kind in zip(rows, kinds, strict=True):
         kind[:] = ["missing" if i in naming and one == "text" else one for i, one in enumerate(kind)]
         naming = naming or name_columns(_uncommented(cells))
-    # The kind of its first cell distinguishes a row of the table from lines above, such as "Samples 400 400" or "Operator Ada".
+    # A row of the table differs from lines above it, such as "Samples 400 400" or "Operator Ada", by the kind of its first
+    # cell.
     shape = Counter((len(row), row[0] == "text") for row in kinds[len(rows) // 2 :]).most_common(1)[0][0]
     columns, lowest = shape[0], reading.header or 0
-    # Fraction of values among the cells of each row; None for comments and rows of another shape.
+    # For each row, the fraction of its cells that are values; None for comments and for rows of another shape.
     shares = [
         share_of_values(kind)
         if (len(kind), kind[0] == "text") == shape and line > lowest and not cells[0].startswith(COMMENTS)
@@ -293,9 +307,9 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
             "or what `ros2 topic echo --csv` prints",
         )
     above = [(line, _uncommented(cells)) for line, cells in rows[:place]]
-    # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have that cell.
+    # In LabVIEW's measurement files the last name is Comment, but only rows with a comment have a cell in this column.
     above = [(line, names[:columns] if names[columns:] == ["Comment"] else names) for line, names in above]
-    # Some programs end each row, but not the header, with a separator.
+    # Some programs write a separator at the end of each row, but not at the end of the header.
     blank = all(not cells[-1] for _, cells in rows[place:] if len(cells) == columns)
     widths = (columns, columns - blank)
     above = [row for row in above if len(row[1]) in widths]
@@ -332,14 +346,15 @@ def layout_of(rows: Sequence[NumberedLine], reading: Reading, decimal: str) -> T
 
 
 def _may_name(row: NumberedLine, stated: int | None, decimal: str) -> bool:
-    """Whether a row may be the header: the stated row or, if none is stated, a row with mostly text."""
+    """Whether a row may be the header. It must be the stated row or, if no row is stated, contain mostly text."""
     return row[0] == stated if stated is not None else share_of_values(kinds_of(row[1], decimal)) < 0.5
 
 
 def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) -> NumberedLine:
-    """Header: the last fitting row, with the units of a row below or above it that contains only units.
+    """Header: the last row that may be the header, with units from a row of units below or above it.
 
-    above: rows above the numbers that have the same number of cells as the rows of numbers.
+    above: rows above the numbers, with the same number of cells as the rows of numbers; fitting: rows of `above` that may be
+    the header.
     """
     place = above.index(fitting[-1])
     if _are_units(above[place][1]) and len(fitting) > 1 and above.index(fitting[-2]) == place - 1:
@@ -353,19 +368,23 @@ def _with_units(above: Sequence[NumberedLine], fitting: Sequence[NumberedLine]) 
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether a row contains units: in all of its cells, or in at least two and at least half of them."""
+    """Whether a row is a row of units. All of its cells must be units, or at least two and at least half of its cells."""
     filled = [cell for cell in cells if cell.strip(_BRACKETS + "-")]
     known = sum(find_unit(cell) is not None for cell in filled)
     return 0 < known >= (len(filled) if known < 2 else 0.5 * len(filled))
 
 
 def _begins(share: float | None, below: float | None) -> bool:
-    """Whether a row begins the table: all of its cells are values, or at least half of its cells and half of the next row's."""
+    """Whether a row is the first row of numbers. All of its cells must be values, or at least half of its cells and half of the
+    next row's cells. share, below: fraction of values in the row and in the next row.
+    """
     return share is not None and (share == 1.0 or (share >= 0.5 and (below is None or below >= 0.5)))
 
 
 def _encoding(path: Path) -> str:
-    """Encoding, by the byte-order mark; else UTF-8 if the start is valid, else Latin-1. Raises RecordingError if binary."""
+    """Encoding of a text file: UTF-16 if the file has its byte-order mark, otherwise UTF-8 if the start of the file is valid
+    UTF-8, otherwise Latin-1. Raises RecordingError if the file is binary.
+    """
     with path.open("rb") as stream:
         start = stream.read(65536)
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -385,18 +404,21 @@ def _encoding(path: Path) -> str:
 
 
 def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
-    """Word for the separator, and decimal mark, with which most cells are numbers. Values stated in `reading` are kept."""
+    """Word for the separator, and decimal mark, with which most cells are numbers. Values that `reading` states are kept."""
 
     def score(layout: tuple[str, str]) -> float:
-        """Fraction of the lines' cells that are values; a layout with one column is chosen only if no other fits."""
+        """Fraction of the cells that are values. It is reduced for a layout with one column, so that such a layout is chosen
+        only if no other layout fits.
+        """
         word, decimal = layout
         rows = [split(line, SEPARATORS[word]) for line in lines]
         columns = Counter(map(len, rows)).most_common(1)[0][0]
-        # A separator at the end of each line makes a blank last cell, which must not lower the score.
+        # A separator at the end of each line gives a blank last cell, which must not reduce the score.
         whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
         widths = list_widths(whole)
         good = sum(share_of_values(kinds_of(spread(row, widths), decimal)) for row in whole) / len(rows)
-        # If all cells are numbers with either mark, the decimal mark is that with fewer remaining marks.
+        # If all cells are numbers with each of the two decimal marks, prefer the decimal mark with which the other mark is
+        # rarer.
         other = sum(bool(use_of_other(cell, decimal)) for row in whole for cell in row) / (columns * len(rows))
         return round(good - (0.4 if columns == 1 else 0.0) - 0.1 * other, 3)
 
@@ -405,7 +427,7 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
     quoted = bool(reading.decimal) or any('"' in line for line in lines)
     layouts = [(word, mark) for word in words for mark in marks if word != mark or quoted]
     best, most = layouts[0], -math.inf
-    # Try the separators that occur first, and stop at the highest score, 1: no layout with one column has this score.
+    # First try the separators that occur in the lines. Stop at the highest score, 1, which no layout with one column has.
     for layout in sorted(layouts, key=lambda one: all(len(split(line, SEPARATORS[one[0]])) == 1 for line in lines)):
         found = score(layout)
         if found > most:
@@ -416,7 +438,9 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
-    """Cells of a line above the numbers. If blanks separate cells, a unit in brackets stays with the word before it."""
+    """Cells of a line above the numbers. If blanks separate cells, a unit in brackets stays in the cell of the word before
+    it.
+    """
     if separator is None and not _ONLY_BRACKETS.fullmatch(line):
         line = re.sub(r"^\s*(#|%|//)\s*", r"\1", line)
         line = re.sub(r"\s*([\[(])([^\])]*)([\])])", lambda m: m[1] + m[2].replace(" ", "") + m[3], line)
@@ -424,12 +448,12 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _uncommented(cells: list[str]) -> list[str]:
-    """Cells of a header without a comment sign, as in `# t, q1` and `%Time (s)`."""
+    """Cells of a header, without the comment sign of headers such as `# t, q1` and `%Time (s)`."""
     return [cells[0].lstrip(" #%/"), *cells[1:]] if cells[0].startswith(COMMENTS) else cells
 
 
 def _unique(names: Sequence[str]) -> tuple[str, ...]:
-    """Unique names: the second column q becomes q#2, and a fourth column without name becomes column_4."""
+    """Unique names. A second column q becomes q#2, and a fourth column without a name becomes column_4."""
     plain = [printable(name.strip(" \t,;")) or f"column_{i}" for i, name in enumerate(names, start=1)]
     seen: Counter[str] = Counter()
     return tuple(unique(name, seen) for name in plain)

@@ -1,4 +1,4 @@
-"""Finds time column and time unit of each table. Removes and reports samples whose time does not increase."""
+"""Finds the time column and the time unit of each table. Removes and reports samples whose time does not increase."""
 
 from __future__ import annotations
 
@@ -23,22 +23,25 @@ from asrsim.samples import Array
 TIME_WORDS = {"time", "t", "timestamp", "timestamps", "stamp", "ts", "tout", "elapsed", "clock", "datetime", "date", "seconds",
               "epoch", "unix", "header", "field", "zeit"}  # fmt: skip
 TIME_WORDS |= {name.lower() for name, unit in UNITS.items() if unit.si == "s" and unit.factor <= 1.0}
-"""Words that make a column's name a time. A name with any other word is not a time: `sample_time`, `time_constant`."""
+"""Words in the names of time columns. A name with any other word, such as `sample_time` or `time_constant`, is not a time."""
 _SYMBOLS = ("s", "ms", "us", "ns")
 _LAST = re.compile(r"[\[(]?[^\W\d_]+[\])]?$")
 """Last word of a name, or its unit."""
 _DAY = 86400.0
 _COUNTERS = (2.0**16, 2.0**32)
-"""Numbers of ticks after which a counter restarts."""
+"""Numbers of ticks after which counters restart."""
 _DURATIONS = ("dt", "delay", "period", "latency", "duration", "jitter")
 FASTEST, SLOWEST = 3e-5, 0.5
-"""Plausible time steps, s: outside of this range, a stated unit is suspected to be wrong, and s is not assumed."""
+"""FASTEST: smallest plausible time step, s.
+SLOWEST: largest plausible time step, s. If the time step is outside this range, a stated unit is probably wrong, and an
+unstated unit is not assumed to be s.
+"""
 _DIGITS = 9
-"""Decimals of a second to which stamps are compared; slopes over shorter steps would overflow."""
+"""Number of decimals of a second with which stamps are compared. Slopes over shorter steps would overflow."""
 _MOST_JOINTS = 1000
-"""Largest number of joints that a column may name row by row."""
+"""Largest number of joints in a column that names the joint of each row."""
 _COARSE = 0.1
-"""If more than this fraction of the samples repeat the stamp of the previous sample, the clock is coarser than the sampling."""
+"""The clock is coarser than the sampling if more than this fraction of the samples repeat the stamp of the previous sample."""
 _GAP = 1.7
 """A step longer than this multiple of the usual time step contains missing samples."""
 
@@ -46,7 +49,7 @@ _GAP = 1.7
 def with_times(content: Content, reading: Reading, findings: list[Problem]) -> Content:
     """Content whose tables have strictly increasing times and no time columns.
 
-    Dates count from the earliest date in the file. Raises RecordingError if no table has a time and a signal.
+    Dates become times since the earliest date in the file. Raises RecordingError if no table has a time and a signal.
     """
     faults: list[Problem] = []
     tables: list[RawTable] = []
@@ -73,10 +76,11 @@ def with_times(content: Content, reading: Reading, findings: list[Problem]) -> C
 
 
 def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
-    """Table of each joint that the column `name` names row by row, and the prefix of its columns' names, such as `elbow.`.
+    """Tables of single joints, if the column `name` states the joint of each row. Each table is preceded by the prefix of its
+    columns' names, such as `elbow.`.
 
-    Without a name, the whole table with the prefix "". Raises RecordingError if there is no such column, or if it names too
-    many joints, as a column of numbers does.
+    If `name` is None, the result is the whole table with the prefix "". Raises RecordingError if there is no such column, or if
+    it contains too many joints, as a column of numbers does.
     """
     if name is None:
         return [("", table)]
@@ -98,7 +102,7 @@ def _by_joint(table: RawTable, name: str | None) -> list[tuple[str, RawTable]]:
 
 
 def is_time(name: str, unit: Unit | None = None) -> bool:
-    """Whether a name means a time: all of its words mean a time, or the name is a single word with a unit of time."""
+    """Whether a name means a time. All of its words must mean a time, or it must be a single word with a unit of time."""
     words = _stem(name)
     if unit is not None:
         return unit.si == "s" and ({*words} <= TIME_WORDS or (len(words) == 1 and words[0] not in _DURATIONS))
@@ -107,9 +111,9 @@ def is_time(name: str, unit: Unit | None = None) -> bool:
 
 
 def is_named_time(column: RawColumn) -> bool:
-    """Whether a column is a time, by its name and unit, or because its cells are dates.
+    """Whether a column is a time, by its name and unit, or since its cells are dates.
 
-    The last part of a path counts, as in `run.time`, but the `s` of `rad.s` is part of a unit.
+    The last part of a path counts, as in `run.time`. However, a last part such as the `s` of `rad.s` is part of a unit.
     """
     name, unit = split_header(column.name)
     last = re.split(r"[./]", name)[-1] or name
@@ -118,7 +122,9 @@ def is_named_time(column: RawColumn) -> bool:
 
 
 def unit_of_time(column: RawColumn) -> Unit | None:
-    """Unit of a time column, from its header, its name (`nanosec`) or the number of digits of its Unix times; else None."""
+    """Unit of a time column, from its header, its name (`nanosec`) or the number of digits of its Unix times; None if it is
+    unknown.
+    """
     plain, unit = split_header(column.name)
     unit = unit or find_unit(re.split(r"[./]", plain)[-1])
     if unit is not None and unit.si == "s":
@@ -128,9 +134,9 @@ def unit_of_time(column: RawColumn) -> Unit | None:
 
 
 def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTable:
-    """Table with its times in s, without its time columns, and with NaN in place of the number that marks missing values.
+    """Table with its times in s and without its time columns. NaN replaces the number that marks missing values.
 
-    The time is in the columns that the user states, or else in the first column with the name of a time.
+    The time is in the columns that the user states. If the user states none, it is in the first column whose name means a time.
     """
     columns, names = table.columns, [column.name for column in table.columns]
     if (lost := reading.missing) is not None:
@@ -142,7 +148,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
         return replace(table, columns=signals, time=np.arange(len(columns[0].values)) / reading.time.rate)
     stated = {name: find_raw(name, columns) for name in reading.time.columns}
     missing = [name for name, place in stated.items() if place is None]
-    if missing and not table.name:  # for topics without the stated column, the times of the messages are used
+    if missing and not table.name:  # a topic without the stated column uses the times of its messages
         raise RecordingError("the file has no such time column", key=missing[0], choices=tuple(names[:12]), code="no-time")
     places = [place for place in stated.values() if place is not None] or _time_columns(columns, named)
     if not places:
@@ -152,7 +158,7 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
             hint="Name the time column with --map COLUMN=time [unit] or the key `time`, or give the sampling rate with --rate",
         )
     if len(named) > 1 and len(places) == 1 and not stated:
-        # A flag column may precede the time column: look for a second time first behind the time column.
+        # A flag column may precede the time column. Therefore look for a second time behind the time column first.
         second = next((place for place in named if place > places[0]), named[0])
         _check_second_time(names, places[0], second, findings)
     alone = len(places) == 1
@@ -166,8 +172,9 @@ def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTab
 
 
 def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[int]:
-    """The first column with the name of a time, and the next column if the two contain the seconds and the fraction of a second
-    of one stamp. A flag (at most two different values) is not taken as the time if another column has more values.
+    """Index of the time column: the first column whose name means a time. If this column contains the seconds of a stamp and
+    the next column contains the fraction of a second, the result is both indices. A column with at most two different values is
+    a flag, and is only used if no other column has more values.
     """
     if len(named) > 1 and _are_one_stamp(*(columns[i] for i in named[:2])):
         return [*named[:2]]
@@ -175,7 +182,9 @@ def _time_columns(columns: Sequence[RawColumn], named: Sequence[int]) -> list[in
 
 
 def _are_one_stamp(whole: RawColumn, part: RawColumn) -> bool:
-    """Whether two columns are whole seconds, and the nanoseconds (or microseconds, milliseconds) of each second."""
+    """Whether the first of two columns contains whole seconds, and the second contains the nanoseconds (or microseconds, or
+    milliseconds) within each second.
+    """
     first, second = _LAST.sub("", whole.name), _LAST.sub("", part.name)
     unit, smaller = unit_of_time(whole), unit_of_time(part)
     if first != second or unit is None or smaller is None or unit.factor != 1.0 or smaller.factor >= 1.0:
@@ -185,7 +194,7 @@ def _are_one_stamp(whole: RawColumn, part: RawColumn) -> bool:
 
 
 def _check_second_time(names: Sequence[str], first: int, second: int, findings: list[Problem]) -> None:
-    """Report a second time column. Raises RecordingError in a table such as `time, q1, time, q2`, which has two clocks."""
+    """Report a second time column. Raises RecordingError for a table such as `time, q1, time, q2`, which has two clocks."""
     hint = f"State the time of all columns: --map '{names[second]}=time'"
     if second > first + 1 and _stem(names[first]) == _stem(names[second]):
         message = f"is a second time column; state one, and ignore the columns with another time: {listed(names, 20)}"
@@ -195,18 +204,21 @@ def _check_second_time(names: Sequence[str], first: int, second: int, findings: 
 
 
 def _stem(name: str) -> list[str]:
-    """Words of a name without its numbers: `t1` and `t2` have equal words, and so have `time` and `time#2`."""
+    """Words of a name, without its numbers. Therefore `t1` and `t2` have equal words, and `time` and `time#2` have equal
+    words.
+    """
     return [word for word in tokens_of(name) if not word.isdecimal()]
 
 
 def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, alone: bool) -> tuple[Array, int, str]:
-    """Times of a column in s, the clock reading at time 0 in ns, and the unit of the column ("" for dates).
+    """Times of a column in s, the reading of the clock at time 0 in ns, and the unit of the column ("" for dates).
 
-    Unix times count from the first time. alone: Whether this column is the whole time, not one of two columns that are added.
+    Unix times are relative to the first time. alone: whether this column is the whole time, not one of two columns that are
+    added.
     """
     name, values = column.name, np.where(np.abs(column.values) < LARGEST, column.values, np.nan)
     if column.zero is not None:
-        return _continued(values, (_DAY,), name, findings) if alone else values, column.zero, ""
+        return _continued(values, (_DAY,), name, "s", findings) if alone else values, column.zero, ""
     if not np.isfinite(values).any():
         raise RecordingError("the time column has no number", key=name, code="no-time")
     unit = reading.time.stated or unit_of_time(column) or (UNITS["s"] if reading.in_seconds else None)
@@ -220,20 +232,22 @@ def _seconds(column: RawColumn, reading: Reading, findings: list[Problem], *, al
         _check_steps(values, unit, name=name, findings=findings)
     unit = unit or UNITS["s"]
     if alone:
-        values = _continued(values, (_DAY / unit.factor, *_COUNTERS), name, findings)
+        values = _continued(values, (_DAY / unit.factor, *_COUNTERS), name, unit.symbol, findings)
     size = _median(values)
     if size * unit.factor <= EPOCH:
         return values * unit.factor, 0, unit.symbol
     zero = float(values[np.abs(values - size) * unit.factor < EPOCH][0])
-    # A float of 1.7e9 s resolves 2.4e-7 s. Rounding restores the written digits: 0.2 s instead of 0.20000005 s.
+    # A floating-point number of 1.7e9 s has a resolution of 2.4e-7 s. Rounding restores the written digits, such as 0.2 s
+    # instead of 0.20000005 s.
     digits = int(np.floor(-np.log10(np.spacing(size) * unit.factor)))
     return np.round((values - zero) * unit.factor, digits), round(zero * unit.factor * 1e9), unit.symbol
 
 
-def _continued(values: Array, periods: Sequence[float], name: str, findings: list[Problem]) -> Array:
-    """Times that rise where a clock passes midnight or a counter restarts, which is reported; other times are unchanged.
+def _continued(values: Array, periods: Sequence[float], name: str, unit: str, findings: list[Problem]) -> Array:
+    """Times to which a period is added after each restart, so that they increase when a clock passes midnight or a counter
+    restarts. The restarts are reported. Times without restarts are unchanged.
 
-    periods: readings after which the clock restarts, in the column's unit.
+    periods: possible readings after which the clock restarts, in the column's unit.
     """
     known = np.flatnonzero(np.isfinite(values))
     steps = np.diff(values[known])
@@ -244,9 +258,8 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
     period = next((one for one in periods if np.all((falls + one > 0.0) & (falls + one <= near)) and near < 0.1 * one), None)
     if period is None:
         return values
-    message = (
-        f"restarts {counted(len(falls), 'time')} after {period:g}, as a clock does at midnight, or a counter when it is full"
-    )
+    again = f"restarts {counted(len(falls), 'time')} after {period:g} {unit}"
+    message = f"{again}, as a clock does at midnight, or a counter when it is full"
     findings.append(
         Problem(f"{message}; this period is added to the times after each restart", key=name, code="restarted-clock")
     )
@@ -256,16 +269,18 @@ def _continued(values: Array, periods: Sequence[float], name: str, findings: lis
 
 
 def _median(values: Array) -> float:
-    """Median of the values that are numbers; 0 without a number."""
+    """Median of the values that are numbers; 0 if there are none."""
     known = values[np.isfinite(values)]
     return float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
 
 
 def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[Problem]) -> None:
-    """Report time steps that are implausible in the stated unit. Raises RecordingError if no unit is stated for them."""
+    """Report time steps that are implausible in the stated unit. Raises RecordingError if they are implausible in s and no unit
+    is stated.
+    """
     steps = np.abs(np.diff(values[np.isfinite(values)]))
     if len(steps) and np.median(steps) == 0.0:
-        return  # the stamps repeat, which is reported for all samples together
+        return  # most stamps repeat, which `_cleaned` reports
     step = float(np.median(steps[steps > 0])) * (unit.factor if unit else 1.0) if steps.any() else SLOWEST
     if FASTEST <= step <= SLOWEST:
         return
@@ -278,8 +293,8 @@ def _check_steps(values: Array, unit: Unit | None, *, name: str, findings: list[
 
 
 def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, float] | None:
-    """Step of a clock, s, and mean rate of the samples, Hz, if many samples repeat the previous stamp, but not the previous
-    values.
+    """Step of a coarse clock, s, and mean rate of the samples, Hz. None unless many samples repeat the stamp, but not the
+    values, of the previous sample. repeated: indices of the samples that repeat a stamp.
     """
     stamps, firsts = np.unique(np.round(table.time[np.isfinite(table.time)], _DIGITS), return_index=True)
     if len(repeated) <= max(2, _COARSE * len(table.time)) or len(stamps) < 2:
@@ -288,16 +303,16 @@ def _coarse_clock(table: RawTable, repeated: NDArray[np.intp]) -> tuple[float, f
     changed = np.any([values[repeated] != values[repeated - 1] for values in series], axis=0)
     if np.mean(changed) <= _COARSE:
         return None
-    # Leave out the first and the last stamp, which may have fewer samples than the stamps between them.
+    # Leave out the first and the last stamp, since they may have fewer samples than the stamps between them.
     begin = min(1, len(stamps) - 2)
     return float(np.min(np.diff(stamps))), float((firsts[-1] - firsts[begin]) / (stamps[-1] - stamps[begin]))
 
 
 def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
-    """Table with the samples whose times strictly increase. Removed samples and gaps are reported.
+    """Table of the samples whose times strictly increase. Removed samples and gaps are reported.
 
-    Of samples with equal stamps the first is kept. Raises RecordingError if many samples are removed or the time jumps far, as
-    with two time bases or two recordings in one file.
+    The first of several samples with equal stamps is kept. Raises RecordingError if many samples are removed, or if the time
+    jumps far, as in a file with two time bases or two recordings.
     """
     time, name = table.time, table.name or str(one_or_more(table.clock.get("column", "time"))[0])
     keep = np.ones(len(time), dtype=bool)
@@ -305,7 +320,7 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     def leave_out(bad: NDArray[np.intp], noun: str, code: str, most: float, why: str) -> None:
         """Remove the samples `bad`. Raises RecordingError if more than the fraction `most` of all samples is bad.
 
-        noun: Name of one bad sample, for messages.
+        noun: words for a bad sample in messages; why: reasons in the message of the error.
         """
         if not len(bad):
             return
@@ -334,11 +349,12 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
     valid = np.flatnonzero(keep)
     t = stamps[valid]
-    # A stamp that falls back is below an earlier stamp. A stamp that jumps ahead is above a later stamp.
+    # A stamp that jumps back is at or below an earlier stamp. A stamp that jumps ahead is at or above a later stamp. Remove the
+    # smaller set.
     behind = np.diff(np.maximum.accumulate(t), prepend=-np.inf) == 0
     ahead = np.diff(np.minimum.accumulate(t[::-1])[::-1], append=np.inf) == 0
     odd = valid[min(behind, ahead, key=np.sum)]
-    leave_out(odd, "non-rising time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
+    leave_out(odd, "non-increasing time stamp", "falling-time", 0.1, "the file may contain two clocks or two recordings")
     if keep.sum() < 2:
         message = f"only {counted(int(keep.sum()), 'sample')} with increasing times; at least 2 are needed"
         raise RecordingError(message, key=name, code="too-short")

@@ -1,4 +1,4 @@
-"""Units of columns: finds unit symbols in headers, with their SI unit and conversion factor."""
+"""Units of columns. Finds unit symbols in headers, with their SI units and conversion factors."""
 
 from __future__ import annotations
 
@@ -72,24 +72,26 @@ degC       1.0                   °C degC
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw
 """
-"""Rows of SI unit, factor and spellings, between two blanks or more. Spellings are compared without blanks. Upper and lower
-case are distinguished only where two units differ by case. Counts of a converter have no SI unit until the user states
-the size of a count.
+"""Each row contains an SI unit, the factor to this unit, and spellings; two blanks or more separate them. Spellings are
+compared without blanks. Upper and lower case are distinguished only if two units differ by case. Counts of a converter have no
+SI unit until the user states the size of a count.
 """
 UNITS = {
     spelling: Unit(spelling, si, float(factor))
     for si, factor, spellings in (re.split("  +", row) for row in _TABLE.strip().splitlines())
     for spelling in spellings.split()
 }
-"""Units by spelling, for all known spellings."""
+"""Units, by each known spelling."""
 _LOWER = {spelling.lower(): unit for spelling, unit in reversed(UNITS.items()) if len(spelling) > 2 or spelling[:1].islower()}
 _LOWER |= {"nm": UNITS["Nm"], "hz": UNITS["Hz"]}
 _UNSURE = {"grad": ("deg", "gon"), "grads": ("deg", "gon"), "grad/s": ("deg/s", "gon/s")}
-"""Units that a spelling may mean. In German, Grad means degrees; elsewhere, grad is 1/400 of a turn."""
+"""Units that an ambiguous spelling may mean. In German, Grad means degrees; in other languages, grad is 1/400 of a turn."""
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
-"""Patterns for headers: a name with the gap before its unit, and a further word."""
+"""_NAME: pattern of a name, with the gap before its unit.
+_ANOTHER: pattern of a further word of the unit.
+"""
 _HEADERS = tuple(
     re.compile(pattern, re.IGNORECASE)
     for pattern in (
@@ -101,15 +103,17 @@ _HEADERS = tuple(
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
         rf"{_NAME}(?P<unit>(?!min$)[^_\s()\[\]]{{2,}}|[°º])",  # q1_deg, but not q_min or q [1]
-        # In position_m, the letter is a unit. In pos_m or theta_m, it may mean motor.
+        # The m of position_m is a unit. The m of pos_m or theta_m may mean motor.
         rf"(?P<name>(?:.*[_\s./])?(?:position|angle|velocity|reference|deflection|force|torque|voltage|current)\d*){_GAP}(?P<unit>[mNAV])",
-        # cmd_A, tau_des_N; in cmd_m, the letter may mean motor.
+        # cmd_A and tau_des_N, but not cmd_m, whose m may mean motor
         rf"(?P<name>(?:.*[_\s./])?(?:ref|cmd|command|des|desired|target|setpoint|goal)\d*){_GAP}(?P<unit>[NAV])",
         rf"(?P<name>(?:.*[_\s./])?(?:t|time)\d*){_GAP}(?P<unit>s|h|min)",  # time_s, t in min
         r"(?P<name>.+)_(?P<unit>m?deg|mrad|rad|rpm)(?P<rest>_?\d+|\[\d+\])",  # q_deg_1, q_deg[0]
     )
 )
-"""Patterns of headers with a name, a unit, and sometimes a rest of the name; the first pattern with a known unit is used."""
+"""Patterns of headers with a name, a unit, and sometimes the rest of the name. The first pattern that gives a known unit is
+used.
+"""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -119,7 +123,7 @@ def find_unit(text: str) -> Unit | None:
         plain = plain.replace(sign, usual)
     plain = re.sub(r"(?:_|/)?per(?!cent)_?|_(?=s(?:ec)?$)|_(?=rad$)", "/", plain)  # rad_s, rad_per_s
     plain = re.sub(r"(?<=/)sec(?:ond)?s?$", "s", plain)
-    # force times length with any sign between both units: newton-metre, N·m, lbf-ft; the m of tau_m_Nm means motor
+    # Torques are written with any sign between force and length: newton-metre, N·m, lbf-ft. The m of tau_m_Nm means motor.
     joined = re.sub("(?<=[A-Za-z])(?<!^m)[-.*·⋅_](?=[A-Za-z])", "", plain)
     for written in (plain, joined):
         unit = UNITS.get(written) or (None if written.lower() in _LETTERS else _in_lower_case(written))
@@ -129,8 +133,8 @@ def find_unit(text: str) -> Unit | None:
 
 
 def _in_lower_case(text: str) -> Unit | None:
-    """Unit with this spelling in lower case; None for M (mega) if only m (milli) is known, and if the spelling may mean two
-    units.
+    """Unit with this spelling in lower case. None if the spelling begins with M (mega) but only the unit with m (milli) is
+    known, or if the spelling may mean two units.
     """
     unit = _LOWER.get(text.lower())
     mega = unit is not None and text[0] == "M" and unit.symbol[0] == "m" and unit.symbol[1:] in UNITS and unit.si != "s"
@@ -138,14 +142,16 @@ def _in_lower_case(text: str) -> Unit | None:
 
 
 def unsure_units(text: str) -> tuple[str, ...]:
-    """All meanings of an ambiguous unit, such as `grad`, or of an ambiguous unit in a header; empty if it is unambiguous."""
+    """Units that an ambiguous text, such as `grad`, may mean. text: a unit, or a header with a unit. Empty if the unit is
+    unambiguous.
+    """
     known = find_unit(text) is not None or split_header(text)[1] is not None
     words = () if known else re.findall(r"[^\W\d_]+(?:/s)?", text.lower())
     return next((_UNSURE[word] for word in words if word in _UNSURE), ())
 
 
 def parse_unit(text: str) -> Unit:
-    """Unit with this spelling. Raises RecordingError, which lists the known units."""
+    """Unit with this spelling. If it is unknown, raises RecordingError with a list of the known units."""
     unit = find_unit(text)
     if unit is None:
         if choices := unsure_units(text):
@@ -157,13 +163,13 @@ def parse_unit(text: str) -> Unit:
 
 @lru_cache(maxsize=8192)
 def split_header(header: str) -> tuple[str, Unit | None]:
-    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg`, `t / ms`; the unit is None if the header states
+    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg` or `t / ms`. The unit is None if the header states
     none.
     """
     text = header.strip(' "')
     for pattern in _HEADERS:
         found = pattern.fullmatch(text)
-        # Words with a blank between them are separate symbols: `theta m deg` is not in mdeg.
+        # Words with a blank between them are separate symbols, so the unit of `theta m deg` is not mdeg.
         unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
         if found and unit is not None:
             return found["name"] + (found.groupdict().get("rest") or ""), unit
@@ -171,7 +177,9 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 
 
 def fits(unit: str, quantity_unit: str) -> bool:
-    """Whether a column's SI unit fits a quantity: it equals the quantity's unit, or the unit for a prismatic joint."""
+    """Whether a column's SI unit fits a quantity. It fits if it is the quantity's unit for a revolute or a prismatic joint, or
+    if the column has no unit.
+    """
     if quantity_unit == "":
         return unit in ("", "1", "V", "A", *PRISMATIC_UNITS, *PRISMATIC_UNITS.values())
     return unit in ("", quantity_unit) or PRISMATIC_UNITS.get(quantity_unit) == unit

@@ -13,14 +13,14 @@ def _table(rows: Mapping[str, str]) -> dict[str, str]:
 
 
 class DoubtError(Exception):
-    """The meaning of a column is ambiguous, and the user is asked; the message is the reason."""
+    """Raised if the meaning of a column is ambiguous, so that the user is asked. The message is the reason."""
 
     target = "QUANTITY [unit]"
     """Meaning that a mapping may give to the column."""
 
 
 class CommandDoubtError(DoubtError):
-    """The kind of a command is ambiguous, or no operation mode takes it."""
+    """Raised if the kind of a command is ambiguous, or if no operation mode accepts it."""
 
     def __init__(self, message: str, target: str = "reference_1 [unit]") -> None:
         super().__init__(message)
@@ -28,7 +28,7 @@ class CommandDoubtError(DoubtError):
 
 
 REFERENCE = "reference"
-"""Word for all spellings that mean a command."""
+"""Standard word for all spellings that mean a command."""
 WORDS = _table(
     {
         "position": "q qpos pos positions angle angles",
@@ -48,8 +48,8 @@ WORDS = _table(
         "?": "eff moment th qd phi rate rpm enc encoder rotation omega load trq",
     }
 )
-"""Word for each spelling in a column's name; "" for words without effect on the meaning, as in `q1_meas`; "?" for words that
-suggest a quantity of a joint, but may mean something else.
+"""Standard word for each spelling in a column's name. It is "" for words without effect on the meaning, such as `meas` in
+`q1_meas`. It is "?" for words that suggest a quantity of a joint, but may mean something else.
 """
 KINDS = _table(
     {
@@ -65,8 +65,8 @@ KINDS = _table(
         "stiffness": "stiffness stiff",
     }
 )
-"""Physical kind of a command for each word that states one; `i` and `iq` mean currents only together with a word for a
-command.
+"""Physical kind of a command, by each word that states a kind. The words `i` and `iq` mean currents only together with a word
+for a command.
 """
 LETTERS = {
     "u": ("voltage", "torque", "current", "force", "PWM duty"), "v": ("voltage", "velocity"), "w": ("velocity", "power"),
@@ -75,13 +75,15 @@ LETTERS = {
     "enc": ("position",), "encoder": ("position",), "x": ("position",), "p": ("position", "power"), "f": ("force",),
     "t": ("torque",), "m": ("torque",), "a": ("acceleration", "current"),
 }  # fmt: skip
-"""Kinds that a letter or word in the name of a command may mean. With a unit that fits one of them, it means that kind."""
+"""Kinds that an ambiguous letter or word in the name of a command may mean. If the unit of the command fits one of the kinds,
+the command has this kind.
+"""
 UNIT_KINDS = {
     "rad": "position", "m": "position", "N m": "torque", "N": "force", "A": "current", "V": "voltage", "rad/s": "velocity",
     "m/s": "velocity", "rad/s^2": "acceleration", "m/s^2": "acceleration", "W": "power", "1": "PWM duty",
     "N m/rad": "stiffness", "N/m": "stiffness",
 }  # fmt: skip
-"""Kind of a command by its SI unit; a number without unit, such as a percentage, is the duty of a PWM."""
+"""Kind of a command, by its SI unit. A number without a unit, such as a percentage, is a PWM duty cycle."""
 KIND_UNITS = {
     "position": "rad",
     "torque": "N m",
@@ -91,16 +93,18 @@ KIND_UNITS = {
     "velocity": "rad/s",
     "PWM duty": "1",
 }
-"""SI unit of a command by its kind, for kinds that a column's name may state."""
+"""SI unit of a command, by its kind, for kinds that a column's name may state."""
 BODIES = {
     "tool", "tcp", "ee", "eef", "effector", "endeffector", "base", "body", "trunk", "torso", "pelvis", "com", "imu", "gyro",
     "pose", "poses", "twist", "odom", "odometry", "camera", "marker", "world", "cartesian", "wrench",
 }  # fmt: skip
-"""Words for bodies in space and their sensors. In their names, a number counts directions, not joints."""
+"""Words for bodies in space and for their sensors. In names with these words, a number means a direction, not a joint."""
 JOINTS = {"joint", "joints", "motor", "motors"}
-"""Words after which a number counts joints, even if a body is also named: `cartesian_controller.joint_position[1]`."""
+"""In a name with one of these words, a number means a joint even if a body is also named, as in
+`cartesian_controller.joint_position[1]`.
+"""
 TAKEN = ("position", "torque", "force", "current", "voltage")
-"""Kinds of commands that some operation mode accepts; a force is accepted only on a prismatic joint."""
+"""Kinds of commands that at least one operation mode accepts. A force is accepted only for a prismatic joint."""
 
 
 def one_of(kinds: Sequence[str]) -> str:
@@ -109,18 +113,18 @@ def one_of(kinds: Sequence[str]) -> str:
 
 
 def spaced(name: str) -> str:
-    """Name with blanks between the words that upper case marks: `kneeTauDes` gives `knee Tau Des`."""
+    """Name with blanks between words that begin with upper case: `kneeTauDes` gives `knee Tau Des`."""
     text = re.sub(r"(?<![A-Za-z])dQ(?![a-z])", "dq", name)
     return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
 
 
 def tokens_of(name: str) -> list[str]:
-    """Lower-case words and numbers of a name: `hub1_refPos` gives hub, 1, ref, pos."""
+    """Words in lower case, and numbers, of a name: `hub1_refPos` gives hub, 1, ref, pos."""
     return [found.lower() for found in re.findall(r"[^\W\d_]+|\d+", spaced(name))]
 
 
 def spellings_of(tokens: Sequence[str]) -> list[str]:
-    """Words of a name in their original spelling; joined words, as in `tauref`, are separated."""
+    """Words of a name in their original spelling. Joined words, as in `tauref`, are separated."""
     return [part for token in tokens for part in _parts(token)]
 
 
@@ -130,7 +134,7 @@ def words_of(tokens: Sequence[str]) -> list[str]:
 
 
 def kind_of_word(spelling: str) -> str:
-    """Kind that a word in the name of a command states; "" for a word that does not state a kind unambiguously."""
+    """Kind that a word in the name of a command states; "" if the word does not state a kind unambiguously."""
     return KINDS.get(spelling) or KINDS.get(WORDS.get(spelling, ""), "")
 
 
@@ -141,7 +145,7 @@ def is_known(spelling: str) -> bool:
 
 @lru_cache(maxsize=8192)
 def _parts(token: str) -> tuple[str, ...]:
-    """Words that are joined in one token, as in `tauref` or `cmdpos`: a word for a command and a word for a kind."""
+    """Words in one token. In a token such as `tauref` or `cmdpos`, a word for a command and a word for a kind are joined."""
     if token in WORDS:
         return (token,)
     for word in (spelling for spelling, meant in WORDS.items() if meant == REFERENCE):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 from weakref import WeakSet
 
-from asrsim.errors import InputError, did_you_mean
+from asrsim.errors import InputError, Problem, did_you_mean
 
 T = TypeVar("T")
 
@@ -36,7 +36,7 @@ def all_or_none() -> Iterator[None]:
         for one in list(Registry.everyone):
             if one in before:
                 one.put(before[one])
-            else:  # a registry of a module that the user's file was the first to import
+            else:  # the user's file was the first to import the module of the registry
                 one.forget_files()
         raise
 
@@ -63,8 +63,8 @@ class Registry(Generic[T]):
     Installed packages add entries through an entry point group. These entries are loaded when a name is not
     found, so that they do not slow down the start. An entry is refused if it is not derived from `base`, is not an instance of
     `instance`, lacks an attribute that this class declares without a value, or states another name in its attribute `label`.
-    `add` raises an error for such an entry. An entry of an installed package that is refused, or that cannot be loaded, raises
-    an error only when its name is used.
+    `add` raises an error for such an entry. An entry of an installed package that is refused, or that cannot be loaded, is
+    broken: `get` and `unknown` report it if its name is used, and `broken` lists it for code that uses all entries.
     """
 
     everyone: ClassVar[WeakSet[Registry[Any]]] = WeakSet()
@@ -87,7 +87,7 @@ class Registry(Generic[T]):
         self.base = base
         self.instance = instance
         self.label = label
-        self._broken: dict[str, str] = {}
+        self._broken: dict[str, Problem] = {}
         self.entry_point_group = entry_point_group
         self._entries: dict[str, T] = {}
         self._files: dict[str, str] = {}
@@ -98,10 +98,11 @@ class Registry(Generic[T]):
     def add(self, name: str, entry: T, *, replace: bool = False) -> T:
         """Register `entry`; raises InputError if the registry refuses it, or if the name is taken and `replace` is not set."""
         if fault := self._fault(name, entry):
-            raise InputError(f"the {self.noun} '{name}' {fault}", code=f"broken-{self.noun}")
+            raise InputError(f"the {self.noun} '{name}' {fault}", code="broken-entry")
         again = bool(Registry.file) and self._files.get(name) == Registry.file
         if name in self._entries and not replace and not again:
-            raise InputError(f"{self.noun} '{name}' is registered already", hint="Choose another name", code="name-taken")
+            by = f" by {self._files[name]}" if self._files.get(name) else ""
+            raise InputError(f"{self.noun} '{name}' is registered already{by}", hint="Choose another name", code="name-taken")
         self._files[name] = Registry.file
         Registry.added += bool(Registry.file)
         return self._take(name, entry)
@@ -151,16 +152,25 @@ class Registry(Generic[T]):
         try:
             return self._entries[name]
         except KeyError:
-            if name in self._broken:
-                message = f"the {self.noun} '{name}' of an installed package cannot be used: {self._broken[name]}"
-                raise InputError(message, code=f"broken-{self.noun}") from None
-            known = self.names()
-            raise InputError(
-                f"no {self.noun} is called '{name}'",
-                choices=known,
-                hint=did_you_mean(name, known) or self.remedy,
-                code=f"unknown-{self.noun}",
-            ) from None
+            raise InputError(self.unknown(name)) from None
+
+    def unknown(self, name: str) -> Problem:
+        """Problem of a name that is not in the registry: its entry is broken, or there is none."""
+        known = self.names()
+        if name in self._broken:
+            return self._broken[name]
+        hints = did_you_mean(name, known), self.remedy
+        return Problem(
+            f"no {self.noun} is called '{name}'",
+            choices=known,
+            hint=" ".join(filter(None, hints)) or None,
+            code="unknown-name",
+        )
+
+    def broken(self) -> tuple[Problem, ...]:
+        """Problems of the entries of installed packages that are refused, or that cannot be loaded."""
+        self._search_entry_points()
+        return tuple(problem for name, problem in self._broken.items() if name not in self._entries)
 
     @property
     def remedy(self) -> str:
@@ -204,10 +214,15 @@ class Registry(Generic[T]):
                 continue
             try:
                 entry = point.load()
+                fault = self._fault(point.name, entry)
             except (Exception, SystemExit) as error:  # other packages may raise any error
-                self._broken[point.name] = f"{point.value} raised {type(error).__name__}: {error}"
-                continue
-            if fault := self._fault(point.name, entry):
-                self._broken[point.name] = f"{point.value} {fault}"
-                continue
-            self._take(point.name, entry)
+                fault = f"raised {type(error).__name__}: {error}"
+            if fault:
+                package = point.dist.name if point.dist else "an installed package"
+                self._broken[point.name] = Problem(
+                    f"the {self.noun} '{point.name}' of {package} cannot be used: {point.value} {fault}",
+                    hint="Correct this entry point of the package, or uninstall the package",
+                    code="broken-entry",
+                )
+            else:
+                self._take(point.name, entry)

@@ -38,9 +38,6 @@ class EngineEntry:
 
 ENGINES: Registry[EngineEntry] = Registry("engine", entry_point_group="asrsim.engines", instance=EngineEntry)
 
-OWN_ENGINES = "Your own engines need --plugin FILE"
-"""Hint for an unknown engine."""
-
 
 def _make(name: str, scenario: Any, robot: Any) -> tuple[Any, tuple[Any, ...]]:
     """Engine and warnings by the function `make` of the engine's module, which is imported only now."""

@@ -18,16 +18,17 @@ class Stepping:
     """Order of convergence where forces are smooth; 1 with impacts, and with friction in worlds with contacts."""
     doc: str
     implicitness: float = 0.5
-    """Implicitness of damping and derivative action: 1/2 for the midpoint rule, 0 for the explicit rule."""
+    """Weight of the velocity after a kick in the velocity on which damping and derivative action act: 0 for the explicit rule,
+    1/2 for the midpoint rule, which has second order, 1 for the implicit rule. For strongly damped links it is increased."""
     first_drift: float = 0.5
-    """Fraction of a motor's step before its kick."""
+    """Fraction of a motor's step before its kick: 1/2 for second order."""
     staggered: bool = True
     """Whether velocities belong to half steps. Then the first kick lasts half a step, damping and controllers use an
     extrapolated velocity, the lag of the Coriolis forces is corrected, kicks are split where an input jumps, and logged
     velocities are converted to whole steps."""
     released: bool = False
-    """Whether joints behave as in the released toolbox: its own order of a step (`asrsim.simulation.released`), no substeps,
-    motors that start at 0, not passive."""
+    """Whether joints behave as in the released toolbox. The toolbox has its own order of a step (`asrsim.simulation.released`)
+    and no substeps, its motors start at 0, and its step is not passive."""
 
     def __post_init__(self) -> None:
         """Raises InputError for a fraction outside 0 to 1, with which a step would gain energy or look into the future."""
@@ -56,7 +57,7 @@ class _Steppings(Mapping[str, Stepping]):
         return len(self._table)
 
     def add(self, name: str, stepping: Stepping) -> NoReturn:
-        """Raises InputError: plugins cannot add a stepping."""
+        """Raises InputError, since plugins cannot add a stepping."""
         raise InputError("plugins cannot add a stepping", key="stepping", value=name, hint=OWN_STEPPINGS, code="stepping")
 
     __setitem__ = add
@@ -66,7 +67,7 @@ STEPPINGS = _Steppings(
     Stepping(
         name="leapfrog",
         order=2,
-        doc="default: one torque evaluation serves motor and link; second order where forces are smooth",
+        doc="default: motors and links receive the same torques; second order where forces are smooth",
     ),
     Stepping(
         name="euler",
@@ -74,7 +75,7 @@ STEPPINGS = _Steppings(
         implicitness=0.0,
         first_drift=0.0,
         staggered=False,
-        doc="one torque evaluation serves motor and link; semi-implicit Euler, first order",
+        doc="motors and links receive the same torques; semi-implicit Euler method, first order",
     ),
     Stepping(
         name="toolbox",
@@ -83,7 +84,7 @@ STEPPINGS = _Steppings(
         first_drift=0.0,
         staggered=False,
         released=True,
-        doc="the released toolbox's order of a step, bit for bit where it is defined; not passive in modes 5 and 6",
+        doc="computes a step in the order of the released toolbox; not passive in modes 5 and 6",
     ),
 )
 """Steppings by name."""

@@ -68,7 +68,7 @@ def viewpoint(axis: Array | None) -> Array:
     if axis is None:
         return _direction(-52.0, 24.0)
     if abs(axis[2]) > 0.8:
-        # A motion in the horizontal plane is shown from above.
+        # Show a motion in the horizontal plane from above.
         return _direction(-75.0, 58.0)
     # Choose the side from which x points to the right, or y if x points away from the camera.
     right = np.cross([0.0, 0.0, 1.0], axis)
@@ -78,14 +78,14 @@ def viewpoint(axis: Array | None) -> Array:
 
 
 TURNS, RISES = (0.0, 35.0, -35.0, 70.0, -70.0, 110.0, -110.0, 180.0), (0.0, 25.0)
-"""Azimuths and elevations from which the camera may look, in degrees relative to those of the preferred view."""
+"""Directions from which the camera may look, in degrees relative to the preferred view. TURNS: azimuths; RISES: elevations."""
 STEEPEST = 70.0
 """Largest elevation of the camera, degrees."""
 
 
 def viewpoints(preferred: Array) -> Iterator[Array]:
-    """Directions (3,) from the scene to the camera: first the preferred direction, then others around the scene, and last those
-    from higher up.
+    """Directions (3,) from the scene to the camera: first the preferred direction, then other directions around the scene, and
+    last directions from higher up.
     """
     azimuth = float(np.degrees(np.arctan2(preferred[1], preferred[0])))
     elevation = float(np.degrees(np.arcsin(preferred[2] / np.linalg.norm(preferred))))
@@ -104,7 +104,7 @@ def fitting_aspect(points: Array, towards: Array) -> float:
 def fit_camera(points: Array, towards: Array, *, aspect: float) -> Camera:
     """Camera in the direction `towards` from the points, as near to them as possible with all points in the picture.
 
-    points: (k, 3) m; towards: direction (3,) from the scene to the camera; aspect: width / height of the picture.
+    points: points (k, 3), m; towards: direction (3,) from the scene to the camera; aspect: width / height of the picture.
     """
     right, up, forward = view_axes(-towards)
     tangent = np.tan(np.radians(FIELD / 2)) / MARGIN

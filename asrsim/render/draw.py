@@ -17,7 +17,8 @@ Image = NDArray[np.uint8]
 """Picture as an array (height, width, 3) of red, green and blue, with 8 bits each."""
 SKY_TOP, SKY_BOTTOM = np.array([0.985, 0.99, 1.0]), np.array([0.90, 0.925, 0.955])
 AMBIENT, SUN, FILL = 0.46, 0.46, 0.16
-"""Brightness of the ambient light, of the main lamp, and of the lamp on the opposite side; 1 is full brightness."""
+"""Brightness of the ambient light (AMBIENT), of the main lamp (SUN), and of the lamp on the opposite side (FILL); 1 is full
+brightness."""
 NEARER = 1.002
 """Ratio of the inverse distances of a body and a point from the camera above which the body hides the point, and does not
 merely touch it.
@@ -88,8 +89,8 @@ class SceneDrawer:
         return _averaged(picture, width, height, sharpness)
 
     def hidden(self, frames: Mapping[str, Array], camera: Camera, width: int, height: int) -> dict[str, float]:
-        """Fraction of each body's points that other bodies hide from the camera. width, height: of a picture for this test,
-        which may be small.
+        """Fraction of each body's points that other bodies hide from the camera. width, height: width and height in pixels of
+        the picture for this test, which may be small.
         """
         seen = _projected(self.points(frames), camera, width, height)
         raster = rasterise(seen[self._triangles], width, height)
@@ -120,7 +121,8 @@ class SceneDrawer:
         ray = _rays(camera, width, height)
         with np.errstate(divide="ignore", invalid="ignore"):
             reach = (level - camera.eye[2]) / ray[:, 2]
-        # A ray has length 1 along the view. Its factor to reach the ground is thus the distance of the ground along the view.
+        # Each ray has the length 1 along the view direction. Therefore the factor with which a ray reaches the ground is the
+        # distance of the ground along the view direction.
         ground = np.flatnonzero((reach > 0) & (1.0 / np.where(reach > 0, reach, 1.0) > depth))
         place = camera.eye[:2] + reach[ground, None] * ray[ground, :2]
         middle = 0.5 * (around.min(axis=0) + around.max(axis=0))[:2]
@@ -153,7 +155,7 @@ def _outermost(points: Array, body: NDArray[np.intp]) -> NDArray[np.intp]:
 
 def _projected(points: Array, camera: Camera, width: int, height: int) -> Array:
     """Points in the picture (k, 3): x and y in pixels, and 1 / distance along the view, which is not positive for points behind
-    the camera. points: (k, 3) in the world, m.
+    the camera. points: points (k, 3) in the world, m.
     """
     right, up, forward = camera.axes
     away = points - camera.eye
@@ -178,7 +180,7 @@ def _light(normals: Array, corners: Array, camera: Camera) -> Array:
     """
     right, _, forward = camera.axes
     view = camera.eye - corners
-    # Light the side that faces the camera, because in some files the normals of triangles point inward.
+    # Light the side that faces the camera, since in some files the normals of triangles point inwards.
     facing = np.sign(np.einsum("mki,mki->mk", normals, view))
     sun = np.array([0.0, 0.0, 0.9]) - 0.7 * forward - 0.35 * right
     fill = np.array([0.0, 0.0, 0.1]) + 0.9 * right - 0.2 * forward
@@ -200,7 +202,7 @@ def _outline(picture: Array, owner: NDArray[np.intp], depth: Array) -> None:
 
 
 def _averaged(picture: Array, width: int, height: int, factor: int) -> Image:
-    """Picture reduced by `factor`: each of its pixels is the average of factor x factor pixels."""
+    """Picture reduced by `factor`. Each of its pixels is the average of factor x factor pixels."""
     blocks = picture.reshape(height, factor, width, factor, 3)
     total = sum(blocks[:, i, :, j] for i in range(factor) for j in range(factor))
     return np.asarray(np.clip(255.0 / factor**2 * total + 0.5, 0.0, 255.0), dtype=np.uint8)

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 GIF_FPS, GIF_FRAMES = 15.0, 240
-"""Frames per second of a GIF, and largest number of its frames. A longer run gets fewer frames per second."""
+"""GIF_FPS: frames per second of a GIF; GIF_FRAMES: largest number of frames of a GIF. A longer run gets fewer frames per
+second."""
 MP4_FPS = 30.0
 """Frames per second of an MP4."""
 ROW = 6
@@ -110,7 +111,7 @@ def write_gif(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
 
     times = _times(film, speed, fps, most=GIF_FRAMES)
     pictures = list(_stamped(film, times, progress, Path(path).name))
-    # Give all frames the palette of one of them: with a palette each, colours would flicker.
+    # Give all frames the palette of one of them. If each frame had its own palette, colours would flicker.
     palette = pictures[len(pictures) // 2].quantize(colors=128, method=Pictures.Quantize.MEDIANCUT)
     indexed = [picture.quantize(palette=palette, dither=Pictures.Dither.NONE) for picture in pictures]
     shown = (film.end - film.start) / speed / max(len(times) - 1, 1)
@@ -154,7 +155,7 @@ def write_mp4(film: Film, path: str | Path, *, speed: float = 1.0, fps: float = 
         finally:
             with suppress(OSError):
                 writer.close()
-        # Check that ffmpeg wrote the index at the end of the file, because it reports no error if the disk is full.
+        # Check that ffmpeg wrote the index at the end of the file, since it reports no error if the disk is full.
         if not is_ours(Path(stream.name), "picture") or not Path(stream.name).stat().st_size:
             raise OutputError(f"{path}: cannot be written: ffmpeg did not finish the video")
     return path

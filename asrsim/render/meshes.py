@@ -49,8 +49,8 @@ def smooth(mesh: Trimesh) -> Trimesh:
 
 
 def main_colour(mesh: Any) -> Array | None:
-    """Colour (red, green, blue; 0 to 1) of a mesh: the colour of its material, else that of most of its faces; None without a
-    colour.
+    """Colour (red, green, blue; 0 to 1) of a mesh: the colour of its material, else the colour of most of its faces; None
+    without a colour.
     """
     visual = mesh.visual
     if not visual.defined:

@@ -23,14 +23,15 @@ from asrsim.robot.xmlfile import parse_xml
 from asrsim.samples import Array, RunInfo, Samples
 
 KEPT = 6000
-"""Approximate number of samples that are kept of a long log, which is more than a film has frames."""
+"""Approximate number of samples that are kept of a long log. A film has fewer frames."""
 LOOKS = 40
 """Number of instants, evenly spread over the motion, at which all bodies must be in the picture."""
 GLANCES, GLANCE = 4, 90
-"""Number of instants at which hidden bodies are looked for, and square root of the area of the pictures for this, pixels."""
+"""GLANCES: number of instants at which hidden bodies are sought; GLANCE: square root of the area of the pictures for this
+search, pixels."""
 HIDDEN, GAIN = 0.4, 0.05
-"""Hidden fraction of a moving body up to which a view is accepted, and reduction of this fraction for which another view is
-preferred.
+"""HIDDEN: hidden fraction of a moving body up to which a view is accepted; GAIN: reduction of this fraction for which another
+view is preferred.
 """
 _KEYS = ("robot", "base", "world")
 """Keys of a scenario that pictures need."""
@@ -54,7 +55,7 @@ class FilmFrame:
 class Film:
     """Motion of a log, ready to be drawn.
 
-    Robot, world and poses come from the log. Meshes are not stored in a log: they are read from their files, and a missing mesh
+    Robot, world and poses come from the log. Meshes are not stored in a log. They are read from their files, and a missing mesh
     is replaced as `asrsim.render.shapes.drawable` describes. Actuators do not affect a picture, so a log with a user's own
     actuator needs no plugin.
 
@@ -113,7 +114,8 @@ class Film:
         return float(self.samples.time[-1])
 
     def frame(self, time: float, *, ghost: bool = False) -> FilmFrame:
-        """Picture of the sample nearest to a time in s. ghost: also draw a faint robot at the equilibrium of its springs."""
+        """Picture of the sample nearest to a time in s. ghost: whether a faint robot is also drawn, at the equilibrium of its
+        springs."""
         row = int(np.argmin(np.abs(self.samples.time - time)))
         image = self._image(self.frames(row))
         if ghost:
@@ -166,8 +168,8 @@ class Film:
         return max((float(np.mean([share[name] for share in shares])) for name in moving), default=0.0)
 
     def happening(self) -> Array:
-        """Progress (n,) of the motion at each sample, from 0 to 1: a mean of the fractions of the distance and of the time that
-        have passed; the fraction of the time alone if nothing moves.
+        """Progress (n,) of the motion at each sample, from 0 to 1. It is a mean of the fractions of the distance and of the
+        time that have passed, or the fraction of the time alone if nothing moves.
         """
         ways = [np.nan_to_num(self.samples.values["link_position"])]
         ways += [np.nan_to_num(poses[:, :3]) for poses in self.samples.bodies.values()]

@@ -14,7 +14,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True)
 class Raster:
-    """Pixels that triangles cover, with the triangle in front and the depth at each."""
+    """Pixels that triangles cover, with the front triangle and the depth at each pixel."""
 
     pixels: Indices
     """Indices (p,) of the covered pixels, row by row from the top left."""
@@ -30,7 +30,7 @@ def rasterise(corners: Array, width: int, height: int) -> Raster:
     corners: corners of m triangles (m, 3, 3), each with x and y in pixels from the top left, and 1 / distance, which is linear
     in the picture. Triangles with a corner behind the camera (1 / distance not positive) are omitted.
 
-    A triangle is split into rows, and a row into the pixels whose centres it covers: only covered pixels are computed.
+    A triangle is split into rows, and a row into the pixels whose centres it covers, so that only covered pixels are computed.
     """
     ahead = np.flatnonzero((corners[:, :, 2] > 0.0).all(axis=1))
     order = np.argsort(corners[ahead][:, :, 1], axis=1)
@@ -70,7 +70,7 @@ def plane(corners: Array, values: Array) -> Array:
     x1, y1, x2, y2 = x[:, 1] - x[:, 0], y[:, 1] - y[:, 0], x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]
     v1, v2 = values[:, 1] - values[:, 0], values[:, 2] - values[:, 0]
     area = x1 * y2 - x2 * y1
-    # Use the slope 0 for a very thin triangle, whose computed slope would consist of rounding errors.
+    # Use a slope of 0 for a very thin triangle, since its computed slope would consist of rounding errors.
     inverse = np.where(np.abs(area) > 1e-3, 1.0 / np.where(area == 0.0, 1.0, area), 0.0)
     a, b = (v1 * y2 - v2 * y1) * inverse, (v2 * x1 - v1 * x2) * inverse
     c = np.where(inverse == 0.0, values.mean(axis=1), values[:, 0] - a * x[:, 0] - b * y[:, 0])

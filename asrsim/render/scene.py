@@ -41,15 +41,15 @@ class ScenePart:
 class RenderScene:
     """Shapes of robot and world, and the frames of the bodies for given joint positions.
 
-    robot: from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could not
-    be read.
+    robot: robot from `asrsim.render.shapes.drawable`; base and world come from the scenario. `notes` name the meshes that could
+    not be read.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario) -> None:
         world, self._scenario = scenario.world, scenario
         self.notes: list[str] = []
         self._base = origin_frame(scenario.base_position, scenario.base_rpy)
-        """Frame (4, 4) of the root link at the start."""
+        """Frame (4, 4) of the root link in the initial state."""
         self.model = robot_model(scenario, robot)
         self.parents = {joint.child: joint.parent for joint in robot.joints}
         """Parent link of each link except the root link."""
@@ -102,7 +102,8 @@ class RenderScene:
 
 
 def _parts(scene: Any) -> Iterator[ScenePart]:
-    """Shapes of each body in a trimesh scene. scene: made by yourdfpy, so that the parent of a shape's frame is its body."""
+    """Shapes of each body in a trimesh scene. scene: scene that yourdfpy has made, so that the parent of a shape's frame is the
+    shape's body."""
     from trimesh import Trimesh
 
     graph, found = scene.graph, defaultdict[str, list[Any]](list)
@@ -110,7 +111,7 @@ def _parts(scene: Any) -> Iterator[ScenePart]:
         body = graph.transforms.parents[node]
         place, name = graph.get(node, body)
         mesh = scene.geometry[name]
-        # Leave textures out, because they would be copied with each mesh.
+        # Leave textures out, since they would be copied with each mesh.
         found[body].append((Trimesh(mesh.vertices, mesh.faces).apply_transform(place), main_colour(mesh)))
     for body, shapes in found.items():
         meshes, colours = zip(*shapes, strict=True)

@@ -43,7 +43,7 @@ def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None
             rods.append(link.name)
             visuals = tuple(shape for end in ends[link.name] for shape in _rod(end, radius, _ROD_COLOURS[number % 2]))
         links.append(replace(link, visuals=visuals))
-    # Leave out warnings with a key, which are about collision shapes: pictures do not show those.
+    # Leave out warnings with a key. They are about collision shapes, which pictures do not show.
     notes = [str(warning) for warning in warnings if warning.key is None]
     if collisions:
         notes.append(f"links without visuals, drawn by their collision shapes: {listed(collisions, 6)}")
@@ -60,7 +60,7 @@ def _rod_ends(robot: Robot) -> dict[str, list[Array]]:
             ends.setdefault(joint.parent, []).append(np.array(joint.origin))
     moved = {joint.child for joint in robot.joints if joint.kind != "fixed"}
     for link in robot.links:
-        # A link that moves is drawn as a ball even if its centre of mass is at the origin of its frame.
+        # Draw a link that moves as a ball even if its centre of mass is at the origin of its frame.
         if link.name not in ends and link.mass and (np.linalg.norm(link.centre_of_mass) > 1e-9 or link.name in moved):
             ends[link.name] = [np.array(link.centre_of_mass)]
     return ends
@@ -72,7 +72,8 @@ def _rod(end: Array, radius: float, colour: Rgba) -> list[Shape]:
     length = float(np.linalg.norm(end))
     if length < 1e-9:
         return [ball]
-    # Turn the cylinder's axis z onto the rod: first about y by the angle between z and the rod, then about z.
+    # Turn the axis z of the cylinder into the direction of the rod, first about y by the angle between z and the rod, and then
+    # about z.
     pitch, yaw = float(np.arccos(np.clip(end[2] / length, -1.0, 1.0))), float(np.arctan2(end[1], end[0]))
     x, y, z = (0.5 * end).tolist()
     return [ball, Shape(kind="cylinder", size=(radius, length), origin=(x, y, z), rpy=(0.0, pitch, yaw), colour=colour)]

@@ -1,7 +1,7 @@
 """Makes one trimesh scene of a robot and its world, by yourdfpy.
 
 yourdfpy gets the robot as asrsim has read it: expanded, checked, and with the mesh files that asrsim allows. As in ROS, a
-COLLADA file's `<up_axis>` is ignored: the z axis of the file is the z axis of the link.
+COLLADA file's `<up_axis>` is ignored, so that the z axis of the file is the z axis of the link.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> yourdfpy.URDF:
     """Robot as an object of yourdfpy, whose `scene` contains all shapes of robot and objects.
 
-    robot: from `asrsim.render.shapes.drawable`. objects: name, pose (4, 4) in the frame of the root link, and shape of each
-    object of the world; objects are links with a floating joint.
+    robot: robot from `asrsim.render.shapes.drawable`. objects: name, pose (4, 4) in the frame of the root link, and shape of
+    each object of the world; objects are links with a floating joint.
     """
     import yourdfpy
     from yourdfpy import urdf
@@ -45,7 +45,7 @@ def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> y
     for name, pose, shape in objects:
         links.append(urdf.Link(name=name, visuals=_visuals([shape])))
         joints.append(urdf.Joint(name=f"{name} in the world", type="floating", parent=robot.root.name, child=name, origin=pose))
-    # Let yourdfpy use the names of mesh files as they are, because `usable_shapes` has resolved them.
+    # Let yourdfpy use the names of mesh files unchanged, since `usable_shapes` has resolved them.
     return yourdfpy.URDF(robot=urdf.Robot(robot.name, links, joints), filename_handler=lambda fname: fname)
 
 
@@ -79,6 +79,6 @@ def _geometries(shape: Shape) -> Iterator[tuple[Array, Any]]:
     else:
         radius, length = shape.size
         yield np.eye(4), urdf.Geometry(cylinder=urdf.Cylinder(radius, length))
-        # Make a capsule of a cylinder with a ball at each end, because URDF has no capsules.
+        # Make a capsule of a cylinder with a ball at each end, since URDF has no capsules.
         for end in (-0.5 * length, 0.5 * length) if shape.kind == "capsule" else ():
             yield origin_frame((0.0, 0.0, end), (0.0, 0.0, 0.0)), urdf.Geometry(sphere=urdf.Sphere(radius))

@@ -43,8 +43,8 @@ def plot_data(chart: Chart) -> dict[str, Any]:
 
 
 def _common(parts: Sequence[Line | Shade], *, scattered: bool) -> Array:
-    """Points (n,) on the horizontal axis at which any curve or band has a value, ascending. scattered: keep every point of
-    every curve, also several equal ones; otherwise each point occurs once.
+    """Points (n,) on the horizontal axis at which any curve or shaded area has a value, ascending. scattered: whether every
+    point of every curve is kept, including equal points; if not, each point occurs once.
     """
     known = [part.x for part in parts if len(part.x)]
     distinct = known if scattered else {id(part): part for part in known}.values()
@@ -58,7 +58,7 @@ def _at(across: Array, x: Array, y: Array, *, scattered: bool = False) -> Array:
     """
     if scattered:
         values = np.full(len(across), np.nan)
-        # Assign several points of the curve with equal x, one after another, to the points in `across` with this x.
+        # If several points of the curve have equal x, assign them in their order to the points in `across` with this x.
         order = np.argsort(x, kind="stable")
         first = np.searchsorted(across, x[order])
         again = np.arange(len(x)) - np.searchsorted(x[order], x[order])

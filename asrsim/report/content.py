@@ -49,8 +49,8 @@ _SUMMARY_SHAPE: PlainShape = {
         "engine?": str, "other?": str, "joints?": {"*": {"*": _NUMBER}}, **dict.fromkeys(("finding?", "note?"), (str, None)),
     },
 }  # fmt: skip
-"""Keys of `summary.json` that the page uses, with the types of their values. A summary with another structure was edited: the
-page then computes its numbers from the log.
+"""Keys of `summary.json` that the page uses, with the types of their values. A summary with another structure was edited. In
+this case the page computes its numbers from the log.
 """
 
 

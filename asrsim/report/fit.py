@@ -26,7 +26,7 @@ from asrsim.samples import Array
 MOST = 40
 """Largest number of parameters in the table of correlations."""
 STRONG = 0.9
-"""Magnitude of a correlation of two parameters from which on the page names both."""
+"""Smallest magnitude of the correlation of two parameters at which the page names the two parameters."""
 JUDGED = {True: ("the model fits", "good"), False: ("the model does not fit", "poor"), None: ("not judged", "plain")}
 GRADES = {IDENTIFIED: "good", WEAK: "plain", AT_BOUND: "plain"}
 """Style of the page for each verdict on a parameter; verdicts that are not listed have the style `poor`."""

@@ -13,7 +13,7 @@ from asrsim.tables import TableColumn
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 LONG = 24
-"""Number of letters from which on a name in a table may be broken into two lines."""
+"""Smallest number of letters at which a name in a table may be broken into two lines."""
 
 
 def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) -> str:
@@ -28,7 +28,7 @@ def document(title: str, style: str, main: str, *, scripts: Sequence[str] = ()) 
             '<meta name="viewport" content="width=device-width, initial-scale=1">',
             f'<meta name="generator" content="asrsim {__version__}">',
             f"<title>{escape(title)}</title>",
-            # Give the page an empty icon: without an icon in the page, a browser requests a file from the server.
+            # Give the page an empty icon. Without an icon in the page, a browser requests a file from the server.
             '<link rel="icon" href="data:,">',
             f"<style>{style}</style>",
             f"</head><body><main>\n{main}\n</main>",
@@ -59,7 +59,7 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Any]], *, raw: tuple[int
     """HTML table, in which empty columns are left out. raw: indices of columns whose cells are already HTML; long: indices of
     columns whose cells are sentences.
 
-    Each cell carries the head of its column, because in a narrow window CSS shows each row as a list of heads and values.
+    Each cell contains the heading of its column, since in a narrow window CSS shows each row as a list of headings and values.
     """
     filled = [i for i in range(len(heads)) if any(str(row[i]) not in ("", "-") for row in rows)]
     head = "".join(f"<th>{escape(heads[i])}</th>" for i in filled)

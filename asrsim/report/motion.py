@@ -14,7 +14,7 @@ from asrsim.render.scene import RenderScene
 from asrsim.report.series import pack
 
 FRAMES = 400
-"""Largest number of times at which the page has the poses of a run; it interpolates between these times."""
+"""Largest number of times at which the page has the poses of a run. The page interpolates between these times."""
 TRIANGLES = 30_000
 """Number of triangles of all bodies together above which their meshes are simplified."""
 DIGITS = 7

@@ -1,4 +1,4 @@
-"""Frame of every page: head, sections, and the program that draws the plots and the moving view in the browser."""
+"""Frame of every page: title, sections, and the program that draws the plots and the moving view in the browser."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def page_html(
 ) -> str:
     """HTML of a page.
 
-    head: HTML below the title; sections: HTML of each section, of which empty ones are left out; data: data of the plots;
-    motion: data of the moving view; foot: last line of the page.
+    head: HTML below the title; sections: HTML of each section; empty sections are left out; data: data of the plots; motion:
+    data of the moving view; foot: last line of the page.
     """
     header = f"<header><h1>{escape(title)}</h1>{head}</header>"
     footer = f"<footer class='note'>{foot}</footer>" if foot else ""

@@ -43,7 +43,7 @@ def joint_sections(runs: Sequence[RunCurves], recorded: RecordedCurves, time: Ar
             styles = style.styles_of_equal_colours(panel.of_any(several=len(runs) > 1))
             plain = [name for name in dict.fromkeys(name for name, _, _ in drawn) if not name.startswith("reference")]
             for name, number, curve in drawn:
-                # Draw a reference that is equal in all runs once, without the colour of a run.
+                # Draw a reference that is equal in all runs only once, and without the colour of a run.
                 shared = name.startswith("reference") and sum(q == name for q, _, _ in drawn) == 1
                 dash = (
                     DASHES[plain.index(name) % len(DASHES)]

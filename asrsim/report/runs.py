@@ -1,4 +1,4 @@
-"""Page about runs: motion, claims, measures, plots, parameters, and how to repeat them."""
+"""Page about runs: motion, claims, measures, plots, parameters, and commands that repeat the runs."""
 
 from __future__ import annotations
 

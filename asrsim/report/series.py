@@ -18,7 +18,7 @@ from asrsim.samples import Array
 BUDGET = 1_050_000
 """Largest size of all series of a page together, bytes."""
 LEAST, MOST = 200, 4000
-"""Smallest and largest number of intervals into which a series is thinned."""
+"""LEAST, MOST: smallest and largest number of intervals into which a series is thinned."""
 LEVELS = 65534
 """Number of quantisation steps between the smallest and the largest value of a series. These two values are stored exactly."""
 GAP = 65535

@@ -63,7 +63,7 @@ def _charts(time: Array, fields: dict[str, tuple[str, Array]]) -> dict[str, Char
 
 
 def _kept(time: Array, values: Array, most: int = 4000) -> NDArray[np.intp]:
-    """Indices (k,) of the rows that a plot needs: of each short interval, the rows with its smallest and its largest value."""
+    """Indices (k,) of the rows that a plot needs: the rows of the smallest and the largest value in each short interval."""
     if len(time) <= most:
         return np.arange(len(time))
     known = np.nan_to_num(values)
@@ -73,7 +73,7 @@ def _kept(time: Array, values: Array, most: int = 4000) -> NDArray[np.intp]:
 
 
 def _read(path: Path) -> tuple[Array, dict[str, dict[str, tuple[str, Array]]]]:
-    """Times (n,) in s, and by joint and field its unit and its values (n,), from a twin's table. Raises InputError."""
+    """Times (n,) in s, and unit and values (n,) by joint and field, from a twin's table. Raises InputError."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise InputError(f"is larger than {MOST_BYTES / 1e6:g} MB", file=path, code="too-large")

@@ -1,4 +1,4 @@
-"""Writes a page about the results in a folder, which may be those of runs, a fit, a study, learning, or a twin."""
+"""Writes a page about the results in a folder, which may be results of runs, a fit, a study, learning, or a twin."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def write_report(
     Args:
         folder: Folder of a run, or of a scenario's variants, or a log; or the folder of `identify`, `sweep`, `ilc` or `twin`.
         path: File of the page; None: `report.html` in the folder.
-        film: Also draw film strips and the moving view.
-        progress: Called with the present task and the finished fraction of this task.
+        film: Whether film strips and the moving view are also drawn.
+        progress: Function that is called with the present task and the finished fraction of this task.
 
     Returns:
         Path of the page.
@@ -70,14 +70,15 @@ def unreadable_logs(place: Path) -> list[Problem]:
 
 
 def _kind(place: Path) -> tuple[Path, str | None]:
-    """Folder of the results at a path, and the name of the file in `KINDS` that tells what they are; None for runs."""
+    """Folder of the results at a path, and the name of the file in `KINDS` by which the kind of results was recognised; None
+    for runs."""
     if place.is_file():
         return place.parent, place.name if place.name in KINDS else None
     return place, next((name for name in KINDS if (place / name).is_file()), None)
 
 
 def _other_page(folder: Path, kind: str) -> str:
-    # Import each page only where it is needed, because each needs another part of asrsim, which takes time to load.
+    # Import each page only if it is needed, since each page needs another part of asrsim, which takes time to load.
     if kind == "fit.json":
         from asrsim.report.fit import fit_page
 

@@ -66,9 +66,9 @@ def reproduce(
 ) -> FigureOutcome:
     """Reproduce figures, and write `reproduce.html`, `reproduce.json`, pictures and the logs of the runs into `folder`.
 
-    names: numbers of the figures, all by default; workers: number of processes; on_figure: called with the result of each
-    figure when it is there, in any order. If a figure cannot be run, its result states the reason, its claims count as failed,
-    and the other figures continue.
+    names: numbers of the figures, all by default; workers: number of processes; on_figure: function that is called with the
+    result of each figure when this result is available, in any order. If a figure cannot be run, its result states the reason,
+    its claims count as failed, and the other figures continue.
     Raises InputError for unknown figures and OutputError if a file cannot be written.
     """
     known = figures()

@@ -107,13 +107,14 @@ class PaperFigure:
     section: str
     """Section of the paper that contains the figure."""
     paper: str
-    """What the paper claims with the figure, in the words of asrsim's authors."""
+    """Claim that the paper makes with the figure, in the words of asrsim's authors."""
     parts: Callable[[Path], tuple[FigurePart, ...]]
     """Function that runs the experiments, writes their logs into the given folder, and returns the parts of the figure's
-    section. The first part repeats the paper's figure; the others extend it.
+    section. The first part repeats the paper's figure; the other parts extend it.
     """
     cost: float = 1.0
-    """Duration of the experiments relative to those of other figures. The figure with the longest duration starts first."""
+    """Duration of the experiments relative to the experiments of other figures. The figure with the longest duration starts
+    first."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,7 @@ def _section(one: Reproduction) -> str:
 
 
 def _part(part: FigurePart, *, folded: bool) -> str:
-    """HTML of a part of a figure's section. folded: fold the part, unless one of its claims does not hold."""
+    """HTML of a part of a figure's section. folded: whether the part is folded, unless one of its claims does not hold."""
     heads = ["claim", "measured", "expected", ""]
     claims = table(heads, [_claim(claim) for claim in part.claims], raw=(0, 3), long=(0,))
     body = "\n".join(

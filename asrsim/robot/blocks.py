@@ -58,23 +58,25 @@ def read_blocks(
 
 
 def _actuator_of(plugin: Any, reference: str, findings: Findings) -> tuple[type[Actuator] | None, set[str]]:
-    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown one."""
+    """Actuator of a plugin, or None; and the joints of a block that is meant as an actuator, but names an unknown actuator."""
     filename = name_of(plugin, "filename")
     match = _FILENAME.fullmatch(filename)
     name = match.group("name") if match else ""
     tags = elements(plugin)
     given, shown = {tag.tag for tag in tags}, plugin.get("name") or filename or "plugin"
     if name not in SPRING_TAGS and not given.intersection(BLOCK_TAGS):
-        return None, set()  # the search for installed actuators is skipped
+        return None, set()  # before `ACTUATORS` searches for installed actuators
     if name not in ACTUATORS:
         if not {"joint", "operation_mode"} <= given:
             return None, set()
-        actuators = ACTUATORS.names()
-        close = nearest(name, actuators)
-        hint = f"Did you mean 'lib{close}_plugin.so'?" if close else None
-        hint = hint or f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
-        choices = tuple(f"lib{actuator}_plugin.so" for actuator in actuators)
+        found = ACTUATORS.unknown(name)
+        close = nearest(name, found.choices)
+        hint = f"Name your own actuator's file with --plugin {name or 'my_actuator'}.py"
+        hint = f"Did you mean 'lib{close}_plugin.so'? {hint}" if close else hint
+        choices = tuple(f"lib{actuator}_plugin.so" for actuator in found.choices)
         message = "no actuator belongs to this plugin file"
+        if not choices:  # the actuator of an installed package is broken
+            message, hint = found.message, found.hint or ""
         findings.error(message, plugin, shown, code="unknown-actuator", value=filename, choices=choices, hint=hint)
         return None, {text_of(tag) for tag in tags if tag.tag == "joint"}
     if reference:

@@ -1,7 +1,7 @@
 """Mass matrix of a robot at one posture, as loops over its bodies, for programs that need it thousands of times per second.
 
-The equations are those of `asrsim.robot.dynamics.RobotModel.mass_matrix`, which takes many postures at once. The loops run as
-Python or compiled.
+The equations are the equations of `asrsim.robot.dynamics.RobotModel.mass_matrix`, which takes many postures at once. The loops
+run as Python or compiled.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class Chain(NamedTuple):
     """
 
     parents: Any
-    """Body that carries each joint's body, (n,); its number is smaller than that of the body it carries."""
+    """Body that carries each joint's body, (n,); its number is smaller than the number of the body that it carries."""
     places: Any
     """Index (n,) of each of the robot's joints in the other arrays."""
     slides: Any
@@ -34,7 +34,7 @@ class Chain(NamedTuple):
     armature: Any
     """Inertia of each joint's rotors, (n,), kg m^2 (kg)."""
     poses: Any
-    """Work space (n + 1, 4, 4): pose of each body; the first is the base's."""
+    """Work space (n + 1, 4, 4): pose of each body; the first pose is the pose of the base."""
     turned: Any
     """Work space (n, 4, 4): twist of each joint in the world frame."""
     carried: Any

@@ -52,7 +52,7 @@ def with_loops(findings: Findings, root: Any, robot: Robot) -> Robot:
     closures = [*_loop_joints(findings, root, robot), *_sdf_joints(findings, root, robot)]
     while closures:
         for points in (1, 3):
-            # Only a hinge may need fewer points: a fixed joint always needs its three.
+            # Only a hinge may need fewer points. A fixed joint always needs three points.
             parts = [closure.loops(points=3 if closure.points == 3 else points) for closure in closures]
             closed = replace(robot, loops=tuple(loop for part in parts for loop in part))
             found = assembly_of(closed).errors
@@ -82,7 +82,7 @@ def _together(robot: Robot, number: int) -> Sequence[int]:
 
 
 def _loop_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure]:
-    """Closures by `<loop_joint>`, with the joint's pose in the frames of both links."""
+    """Closures by `<loop_joint>`, with the joint's pose in the frames of the two links."""
     for element in elements(root, "loop_joint"):
         ends = [tag for tag in elements(element) if tag.tag in ("link1", "link2")]
         name = name_of(element) or "loop_joint"
@@ -104,10 +104,11 @@ def _sdf_joints(findings: Findings, root: Any, robot: Robot) -> Iterator[Closure
             tags = {tag.tag: tag for tag in elements(element)}
             name = name_of(element) or "joint"
             if not {"parent", "child"} <= set(tags):
-                findings.warn("<gazebo> changes it by elements of SDF; this has no effect here", element, name, code="left-out")
+                message = "<gazebo> changes it by elements of SDF; this has no effect in asrsim"
+                findings.warn(message, element, name, code="left-out")
                 continue
             parent, child = (text_of(tags[key]) or name_of(tags[key], "link") for key in ("parent", "child"))
-            # A joint to the world only carries the root of the robot; the scenario decides whether the base is fixed.
+            # A joint to the world only carries the root of the robot. The scenario states whether the base is fixed.
             links = [robot.root.name if link == WORLD and link not in places else link for link in (parent, child)]
             if links[1] == robot.root.name and parent == WORLD:
                 continue

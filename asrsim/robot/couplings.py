@@ -1,5 +1,5 @@
-"""Couplings of joints: a joint that mimics another joint follows it exactly, q = multiplier q_master + offset; the joints of a
-closed chain follow its master with a ratio that depends on the positions (`asrsim.robot.loops`).
+"""Couplings of joints. A joint that mimics another joint follows it exactly: q = multiplier q_master + offset. The joints of a
+closed chain follow the master of the chain with a ratio that depends on the positions (`asrsim.robot.loops`).
 
 The motion of a coupled robot is determined by the joints that follow no other joint. With the positions z of these joints, the
 positions of all joints are q(z), their velocities N dz, and the torques of all joints act on z as N^T torque.
@@ -23,12 +23,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Couplings:
-    """Couplings of n joints. Arrays of joints (..., n) have all joints; leading axes count postures. Functions of a robot
-    without couplings return their arguments. Positions `q` are those that `expand` returns; they matter only in closed chains.
+    """Couplings of n joints. Arrays (..., n) have an entry for each joint; leading axes count postures. Without couplings, the
+    methods return their arguments. Positions `q` are positions that `expand` returns; they have an effect only in closed
+    chains.
     """
 
     master: NDArray[np.int64]
-    """Index of the joint that each joint follows, (n,); the joint's own index if it follows none."""
+    """Index of the joint that each joint follows, (n,); the joint's own index if it follows no other joint."""
     ratio: Array
     """Velocity of each joint per velocity of its master, (n,); 1 for the joints of closed chains, see `ratios`."""
     offset: Array
@@ -89,8 +90,8 @@ class Couplings:
         return _fold(values, np.abs(self.spread(q))) if self else values
 
     def fold_gains(self, gains: ArrayLike, q: Array) -> Array:
-        """Stiffnesses or dampings (..., n) that act on the joints that follow no other joint, equivalent to those of all
-        joints; 0 for followers.
+        """Stiffnesses or dampings (..., n) that act on the joints that follow no other joint, equivalent to the stiffnesses or
+        dampings of all joints; 0 for followers.
         """
         values = np.asarray(gains, dtype=float)
         return _fold(values, np.square(self.spread(q))) if self else values

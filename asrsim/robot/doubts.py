@@ -28,7 +28,7 @@ DENSITY = 100.0
 AWAY = 2.0
 """Largest plausible distance of a centre of mass from its link's frame, in addition to twice the size of the robot, m."""
 DEGREES = (20.0, 720.0)
-"""Range, rad, in which a limit of a revolute joint was probably stated in degrees."""
+"""Range of limits of a revolute joint, in rad, that were probably stated in degrees."""
 WIDE = 100.0
 """Largest plausible size of a robot, m."""
 UNUSUAL = 1e4
@@ -38,7 +38,8 @@ ROTORS = 0.05
 values contradict each other.
 """
 EXCHANGED = 1.5
-"""Two parameters may have been exchanged if each differs from its default by at least this number of powers of ten."""
+"""Smallest difference of each of two parameters from its default, in powers of ten, for which the two may have been
+exchanged."""
 GAINS = ("proportional", "integral", "derivative")
 
 
@@ -86,7 +87,7 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
     if size > WIDE and robot.joints:
         farthest = max(robot.joints, key=lambda joint: math.hypot(*joint.origin))
         yield _about("makes a very large robot (lengths are in m)", robot, farthest, code="wide-robot", value=f"{size:.4g} m")
-    # A robot of one link without shapes has no size.
+    # A robot with one link and without shapes has no size.
     what = f"a robot of {size:.2g} m" if size else "a robot"
     for link in robot.links:
         moves, mass, inertia = link is not robot.root, link.mass or 0.0, link.inertia or (0.0,) * 6
@@ -103,7 +104,8 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
 
 
 def _no_inertial(robot: Robot) -> Iterator[Problem]:
-    """Warnings about links without `<inertial>`, except the root: PyBullet would assume a mass of 1 kg."""
+    """Warnings about links without `<inertial>`, except the root, since PyBullet would assume that such a link has a mass of 1
+    kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
             message = "link has no <inertial>: taken as massless (PyBullet alone would assume 1 kg)"
@@ -153,7 +155,7 @@ ROBOT_CHECKS: tuple[Callable[[Robot], Iterator[Problem]], ...] = (_no_inertial, 
 def _block_doubts(block: ActuatorBlock, joint: Joint) -> tuple[Problem, ...]:
     """Warnings about one actuator. The key of a warning names its parameters, separated by commas; None: the whole actuator.
 
-    Parameters with the same warning, such as those of two motors, share it.
+    Parameters with the same warning, such as the parameters of two motors, share this warning.
     """
     merged: dict[tuple[str, str], Problem] = {}
     for check in BLOCK_CHECKS:
@@ -214,7 +216,7 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
         if mode.motor and name in (friction, largest) and values[friction] >= values[largest] > 0.0:
             message = "the motor's friction is not below its largest torque: the motor never turns"
             yield Problem(message, key=name, code="stuck-motor", value=f"{values[friction]:g} N m")
-        # Usual values in N m/rad do not apply to values in N/m.
+        # The usual values are for revolute joints, so do not compare values of a prismatic joint with them.
         usual = 0.0 if joint.kind == "prismatic" or math.isinf(declared.default) else abs(declared.default)
         ratio = abs(value) / usual if usual and math.isfinite(value) else 0.0
         if ratio and not 1.0 / UNUSUAL < ratio < UNUSUAL:

@@ -1,6 +1,6 @@
 """Kinematics and dynamics of a robot without its world, in NumPy, at one posture or at many postures at once.
 
-The equations are those of Legnani et al. (1996), Mechanism and Machine Theory 31(5), with matrices (4, 4):
+The equations follow Legnani et al. (1996), Mechanism and Machine Theory 31(5), with matrices (4, 4):
 
     pose T      homogeneous matrix: rotation, and position of the origin
     twist V     velocity of a body along its own axes: T' = T V
@@ -68,11 +68,12 @@ class RobotModel:
     postures.
 
     Coupled joints follow their masters; entries of the arrays for coupled joints are ignored. Torques, Jacobians and mass
-    matrices refer to the masters: entries of coupled joints are 0, and rows of the identity matrix in the mass matrix.
+    matrices refer to the masters. Entries of coupled joints are 0; in the mass matrix, their rows are rows of the identity
+    matrix.
     """
 
     of_file: ClassVar[bool] = True
-    """Whether masses and forces are those of the robot's file; if not, they are those of an engine."""
+    """Whether masses and forces come from the robot's file; if not, they come from an engine."""
 
     def __init__(
         self,
@@ -94,7 +95,7 @@ class RobotModel:
         self._free = BASE if floating else 0
         chain = with_base_joints(merged.robot) if floating else merged.robot
         joints = chain.outward_joints
-        # Joint k moves body k + 1; body 0 stands still.
+        # Joint k moves body k + 1. Body 0 does not move.
         self._numbers = bodies = {chain.root.name: 0} | {joint.child: k for k, joint in enumerate(joints, 1)}
         """Number of each body, by name of its link in the merged robot."""
         self._parents = [bodies[joint.parent] for joint in joints]
@@ -125,7 +126,8 @@ class RobotModel:
         """Take the robot and its inertias."""
         self.robot = robot
         self._inertias, self._floats = np.zeros((2, len(self._parents) + 1, 4, 4))
-        """Pseudo-inertias of the bodies, and of the masses without gravity; of the latter only mass and first moments count."""
+        """_inertias: pseudo-inertias of the bodies; _floats: pseudo-inertias of the masses on which gravity does not act, of
+        which only mass and first moments are used."""
         for link in merge_fixed(robot).robot.links:
             (mass, centre), body = link.weightless, self._numbers[link.name]
             self._inertias[body] = _pseudo_inertia(link)
@@ -134,7 +136,7 @@ class RobotModel:
         self._armature[self._at] = [joint.armature for joint in robot.moving_joints]
 
     def poses(self, positions: ArrayLike, base: Array | None = None) -> dict[str, Array]:
-        """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the start."""
+        """Pose (..., 4, 4) of each link in the world. base: pose (..., 4, 4) of the root link; None: the initial pose."""
         bodies = self._bodies(positions, base)
         return {name: bodies[body] @ place for name, (body, place) in self._places.items()}
 
@@ -151,7 +153,7 @@ class RobotModel:
         at = bodies[body] @ place @ (*point, 1.0)
         jacobian = np.zeros((*at.shape[:-1], 6, len(self._parents)))
         while body:
-            # Take the twist along the axes of the world, for the point of the body at the origin of the world.
+            # Express the twist along the axes of the world, for the point of the body that is at the origin of the world.
             twist = bodies[body] @ self._twists[body - 1] @ np.linalg.inv(bodies[body])
             jacobian[..., :3, body - 1] = (twist @ at[..., None])[..., :3, 0]
             jacobian[..., 3:, body - 1] = twist[..., (2, 0, 1), (1, 2, 0)]
@@ -192,22 +194,22 @@ class RobotModel:
         return self.couplings.fold(torques[..., self._at], q)
 
     def gravity_torques(self, positions: ArrayLike) -> Array:
-        """Joint torques (..., n) in N m that hold the robot at rest against gravity: G(q) of the paper's equation 1."""
+        """Joint torques (..., n) in N m that hold the robot at rest against gravity. This is G(q) of the paper's equation 1."""
         q = self.couplings.expand(positions)
         steps = self._steps(self._with_base(q))
         backs = np.linalg.inv(steps)
-        # These are the equations of `_torques` without the terms of velocity and acceleration.
+        # Use the equations of `_torques`, without the terms of velocity and acceleration.
         rises = self._rises(steps, backs, self._gravity)
         loads = [rise @ (inertia - mass) for rise, inertia, mass in zip(rises, self._inertias, self._floats, strict=True)]
         return self.couplings.fold(self._gathered(steps, loads)[..., self._at], q)
 
     def gravity_stiffness(self, positions: Array) -> tuple[Array, Array]:
-        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n): the second derivative of the
-        potential energy, N m/rad. For robots without coupled joints.
+        """`gravity_torques` (..., n), and their change per displacement of each joint (..., n, n), N m/rad. This change is the
+        second derivative of the potential energy. For robots without coupled joints.
         """
         bodies = np.stack(self._bodies(positions)[1:], axis=-3)
         twists = bodies @ self._twists @ np.linalg.inv(bodies)
-        # A joint turns the first moment of all bodies that it carries; the joints that carry it turn its axis.
+        # A joint turns the first moment of mass of all bodies that it carries. The joints that carry it turn its axis.
         moments = bodies @ (self._inertias - self._floats)[1:, :, 3, None]
         pushes = twists @ (self._carries @ moments[..., 0])[..., None]
         down = np.append(self._gravity, 0.0)
@@ -227,7 +229,7 @@ class RobotModel:
         speeds = self._with_base(self.couplings.expand_rates(velocities, q))
         rates = np.moveaxis(speeds[..., None, None] * self._twists, -3, 0)
         steps = self._steps(self._with_base(q))
-        # The pose of each body, and the derivative of the pose with respect to time.
+        # Pose of each body, and time derivative of the pose.
         poses, motions = [np.broadcast_to(self._base, steps.shape[1:])], [np.zeros(steps.shape[1:])]
         for parent, step, rate in zip(self._parents, steps, rates, strict=True):
             poses.append(poses[parent] @ step)
@@ -250,7 +252,7 @@ class RobotModel:
     def _steps(self, positions: Array) -> Array:
         """Pose of each body in the frame of the body that carries it, (joints, ..., 4, 4), by Rodrigues' formula."""
         first = np.where(self._slides, positions, np.sin(positions))[..., None, None] * self._twists
-        # For a sliding joint the second-order term is 0, since the square of its twist is 0.
+        # For a prismatic joint the second-order term is 0, since the square of its twist is 0.
         second = (1.0 - np.cos(positions))[..., None, None] * (self._twists @ self._twists)
         return np.moveaxis(self._origins @ (np.eye(4) + first + second), -3, 0)
 
@@ -315,7 +317,7 @@ def with_base_joints(robot: Robot) -> Robot:
     """Robot on a fixed base, with six joints instead of the floating base of `robot`: the root link moves along the axes
     of its frame, then turns about them.
     """
-    # XML does not allow the character 0, so no link of a file has these names.
+    # XML does not allow the null character, so no link of a file has these names.
     names = [f"\0base {k}" for k in range(BASE)]
     joints = (
         Joint(name=names[k], kind="revolute" if k > 2 else "prismatic", parent=names[k], child=child, axis=AXES[k % 3])

@@ -63,11 +63,11 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
             gazebo = _added(root, "gazebo")
             gazebo.set("reference", owner)
             tags = [_added(gazebo, tag)]
-        _set_text(tags[-1], value)  # if a tag is repeated, the last counts
+        _set_text(tags[-1], value)  # if a tag is repeated, the last one counts
         return True
     if name == "armature" and joint is not None:
-        # The file's rotor inertia of a joint is the sum of its armature and of the rotors of its transmissions; behind a
-        # spring, this inertia has no effect.
+        # A joint's rotor inertia is the sum of its armature in the file and of the rotors of its transmissions, so write only
+        # the rest as the armature. Behind a spring, the armature in the file has no effect.
         dynamics = next(iter(elements(joint, "dynamics")), None)
         own = float(dynamics.get("armature") or 0.0) if dynamics is not None else 0.0
         rest = float(value) - (robot.joint(owner).rotor_inertia - own)
@@ -90,12 +90,12 @@ def _put(root: Any, robot: Robot, owner: str, name: str, value: str) -> bool:
 
 
 def _named(root: Any, tag: str, name: str) -> Any:
-    """Joint or link with this name; None if there is none."""
+    """Joint or link with this name; None if the robot has no such joint or link."""
     return next((element for element in elements(root, tag) if name_of(element) == name), None)
 
 
 def _set_text(element: Any, value: str) -> None:
-    del element[:]  # comments, which may stand before the number
+    del element[:]  # remove comments, which may precede the number
     element.text = value
 
 

@@ -24,7 +24,7 @@ _HINTS = (
     (re.compile(r"[-+]?\d+,\d+"), "Write a decimal point"),
     (re.compile(r"[-+]?[\d.]+\s*[^\W\d].*"), "Write the number without its unit, in SI units"),
 )
-"""Patterns of texts that are no numbers, each with advice what to write instead."""
+"""Patterns of texts that are not numbers, each with advice on what to write instead."""
 
 
 _BLANKS = re.compile(f"[{BLANKS}]+")
@@ -51,7 +51,7 @@ class Findings:
         self.errors: list[Problem] = []
         self.warnings: list[Problem] = []
         self.expanded = expanded
-        """Whether the elements are from an expanded xacro file, whose lines differ from those of the user's file."""
+        """Whether the elements are from an expanded xacro file, whose lines differ from the lines of the user's file."""
 
     def line(self, at: Any) -> int | None:
         """Line of an element in the user's file; None if unknown."""
@@ -60,7 +60,7 @@ class Findings:
         return None if self.expanded else at.sourceline
 
     def error(self, message: str, at: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
-        """Add an error: the file cannot be simulated."""
+        """Add an error, which means that the file cannot be simulated."""
         self.errors.append(Problem(message, code=code, file=self.file, line=self.line(at), key=key, **details))
 
     def warn(self, message: str, at: Any, key: str, *, code: str, **details: Unpack[Details]) -> None:
@@ -95,7 +95,8 @@ class Findings:
         return self.value(text, text, element, place, finite=finite)
 
     def vector(self, element: Any, key: str, place: str, *, default: Vector | None) -> Vector:
-        """Attribute as three numbers; the default if it is absent or invalid. None: a missing attribute is an error."""
+        """Attribute as three numbers; the default if it is absent or invalid. default: None if a missing attribute is an
+        error."""
         text = element.get(key)
         if text is None:
             if default is None:

@@ -1,8 +1,10 @@
-"""Writes joints of two or three freedoms as joints of one freedom each, with massless links between them.
+"""Writes each joint with two or three degrees of freedom as joints with one degree of freedom, with massless links between
+them.
 
-Planar joints are those of URDF: two slides in the plane and a hinge about its normal, the joint's axis. Spherical joints, which
-URDF lacks but PyBullet and MuJoCo read, are three hinges about the axes x, y and z of the joint's frame. At 90 degrees of the
-second hinge, the axes of the other two hinges would coincide; a limit stops it before.
+A planar joint of a URDF becomes two slides in the plane, and a hinge about the normal of the plane, which is the joint's axis.
+A spherical joint, which URDF lacks but PyBullet and MuJoCo read, becomes three hinges about the axes x, y and z of the joint's
+frame. At 90 degrees of the second hinge, the axes of the other two hinges would coincide; a limit stops the second hinge before
+this angle.
 """
 
 from __future__ import annotations
@@ -20,15 +22,17 @@ from asrsim.robot.vocabulary import number_of
 from asrsim.robot.xmlfile import elements, name_of
 
 FREEDOMS = ("planar", "spherical", "ball")
-"""Types of joints with several freedoms."""
+"""Types of joints with several degrees of freedom."""
 STEEPEST = 1.5
 """Largest angle of the second hinge of a spherical joint, rad."""
 REACH = {"prismatic": math.inf, "revolute": STEEPEST, "continuous": math.inf}
-"""Limit in both directions of a joint of one freedom that replaces a joint of several freedoms, rad or m, by its type."""
+"""Limit in each direction of a joint that replaces a joint with several degrees of freedom, rad or m, by type of the new
+joint."""
 
 
 def divide_joints(findings: Findings, root: Any, locked: Sequence[str]) -> bool:
-    """Replace joints of several freedoms in the document; returns whether there was one. locked: joints that are fixed."""
+    """Replace joints with several degrees of freedom in the document. Returns whether the document has such joints. locked:
+    joints that are fixed."""
     joints = [joint for joint in elements(root, "joint") if name_of(joint, "type") in FREEDOMS]
     joints = [joint for joint in joints if not is_locked(name_of(joint), locked)]
     for joint in joints:
@@ -46,15 +50,15 @@ def _divide(findings: Findings, joint: Any) -> None:
         kinds, parts = ("prismatic", "prismatic", "continuous"), "two slides and a hinge"
     else:
         axes, kinds = np.eye(3), ("continuous", "revolute", "continuous")
-        parts = f"hinges about x, y and z; the hinge about y stops at {STEEPEST:g} rad, before the axes of the others coincide"
-    message = f"has several freedoms: simulated as joints {names[0]}, {names[1]}, {names[2]}, which are {parts}"
+        parts = f"hinges about x, y and z; the hinge about y stops at {STEEPEST:g} rad, before the other axes coincide"
+    message = f"has several degrees of freedom: simulated as joints {names[0]}, {names[1]}, {names[2]}, which are {parts}"
     limits, dynamics, origin = (elements(joint, tag)[:1] for tag in ("limit", "dynamics", "origin"))
     if any(number_of(tag.get(key, "0")) for tag in limits for key in ("lower", "upper")):
         message += ". Its limits of position are left out"
     given = [key for key in ("damping", "friction") for tag in dynamics if number_of(tag.get(key, "0"))]
     if given and not planar:
         message += f". Each hinge has its {' and '.join(given)} about its own axis: together they are not isotropic"
-        # sum(rates^2) is |angular velocity|^2 - 2 rate_1 rate_3 sin(angle_2).
+        # The sum of the squared rates is |angular velocity|^2 - 2 rate_1 rate_3 sin(angle_2).
         message += ", except for damping while the second hinge is at 0 rad" if "damping" in given else ""
     findings.warn(message, joint, name, code="several-freedoms")
     links = [_end(joint, "parent"), f"{name}_link_1", f"{name}_link_2", _end(joint, "child")]
@@ -80,7 +84,7 @@ def _added(joint: Any, tag: str, **attributes: str) -> Any:
 
 
 def _end(joint: Any, tag: str) -> str:
-    """Name of the link at one end of the joint; empty if none is stated."""
+    """Name of the link at one end of the joint; empty if the joint states no link."""
     return next((name_of(end, "link") for end in elements(joint, tag)), "")
 
 

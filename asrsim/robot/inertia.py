@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -31,6 +31,14 @@ def principal_axes(link: Link) -> tuple[Vector, Vector]:
         axes[:, 0] *= -1.0
     xx, yy, zz = (max(float(moment), 0.0) for moment in moments)
     return (xx, yy, zz), roll_pitch_yaw(rotation_matrix(link.inertial_rpy) @ axes)
+
+
+def principal_moments(inertia: Sequence[float]) -> list[float]:
+    """Principal moments in kg m^2 in rising order, from the six numbers in the order of `asrsim.robot.model.INERTIAS`."""
+    xx, xy, xz, yy, yz, zz = inertia
+    # Most tensors are diagonal, and every evaluation of a fit calls this function.
+    found: list[float] = np.linalg.eigvalsh(tensor_of(inertia)).tolist() if xy or xz or yz else sorted((xx, yy, zz))
+    return found
 
 
 def tensor_of(inertia: Iterable[float]) -> np.ndarray:

@@ -1,10 +1,10 @@
-"""Closed chains of one freedom: points of links coincide with points of other links.
+"""Closed chains with one degree of freedom, in which points of links coincide with points of other links.
 
 A linkage is a group of joints that one joint, the master, moves: the joints of a loop, the joints of further loops that share
 joints with it, and all joints coupled to these joints. J is the Jacobian of the gaps of its loops and couplings, with columns
 J_m of the master and J_f of the followers. At unit velocity of the master, the followers have the velocities `ratio`: J_f ratio
-= -J_m. At constant velocity of the master, they have the accelerations `gamma`: J_f gamma = -dJ/dt v. Both are solved by least
-squares, since a planar loop has fewer equations than the three of its gap.
+= -J_m. At constant velocity of the master, they have the accelerations `gamma`: J_f gamma = -dJ/dt v. The two systems are
+solved by least squares, since a planar loop has fewer equations than the three components of its gap.
 """
 
 from __future__ import annotations
@@ -42,15 +42,14 @@ ROUNDS = 25
 STRIDE = 0.15
 """Largest motion of a joint between two postures of a traced linkage, rad."""
 SHORTEST = 1e-7
-"""A linkage that does not close counts as being at its dead centre if the step of the master is smaller than this value, as a
-fraction of 1 rad.
-"""
+"""Step of the master, as a fraction of 1 rad, below which a linkage that does not close counts as being at its dead centre."""
 POSTURES = 4000
 """Largest number of postures of a traced linkage in one direction."""
 TRIALS, ENOUGH = 200, 8
-"""Number of random postures from which the search for closed postures starts; number of closed postures that end it."""
+"""TRIALS: number of random postures from which closed postures are sought; ENOUGH: number of closed postures that end this
+search."""
 SLACK = 1e-7
-"""Largest distance beyond a limit at the start that counts as rounding, rad (m)."""
+"""Largest distance of an initial position beyond a limit that counts as rounding, rad (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,10 +67,11 @@ class Loop:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopPath:
-    """Joints between the links of a loop, from their common body: those of the first side, then those of the second side."""
+    """Joints between the links of a loop and the common body of these links: first the joints of the first side, then the
+    joints of the second side."""
 
     joints: tuple[int, ...]
-    """Indices among the robot's moving joints."""
+    """Indices of the joints among the robot's moving joints."""
     split: int
     """Number of joints on the first side."""
     slides: tuple[bool, ...]
@@ -82,7 +82,7 @@ class LoopPath:
     axes: tuple[Array, ...]
     """Axis (3,) of each joint in its frame."""
     ends: Array
-    """Points (6,) that coincide, in the frames after the last joints of both sides, m."""
+    """Points (6,) that coincide, in the frames after the last joints of the two sides, m."""
 
     def equations(self, q: Array) -> tuple[Array, Array, Array]:
         """Gap (..., 3) in m, its derivatives (..., 3, k) by the positions of `joints`, and the axes (..., 3, k)."""
@@ -126,7 +126,7 @@ class LoopPath:
 
     @cached_property
     def _twists(self) -> list[tuple[Array, Array]]:
-        """Matrix of the cross product with each joint's axis, and its square."""
+        """Matrix of the cross product with each joint's axis, and the square of this matrix."""
         twists = [cross_matrix(axis) for axis in self.axes]
         return [(twist, twist @ twist) for twist in twists]
 
@@ -152,20 +152,18 @@ class MimicJoint:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Linkage:
-    """Joints that one joint moves through loops. Arrays of positions (..., n) are those of all moving joints."""
+    """Joints that one joint moves through loops. Arrays of positions (..., n) contain the positions of all moving joints."""
 
     joints: tuple[int, ...]
-    """Indices among the robot's moving joints; the master is the first."""
+    """Indices of the joints among the robot's moving joints; the first index is the master's."""
     loops: tuple[int, ...]
-    """Indices of its loops among those of the robot."""
+    """Indices of the linkage's loops among the loops of the robot."""
     paths: tuple[LoopPath, ...]
     ties: tuple[MimicJoint, ...]
     size: float
-    """Typical length, m: weight of the couplings among the equations."""
+    """Typical length in m, which is the weight of the couplings among the equations."""
     start: Array
-    """Positions (n,) of all joints from which the linkage moves; the loops are closed if positions near the stated positions
-    close them.
-    """
+    """Initial positions (n,) of all joints. The loops are closed there if positions near the stated positions close them."""
     stops: Array
     """Lower and upper limits (n, 2) of all joints, rad or m."""
     slides: NDArray[np.bool_]
@@ -209,16 +207,16 @@ class Linkage:
         return np.concatenate([np.zeros((*q.shape[:-1], 1)), followers[..., 0]], axis=-1)
 
     def close(self, q: Array, *, first: int = 1) -> Array:
-        """Closed positions (..., n) near the given ones: the joints of the linkage from index `first` on are moved to close its
-        loops.
+        """Closed positions (..., n) near the given positions. The joints of the linkage with index `first` or more are moved to
+        close the loops.
         """
         q, moved = q.copy(), list(self.joints[first:])
         for _ in range(ROUNDS):
             gap, jacobian = self.equations(q)
             step = -(np.linalg.pinv(jacobian[..., first:], rcond=1e-9) @ gap[..., None])[..., 0]
-            # Approach a distant posture in short steps, so that the search does not jump to another branch of closed postures.
+            # Approach a distant posture by short steps, so that the search does not jump to another branch of closed postures.
             q[..., moved] += step * np.minimum(1.0, 0.5 / np.maximum(np.abs(step).max(axis=-1, keepdims=True), 1e-300))
-            # Stop where the next step of Newton's method would be smaller than rounding errors.
+            # Stop if the next step of Newton's method would be smaller than rounding errors.
             if not np.abs(step).max(initial=0.0) > 1e-9:
                 break
         return q
@@ -235,7 +233,7 @@ class Linkage:
         gap, followers = np.abs(gaps).max(), jacobian[:, 1:]
         if not OPEN <= gap < ROUNDED:
             return bool(gap < OPEN)
-        # A fully stretched chain cannot reduce its gap either: its followers are at a dead centre.
+        # A fully stretched chain cannot reduce its gap, either. Its followers are at a dead centre.
         reducible = followers @ np.linalg.pinv(followers) @ gaps
         return _determined(followers) and bool(np.abs(reducible).max() < OPEN)
 
@@ -249,13 +247,13 @@ class Linkage:
         if not _determined(self.equations(q)[1][:, 1:]):
             return (
                 "does not determine the motion of the loop's joints at this position: it is a dead centre, or the loop has "
-                "several freedoms"
+                "several degrees of freedom"
             )
         return ""
 
     @cached_property
     def trace(self) -> Trace:
-        """Postures that the master reaches from the start."""
+        """Postures that the master reaches from the initial posture."""
         return Trace(self)
 
     def follow(self, positions: Array) -> Array:
@@ -270,14 +268,14 @@ def _determined(followers: Array) -> bool:
 
 
 class Trace:
-    """Postures of a linkage from its start to the limit of a joint, or to a dead centre, in both directions; a master that
-    turns freely is traced for a turn.
+    """Postures of a linkage from its initial posture to the limit of a joint, or to a dead centre, in both directions. A master
+    that turns freely is traced for a turn.
 
     Attributes:
         low, high: Range of the master in which no joint is beyond its limits, rad or m.
         dead: Whether each end of the range is a dead centre, which the master cannot pass.
-        gap: Largest gap that remains in the range, m, due to rounding of the file's numbers.
-        ignored: Joints that are beyond their limits at the start: these limits do not count.
+        gap: Largest gap in the range, m. It remains due to rounding of the file's numbers.
+        ignored: Joints that are beyond their limits in the initial posture. These limits are ignored.
     """
 
     def __init__(self, linkage: Linkage) -> None:
@@ -326,7 +324,8 @@ class Trace:
                     break
                 stride *= 0.5
             else:
-                # The range ends here: at a dead centre if the loops are still closed, without one if the gap has grown.
+                # The range ends here. It ends at a dead centre if the loops are still closed, and without a dead centre if the
+                # gap has grown.
                 return rows[1:], float(here[master]), own.gap(here) <= GROWN
             slopes = own.ratios(next_row)
             hit = self._hit(here, next_row, rates, slopes)
@@ -351,7 +350,7 @@ class Trace:
 
     def _hit(self, here: Array, there: Array, rates: Array, slopes: Array) -> Array | None:
         """First posture between two neighbouring postures at which a follower reaches its limit; None if no follower does.
-        rates, slopes: ratios at both.
+        rates, slopes: ratios at the two postures.
         """
         own, master = self._linkage, self._linkage.master
         if not self._limited:
@@ -359,7 +358,7 @@ class Trace:
         candidates = [there]
         for j in self._limited:
             k = own.joints.index(j)
-            # A follower that reverses between the two postures may exceed its limit between them.
+            # A follower that reverses between the two postures may exceed its limit there.
             if rates[k] * slopes[k] < 0.0:
                 candidates.append(self._between(here, there, rates[k] / (rates[k] - slopes[k])))
         beyond = [row for row in candidates if self._excess(row) > 0.0]
@@ -382,7 +381,7 @@ class Trace:
         return float(np.maximum(low - q[self._limited], q[self._limited] - high).max()) - SLACK * 1e-3
 
     def guess(self, positions: Array) -> Array:
-        """Positions (..., n) whose followers are near those that close the linkage."""
+        """Positions (..., n) whose followers are near positions that close the linkage."""
         own, rows = self._linkage, self._rows
         z, master = positions[..., own.master], own.master
         turns = np.zeros_like(z)
@@ -401,7 +400,7 @@ class Trace:
 
 
 def linkages_of(robot: Robot) -> tuple[Linkage, ...]:
-    """Linkages of the robot, from the start positions of its joints. Raises RobotError for loops that no joint can close."""
+    """Linkages of the robot, from the initial positions of its joints. Raises RobotError for loops that no joint can close."""
     if not robot.loops:
         return ()
     return _linkages(robot.loops, robot.joints, tuple(block.joint for block in robot.actuators))
@@ -509,7 +508,7 @@ def _groups(paths: Sequence[LoopPath], moving: Sequence[Joint], order: dict[str,
 
 @dataclass(frozen=True, kw_only=True)
 class Assembly:
-    """Linkages of a robot at their start."""
+    """Linkages of a robot in their initial postures."""
 
     linkages: tuple[Linkage, ...] = ()
     """Linkages that their masters can move."""
@@ -518,10 +517,10 @@ class Assembly:
 
 
 def assembly_of(robot: Robot, stated: Sequence[str] = ()) -> Assembly:
-    """Linkages of a robot at a start that closes them.
+    """Linkages of a robot at initial positions that close them.
 
-    Loops that the joints' start positions do not nearly close, or close at a dead centre, start at the nearest closed posture
-    that is found, unless one of the `stated` joints belongs to them.
+    If the joints' initial positions do not nearly close a loop, or close it at a dead centre, the loop starts at the nearest
+    closed posture that is found, unless one of the `stated` joints belongs to the loop.
     """
     return _assembly(robot.loops, robot.joints, tuple(block.joint for block in robot.actuators), tuple(stated))
 
@@ -539,8 +538,8 @@ def _assembly(loops: tuple[Loop, ...], joints: tuple[Joint, ...], driven: tuple[
             linkage = replace(linkage, start=_nearest(linkage, np.array([joint.start or 0.0 for joint in moving])))
             if not linkage.fault(linkage.start):
                 places = ", ".join(f"{moving[j].name}: {linkage.start[j]:.4g}" for j in linkage.joints)
-                message = "the chain is open or at a dead centre at the default start: it starts at another posture"
-                hint = "State another start under `initial` in the scenario"
+                message = "the chain is open or at a dead centre at the default positions: it starts in another posture"
+                hint = "State other positions under `initial` in the scenario"
                 warnings.append(Problem(message, key=names[0], value=places, hint=hint, code="loop-start"))
         if fault := linkage.fault(linkage.start):
             subject = "" if fault.startswith("no positions") else f"joint '{names[0]}' "

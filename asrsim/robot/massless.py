@@ -45,18 +45,18 @@ def springable_joints(robot: Robot) -> tuple[str, ...]:
 
 
 def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
-    """Robot in which joints that move no mass are fixed, since their motion is undefined: the motion of the other joints does
-    not depend on them.
+    """Robot in which joints that move no mass are fixed, since their motion is undefined. The motion of the other joints does
+    not depend on these joints.
 
-    Such a joint is an error if it has an actuator, or if no other joint moves. A rotor gives a joint inertia, and so do the
-    joints that follow it; a joint that follows another joint moves with it.
+    Such a joint is an error if it has an actuator, or if no other joint moves. A rotor gives inertia to a joint, and so do the
+    joints that follow this joint. A joint that follows another joint moves with it.
     """
     driven = {block.joint for block in robot.actuators}
     light = [joint for joint in robot.moving_joints if not (joint.rotor_inertia > 0.0 or carries_mass(robot, joint))]
     moved = {joint.mimic for joint in robot.moving_joints if joint not in light}
     massless = [joint for joint in light if not joint.mimic and joint.name not in moved]
     held = [joint for joint in massless if joint.name not in driven]
-    # Fix no joint if then none would move; a joint that follows a fixed joint does not move either.
+    # Fix no joint if no joint would then move. A joint that follows a fixed joint does not move, either.
     names = {joint.name for joint in massless}
     held = held if any(joint.name not in names and joint.mimic not in names for joint in robot.moving_joints) else []
     for joint in massless:
@@ -68,7 +68,7 @@ def without_massless_joints(findings: Findings, robot: Robot) -> Robot:
             findings.error(message, joint.line, joint.name, code="massless-joint", hint=hint)
     robot = _fixed(robot, held)
     idle = _idle_joints(robot, driven) if robot.moving_joints and not findings.errors else {}
-    # If no other joint moves, do not warn here: an error of the run states what is missing.
+    # If no other joint moves, do not warn here, since an error of the run states what is missing.
     if len(idle) == len(robot.moving_joints):
         return robot
     for joint, message in idle.items():
@@ -85,9 +85,9 @@ def _fixed(robot: Robot, held: Collection[Joint]) -> Robot:
 
 
 def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
-    """Joints without an actuator that must be fixed so that the mass matrix is positive at the start, each with the reason.
-    These are joints with a point mass on their axis. If joints move against each other without mass between them, those with
-    the smallest range are fixed.
+    """Joints without an actuator that must be fixed so that the mass matrix is positive at the initial positions, each with the
+    reason. These are joints with a point mass on their axis. If joints move against each other without mass between them, the
+    joints with the smallest range are fixed.
     """
     joints, couplings = robot.moving_joints, robot.couplings
     mass = RobotModel(with_rotors(robot, {})).mass_matrix([joint.start or 0.0 for joint in joints])
@@ -101,7 +101,7 @@ def _idle_joints(robot: Robot, driven: Collection[str]) -> dict[Joint, str]:
     idle: dict[Joint, str] = {}
     stays = [j for j, joint in enumerate(joints) if j in coupled or joint.name in driven]
     if stays and not (heavy[stays].all() and _regular(scaled, stays)):
-        return {}  # the joints that must stay move no mass, whichever other joints are fixed
+        return {}  # fixing other joints does not help, since the joints that must remain move no mass
     for j in sorted({*range(len(joints))} - {*stays}, key=lambda j: joints[j].stops[0] - joints[j].stops[1]):
         if heavy[j] and _regular(scaled, [*stays, j]):
             stays.append(j)

@@ -1,4 +1,5 @@
-"""Reads the elements of a robot file about the mechanics of its drives: couplings of joints, rotors, gravity, start positions.
+"""Reads the elements of a robot file about the mechanics of its drives: couplings of joints, rotors, gravity, initial
+positions.
 
 These elements belong to several dialects: URDF, transmissions of ROS, Drake, Gazebo and ros2_control.
 """
@@ -23,7 +24,7 @@ TRUE, FALSE = ("true", "1"), ("false", "0")
 def read_mechanics(
     findings: Findings, root: Any, links: Sequence[Link], joints: Sequence[Joint]
 ) -> tuple[tuple[Link, ...], tuple[Joint, ...]]:
-    """Links with their gravity, and joints with their couplings, rotors and start positions."""
+    """Links with their gravity, and joints with their couplings, rotors and initial positions."""
     found = {joint.name: joint for joint in joints}
     for name, inertia in _rotors(findings, root):
         if name in found and found[name].moves:
@@ -86,7 +87,8 @@ def _number(findings: Findings, tag: Any, key: str, default: float) -> float:
 
 
 def _coupled(findings: Findings, joints: tuple[Joint, ...]) -> tuple[Joint, ...]:
-    """Joints coupled to masters that follow no joint, with consistent limits. A joint whose master does not move is fixed."""
+    """Joints that are coupled to masters that follow no joint, with consistent limits. A joint whose master does not move is
+    fixed."""
     named = {joint.name: joint for joint in joints}
     found = {joint.name: _resolved(findings, joint, named) for joint in joints}
     for joint in list(found.values()):
@@ -183,14 +185,15 @@ def _rotors(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
 def _of_transmission(findings: Findings, transmission: Any) -> Iterator[tuple[str, float]]:
     joints = elements(transmission, "joint")
     if len(joints) != 1:
-        return  # a differential: the file does not state which rotor turns with which joint
+        return  # for a differential, the file does not state which rotor turns with which joint
     name = name_of(joints[0]) or text_of(joints[0])
     for actuator in elements(transmission, "actuator"):
-        # ROS 1 writes the reduction in the actuator, ros2_control in the joint, files before ROS 1.0 in the transmission.
+        # The reduction is in the actuator in ROS 1, in the joint in ros2_control, and in the transmission in files from before
+        # ROS 1.0.
         places = (actuator, joints[0], transmission)
         inertia = _first(findings, places, ROTOR, name, 0.0)
-        # Read the ratio only if there is an inertia: without an inertia the ratio has no effect, and some files still contain
-        # template text in its place.
+        # Read the ratio only if there is an inertia. Without an inertia the ratio has no effect, and some files still contain
+        # template text instead of the ratio.
         ratio = _first(findings, places, RATIO, name, 1.0) if inertia else 1.0
         if inertia < 0.0:
             message = "the inertia of a motor must not be negative"
@@ -213,7 +216,8 @@ def _first(findings: Findings, parents: Sequence[Any], names: tuple[str, ...], k
 
 
 def _gravity(findings: Findings, root: Any, links: Container[str]) -> Iterator[tuple[str, bool]]:
-    """Link, and whether its gravity is off, for each element about gravity; if there are several, the last counts."""
+    """Link, and whether its gravity is off, for each element about gravity. If a link has several such elements, the last one
+    is used."""
     words: dict[str, bool] = {}
     uses = [
         (name_of(one, "reference"), tag) for one in elements(root, "gazebo") for tag in elements(one) if tag.tag in _GRAVITY
@@ -237,10 +241,10 @@ _GRAVITY = {"turnGravityOff": True, "gravity": False}
 
 
 def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
-    """Joint and start position in blocks of ros2_control, rad or m."""
+    """Joint and initial position in blocks of ros2_control, rad or m."""
     for joint in _controlled(root):
         for tag in elements(joint, "param"):
-            if name_of(tag) == "initial_position":  # the spelling before `initial_value`
+            if name_of(tag) == "initial_position":  # earlier name of the parameter `initial_value`
                 yield name_of(joint), _number(findings, tag, name_of(joint), 0.0)
         for interface in elements(joint, "state_interface"):
             for tag in elements(interface, "param"):
@@ -248,7 +252,7 @@ def _starts(findings: Findings, root: Any) -> Iterator[tuple[str, float]]:
                 if name_of(interface) == "position" and name_of(tag) == "initial_value":
                     yield name_of(joint), value
                 elif name_of(interface) == "velocity" and value:
-                    message = "the start velocity of ros2_control is left out: the joint starts at rest"
+                    message = "the initial velocity of ros2_control is left out: the joint starts at rest"
                     hint = f"`initial: {{{name_of(joint)}: {{velocity: {value:g}}}}}` in the scenario sets this velocity"
                     findings.warn(message, tag, name_of(joint), code="left-out", value=f"{value:g}", hint=hint)
 

@@ -1,4 +1,5 @@
-"""Merges links that are connected by fixed joints into one body: engines are slow with many links, and merge inexactly."""
+"""Merges links that are connected by fixed joints into one body, since engines are slow with many links, and merge links
+inexactly."""
 
 from __future__ import annotations
 
@@ -53,11 +54,15 @@ def merge_fixed(robot: Robot, origin: Vector = ZERO) -> MergedRobot:
 
     origin: origin of the base's frame in the frame of the root link, m.
     """
+    if origin == ZERO and robot.moving_joints == robot.joints:
+        names = robot.root.name, *(joint.child for joint in robot.joints)
+        return MergedRobot(robot=robot, places={name: LinkPlacement(body=name, pose=HERE) for name in names})
     merged = _merged(robot.links, robot.joints, robot.loops, origin)
     return replace(merged, robot=replace(robot, links=merged.robot.links, joints=merged.robot.joints, loops=merged.robot.loops))
 
 
-# Cached, since a run needs the merged robot three times: when the robot is read, for the dynamics, and for the engine.
+# Cache the result, since a run needs the merged robot three times: when the robot is read, for the dynamics, and for the
+# engine.
 @lru_cache(maxsize=2)
 def _merged(all_links: tuple[Link, ...], all_joints: tuple[Joint, ...], loops: tuple[Loop, ...], origin: Vector) -> MergedRobot:
     robot = Robot(name="", path=Path(), text="", actuators=(), links=all_links, joints=all_joints, loops=loops)

@@ -132,7 +132,7 @@ def mesh_parts(path: Path) -> list[Trimesh]:
 
 
 def mesh_unit(path: Path) -> float:
-    """Unit of length of a mesh file, m: that of a COLLADA file; the numbers of other files are in m."""
+    """Unit of length of a mesh file, m. A COLLADA file states its unit; the numbers of other files are in m."""
     if path.suffix.lower() != ".dae":
         return 1.0
     unit = parse_xml(read_bytes(path), path, large=True).find("{*}asset/{*}unit")
@@ -144,7 +144,7 @@ def convex_hull(path: Path, scale: Vector) -> Trimesh:
     from trimesh.convex import convex_hull as hull_of
 
     points = np.concatenate([part.vertices for part in mesh_parts(path)]) * scale
-    # With its centre as a further point, a single triangle has the four points that a hull needs.
+    # Add the centre as a further point, so that a single triangle has the four points that a hull needs.
     with np.errstate(invalid="ignore"):
         hull: Trimesh = hull_of(np.vstack([points, points.mean(axis=0)]))
     return hull

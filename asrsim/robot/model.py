@@ -20,7 +20,7 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""Value of a parameter whose problem is already reported. Compare it by identity: a NaN from elsewhere must not count as
+"""Value of a parameter whose problem is already reported. Compare it by identity, since a NaN from elsewhere must not count as
 reported.
 """
 STRIBECK_VELOCITY = 0.1
@@ -96,7 +96,7 @@ class Shape:
     scale: Vector = (1.0, 1.0, 1.0)
     """Scale of the mesh along its own axes."""
     colour: tuple[float, float, float, float] | None = None
-    """Red, green, blue, opacity, 0 to 1; None where the file gives none."""
+    """Red, green, blue, opacity, 0 to 1; None if the file states no colour."""
     line: int | None = None
 
 
@@ -154,7 +154,7 @@ class Joint:
     friction: float = 0.0
     """Coulomb friction, N m or N."""
     stribeck_friction: float = 0.0
-    """Static friction minus Coulomb friction, N m or N, which fades with speed (`<stribeckFriction>`)."""
+    """Static friction minus Coulomb friction, N m or N, which decreases with speed (`<stribeckFriction>`)."""
     stribeck_velocity: float = STRIBECK_VELOCITY
     """Speed at which 37 % of the static excess remains, rad/s or m/s (`<stribeckVelocity>`)."""
     load_friction: float = 0.0
@@ -171,15 +171,15 @@ class Joint:
     offset: float = 0.0
     """Position of this joint if the joint that it follows is at 0, rad or m."""
     rotor_inertia: float = 0.0
-    """Inertia of the rotors that the file states for the joint, as felt at the joint: times the square of the gear ratio,
-    kg m^2 (kg).
+    """Inertia of the rotors that the file states for the joint, as felt at the joint (rotor inertia times the square of the
+    gear ratio), kg m^2 (kg).
     """
     armature: float = 0.0
-    """Inertia of rotors that moves with the link, kg m^2 (kg): `armature` of the scenario; if the scenario states none,
+    """Inertia of rotors that moves with the link, kg m^2 (kg). It is `armature` of the scenario; if the scenario states none,
     `rotor_inertia`, or 0 behind a spring, where the motors of the actuator have separate inertias.
     """
     start: float | None = None
-    """Start position that the file states, rad or m; in closed chains, the position that closes them."""
+    """Initial position that the file states, rad or m; in closed chains, the position that closes the chain."""
     line: int | None = None
 
     @property
@@ -225,7 +225,8 @@ class Robot:
     joints: tuple[Joint, ...]
     actuators: tuple[ActuatorBlock, ...]
     findings: tuple[Problem, ...] = ()
-    """Warnings of the reader about the text of the file; `asrsim.robot.doubts.warnings_of` adds those about its values."""
+    """Warnings of the reader about the text of the file; `asrsim.robot.doubts.warnings_of` adds the warnings about the
+    values."""
     faults: tuple[Problem, ...] = ()
     """Errors of the file. In this robot, parts with an error have default values or are missing."""
     contact_words: tuple[str, ...] = ()

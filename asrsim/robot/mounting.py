@@ -41,8 +41,8 @@ def block_text(joint: str, actuator: str, mode: int) -> str:
 def with_actuators(robot: Robot, types: Mapping[str, tuple[str, int]], parameters: Mapping[str, Mapping[str, float]]) -> Robot:
     """Robot with actuators (type, mode) on joints. `"*"` stands for all moving joints; a joint's own entry takes precedence.
 
-    The actuators replace those of the file. Raises ScenarioError with keys that begin with `actuators`. `with_overrides` checks
-    later whether parameters and modes fit together.
+    The actuators replace the actuators of the file. Raises ScenarioError with keys that begin with `actuators`.
+    `with_overrides` checks later whether parameters and modes fit together.
     """
     changed, problems = mounted(robot, types, parameters)
     if problems:
@@ -59,18 +59,8 @@ def mounted(
     moving = {joint.name: joint for joint in robot.moving_joints}
     names = tuple(moving)
     problems = [_unmoved(robot, name, names) for name in types if name != "*" and name not in moving]
-    kinds = ACTUATORS.names()
     problems += [
-        Problem(
-            "there is no such actuator",
-            key=f"actuators.{name}",
-            value=kind,
-            choices=kinds,
-            meant=kind,
-            code="unknown-actuator",
-        )
-        for name, (kind, _) in types.items()
-        if kind not in kinds
+        replace(ACTUATORS.unknown(kind), key=f"actuators.{name}") for name, (kind, _) in types.items() if kind not in ACTUATORS
     ]
     present = {block.joint: block for block in robot.actuators}
     unread = set(robot.unread)
@@ -79,7 +69,7 @@ def mounted(
         # The drive of a joint also moves the joints that follow it, so a follower gets an actuator only by an entry with its
         # name.
         entry = types.get(name, None if name in robot.followers else types.get("*"))
-        if entry is not None and entry[0] in kinds:
+        if entry is not None and entry[0] in ACTUATORS:
             blocks.append(block_for(name, *entry, namespace=present[name].namespace if name in present else ""))
             unread.discard(name)
         elif entry is not None:
@@ -152,9 +142,9 @@ def sprung_joints(robot: Robot) -> frozenset[str]:
 
 
 def with_rotors(robot: Robot, armature: Mapping[str, float]) -> Robot:
-    """Robot with the rotor inertias that move with the links: those of the file, except behind a spring, where the motors of
-    the actuator have separate inertias. armature: inertias in kg m^2 (kg) that replace those of the file, by joint; `"*"`
-    stands for all joints.
+    """Robot with the rotor inertias that move with the links. They are the rotor inertias of the file, except behind a spring,
+    where the motors of the actuator have separate inertias. armature: inertias in kg m^2 (kg) that replace the inertias of the
+    file, by joint; `"*"` stands for all joints.
     """
     sprung = sprung_joints(robot)
     common = armature.get("*")

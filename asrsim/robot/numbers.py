@@ -1,6 +1,7 @@
 """Reads numbers in tags: plain, infinite, or constant arithmetic such as `1.21*pow(10,-6)`.
 
-Python evaluates nothing: the arithmetic is parsed, and may contain only numbers, + - * /, parentheses, signs and `pow(x, y)`.
+Python does not evaluate the text. The arithmetic is parsed, and may contain only numbers, + - * /, parentheses, signs and
+`pow(x, y)`.
 """
 
 from __future__ import annotations
@@ -31,8 +32,8 @@ _OPERATORS: dict[type, Any] = {
 
 
 def plain_number(text: str) -> float:
-    """Number in the text, with ASCII digits only and no surrounding blanks except those of XML. Raises ValueError for other
-    text.
+    """Number in the text, with ASCII digits only and no surrounding blanks except the blanks of XML. Raises ValueError for
+    other text.
 
     Python's `float` also accepts underscores, digits of other scripts and other blanks, which engines read as another number.
     """

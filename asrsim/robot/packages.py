@@ -1,4 +1,4 @@
-"""Files that a robot file may read: those in its own folder, its ROS package, and packages named by the user.
+"""Files that a robot file may read: files in its own folder, in its ROS package, and in packages that the user names.
 
 A hostile file may name any path. All paths outside these folders are refused.
 """
@@ -60,7 +60,8 @@ class Packages:
         elif scheme in ("package", "model"):
             name, _, inner = rest.lstrip("/").partition("/")
             package = self.find(name)
-            # Some robot files name a neighbouring folder as a package.
+            # Also look for a folder with this name beside the robot file, since some robot files name such a folder as a
+            # package.
             path = self.folder / name / inner if package is None else package / inner
             if package is None and not path.is_file():
                 return f"package '{name}' is not known"
@@ -88,7 +89,7 @@ def packages_of(path: Path, package_paths: Mapping[str, Path | str] | None = Non
     named: dict[str, Path] = {}
     own = _own_package(folder)
     if own is not None:
-        # A package is known by the name of its folder and by the name in its package.xml: robot files may use either name.
+        # A package has two names, the name of its folder and the name in its package.xml. Robot files may use either name.
         named.update({own[1].name: own[1], own[0]: own[1]})
     named.update({name: Path(given) for name, given in (package_paths or {}).items()})
     searched = [

@@ -48,7 +48,7 @@ def frame(position: ArrayLike, rotation: ArrayLike) -> Array:
 
 
 def cross_matrix(vector: Vector | Array) -> Array:
-    """Matrix (3, 3) whose product with a second vector is the cross product of both vectors."""
+    """Matrix (3, 3) whose product with a second vector is the cross product of the two vectors."""
     x, y, z = vector
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
@@ -73,8 +73,8 @@ def rotation_about(axis: Vector, angle: float) -> Array:
 
 
 def roll_pitch_yaw(rotation: Array) -> Vector:
-    """Roll, pitch, yaw in rad, the inverse of `rotation_matrix`; accurate also at a pitch of 90 degrees, where yaw is
-    arbitrary.
+    """Roll, pitch, yaw in rad, the inverse of `rotation_matrix`. The result is also accurate at a pitch of 90 degrees, where
+    yaw is arbitrary.
 
     Yaw is computed first. Roll and pitch are computed from the rotation without this yaw, so the three angles are always
     consistent.

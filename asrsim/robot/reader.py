@@ -111,7 +111,8 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
         findings.error(message, None, "robot", code="too-many-joints", hint="Remove joints that do not matter to the motion")
     driven = {(element.text or "").strip() for element in root.iter("joint")}
     links, joints = without_floating_root(findings, links, joints, driven)
-    # Check the tree only in a file without errors so far: if a joint could not be read, its child link would look like a root.
+    # Check the tree only if the file had no errors so far. If a joint could not be read, its child link would appear to be a
+    # root.
     if not findings.errors:
         check_tree(findings, links, joints)
     whole = not findings.errors
@@ -146,7 +147,7 @@ def _text(data: bytes, root: Any, *, mended: bool) -> str:
 
 
 def _uses_xacro(root: Any) -> bool:
-    # lxml searches elements, texts and attributes for xacro's words far faster than Python would.
+    # Let lxml search elements, texts and attributes for xacro's words, since it is far faster than Python.
     return bool(
         root.xpath(
             "boolean(//*[starts-with(name(), 'xacro:')] | //*[contains(text(), '${') or contains(text(), '$(')]"

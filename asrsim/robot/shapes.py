@@ -24,7 +24,7 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
     """
     geometries = elements(element, "geometry")
     shapes = elements(geometries[0]) if geometries else []
-    # Look for the shape among all elements, since some programs add further elements beside it.
+    # Look for the shape among all elements, since some programs add other elements.
     shapes = [shape for shape in shapes if shape.tag in SIZES] or shapes
     if not shapes:
         findings.error("must have a <geometry> with a shape", element, key, code="empty-shape")
@@ -52,7 +52,7 @@ def read_shape(findings: Findings, element: Any, key: str, colours: Mapping[str,
             code = "missing-attribute" if shape.get("filename") is None else "empty-shape"
             findings.error("attribute 'filename' is missing", shape, key, code=code)
         if len(words(shape.get("scale", ""))) == 1:
-            # One number for all three axes is a common mistake that all URDF readers accept.
+            # Accept one number for all three axes, a common mistake that all URDF readers accept.
             scale = (findings.number(shape, "scale", key, required=True),) * 3
         else:
             scale = findings.vector(shape, "scale", key, default=scale)
@@ -88,7 +88,8 @@ def _colour_of(element: Any, colours: Mapping[str, Rgba]) -> Rgba | None:
 
 
 def _colour(material: Any) -> Rgba | None:
-    """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid, as colours do not affect the motion."""
+    """Red, green, blue and opacity, each limited to 0 to 1; None if missing or invalid. An invalid colour is no error, since
+    colours do not affect the motion."""
     for colour in elements(material, "color"):
         try:
             numbers = [min(max(plain_number(word), 0.0), 1.0) for word in words(colour.get("rgba") or "")]

@@ -29,8 +29,8 @@ EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or
 ROUNDING = 1e-15
 """Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
-"""Largest magnitude of a negative moment of inertia that counts as a rounding error, as a fraction of the largest moment of the
-link (ROUNDED) or of the robot (NEGLIGIBLE).
+"""ROUNDED, NEGLIGIBLE: largest magnitude of a negative moment of inertia that counts as a rounding error, as a fraction of the
+largest moment of the link (ROUNDED) or of the robot (NEGLIGIBLE).
 """
 X_AXIS: Vector = (1.0, 0.0, 0.0)
 WORLD = "world"
@@ -50,7 +50,7 @@ def declare_world(findings: Findings, root: Any) -> bool:
 
 
 def read_links(findings: Findings, root: Any) -> tuple[Link, ...]:
-    """All links with a name, in file order; of two links with one name, only the first."""
+    """All links with a name, in file order; of two links with the same name, only the first is returned."""
     colours, largest = read_colours(root), _largest_moment(root)
     if not elements(root, "link"):
         findings.error("has no link", None, "robot", code="no-links")
@@ -99,7 +99,7 @@ def _link(findings: Findings, element: Any, name: str, colours: Mapping[str, Rgb
     )
     inertials = elements(element, "inertial")
     if len(inertials) > 1:
-        message = "has more than one <inertial>; only the first counts, as in other readers"
+        message = "has more than one <inertial>; only the first is read, as in other readers"
         findings.warn(message, inertials[1], name, code="duplicate-tag")
     if not inertials:
         return link
@@ -159,7 +159,7 @@ def _inertia(findings: Findings, inertial: Any, name: str, mass: float, largest:
     if tag is None:
         return (0.0,) * 6
     before = len(findings.errors)
-    # Every URDF reader takes a missing product of inertia as zero; a missing moment is a mistake.
+    # A missing product of inertia is 0, as in every URDF reader. A missing moment of inertia is a mistake.
     values = [findings.number(tag, key, f"{name}.{key}", required=key[1] == key[2]) for key in INERTIAS]
     for moment in (values[0], values[3], values[5]):
         if 0.0 < abs(moment) < SMALLEST:
@@ -189,7 +189,8 @@ def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.n
         message = "inertia has a negative moment, which is impossible"
         findings.error(message, tag, name, code="negative-inertia", value=shown)
     elif moments[0] < -1e-9 * scale:
-        # The integrals of x^2, y^2 and z^2 over the mass, along the principal axes, are not negative for any body.
+        # `spreads` are the integrals of x^2, y^2 and z^2 over the mass, along the principal axes. They are not negative for a
+        # real body.
         spreads = np.maximum(0.5 * moments.sum() - moments, 0.0)
         nearest: np.ndarray = axes * (spreads.sum() - spreads) @ axes.T
         message = (
@@ -209,7 +210,7 @@ def _listed(moments: np.ndarray) -> str:
 
 
 def _largest_moment(root: Any) -> float:
-    """Largest moment of inertia in the file, kg m^2; 0 if there is none."""
+    """Largest moment of inertia in the file, kg m^2; 0 if the file states no moment."""
     found = [0.0]
     for value in (tag.get(key, "0") for tag in root.iter("inertia") for key in ("ixx", "iyy", "izz")):
         try:
@@ -277,7 +278,7 @@ def _axis(findings: Findings, element: Any, name: str) -> Vector:
     if abs(length - 1.0) > UNIT:
         message = "the axis is not of length 1; its direction is used"
         findings.warn(message, tags[0], name, code="axis-length", value=f"{length:.9g}")
-    # An axis whose length is 1 up to rounding is not normalised, so that a written robot is read back bit for bit.
+    # Do not normalise an axis whose length is 1 except for rounding, so that a written robot is read back bit for bit.
     return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
 
 
@@ -294,7 +295,7 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
     lower, upper = limits.pop("lower"), limits.pop("upper")
     if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
         return limits
-    # In the URDF format, a missing lower or upper limit is 0.
+    # A missing lower or upper limit is 0 in the URDF format.
     lower, upper = lower or 0.0, upper or 0.0
     if lower > upper:
         value = f"{lower:g} > {upper:g}"
@@ -334,7 +335,8 @@ _SIGNED = ("spring_stiffness", "spring_reference")
 
 
 def _with_passive(findings: Findings, root: Any, joints: Sequence[Joint]) -> tuple[Joint, ...]:
-    """Joints with the passive springs and friction of `<gazebo reference>`. Of two equal tags the last counts, as in Gazebo."""
+    """Joints with the passive springs and friction of `<gazebo reference>`. Of two equal tags, the last one is used, as in
+    Gazebo."""
     found = {joint.name: joint for joint in joints}
     for gazebo in elements(root, "gazebo"):
         name = name_of(gazebo, "reference")

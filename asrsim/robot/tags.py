@@ -1,8 +1,8 @@
 """Names of parameters, and the tags of the toolbox for these parameters.
 
-The toolbox calls the parameters of one-motor actuators `mot_*` and `ctrl_*`, and those of two-motor actuators `mot_1_*`,
-`mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. For the spring parameters of a user's
-actuator, and for the parameters of stages, the tag is the name of the parameter.
+The toolbox calls the parameters of one-motor actuators `mot_*` and `ctrl_*`, and the parameters of two-motor actuators
+`mot_1_*`, `mot_2_*`, `ctrl_1_*`, `ctrl_2_*`. Parameters that exist only in asrsim have similar tags. For the spring parameters
+of a user's actuator, and for the parameters of stages, the tag is the name of the parameter.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ which Gazebo ignores.
 """
 
 REQUIRED_TAGS = ("joint", "operation_mode", "pub_eltau", "pub_state", "sub_ext_tau")
-"""Required tags: without them the toolbox crashes. asrsim does not need the last three."""
+"""Required tags. Without one of these tags the toolbox crashes. asrsim does not need the last three."""
 
 BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 """Tags of a block that are no parameters of its actuator; the last two belong to the toolbox's later dialect (AlterEgo)."""
@@ -82,7 +82,7 @@ BLOCK_TAGS = (*REQUIRED_TAGS, "namespace", "t_sample")
 
 def parameter_tags(actuator: type[Actuator]) -> Mapping[str, str]:
     """Tags by parameter, for all parameters of the actuator, in the order of `all_parameters`."""
-    own: Any = actuator  # mypy regards classes as not hashable
+    own: Any = actuator  # the type Any, since mypy regards classes as not hashable
     return _tags(own, STAGES.loaded())
 
 

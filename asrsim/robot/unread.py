@@ -1,5 +1,5 @@
-"""Warns about the words (elements and attributes) of a robot file that asrsim does not read: one warning for each word and
-file.
+"""Warns about the words (elements and attributes) of a robot file that asrsim does not read. There is one warning for each word
+and file.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SEVERAL = {
 }  # fmt: skip
 """Elements that may be repeated, or whose repetition is reported elsewhere."""
 OPEN = ("ros2_control joint", "command_interface", "gazebo", "transmission", "actuator", "ros2_control", "mujoco", "compiler")
-"""Elements with words of other programs; words may be repeated in them."""
+"""Elements that contain words of other programs. In these elements, words may be repeated."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class _Use:
 def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
     """Warn about words that are unknown, repeated, or left out although they would change the motion.
 
-    Returns the words that act only in contacts, and have no effect here.
+    Returns the words that act only in contacts, and therefore have no effect in asrsim.
     """
     uses: dict[tuple[str, str], list[_Use]] = {}
     contact: dict[str, None] = {}
@@ -55,7 +55,7 @@ def check_words(findings: Findings, root: Any) -> tuple[str, ...]:
 
 
 def value_of(element: Any, name: str) -> str:
-    """Value of a word as text: of an attribute (`@name`), or the `value` or text of an element."""
+    """Value of a word as text: the value of an attribute (`@name`), or the `value` or text of an element."""
     text: str = element.get(name[1:], "") if name.startswith("@") else element.get("value") or text_of(element)
     return text.strip()
 

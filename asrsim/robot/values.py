@@ -22,7 +22,7 @@ DEFLECTION = 1e-3
 
 
 def default_value(parameter: Parameter, mode: int | None) -> tuple[float, Origin]:
-    """Default of a parameter in a mode: in mode 1, controller 1 acts on the link and has other gains."""
+    """Default of a parameter in a mode. In mode 1, controller 1 acts on the link and has other gains."""
     if mode == 1 and parameter.name in LINK_CONTROLLER_DEFAULTS:
         return LINK_CONTROLLER_DEFAULTS[parameter.name], "mode default"
     return parameter.default, "default"
@@ -94,7 +94,8 @@ def _unknown_parameter(place: str, key: str, known: Collection[str]) -> Problem:
 
 
 def parameter_fault(parameter: Parameter, value: float) -> str | None:
-    """Reason why a parameter cannot have the value; None if it can. Too large and too small values would overflow."""
+    """Reason why a parameter cannot have the value; None if the value is valid. Values that are too large or too small would
+    overflow."""
     fault = parameter.fault(value)
     if fault is None and math.isfinite(value) and value:
         if abs(value) > LARGEST_NUMBER:
@@ -177,8 +178,8 @@ def with_overrides(
     """Robot with other modes and parameters for joints. `"*"` stands for all joints; a joint's own entry takes precedence.
 
     Parameters have the names of asrsim or the tags of the toolbox. Under `"*"`, parameters that an actuator lacks are ignored
-    if another actuator has them. The defaults of controllers follow the mode, as they differ in mode 1. Raises ScenarioError
-    with all problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
+    if another actuator has them. The defaults of controllers follow the mode, since mode 1 has other defaults. Raises
+    ScenarioError with all problems: unknown joints, modes and parameters, values out of range, and inconsistent values.
     """
     changed, problems = overridden(robot, modes or {}, parameters or {})
     problems += block_faults(changed, robot)
@@ -229,7 +230,7 @@ def overridden(
         changed = with_mode(block, mode) if mode in MODES else block
         for scope in ("*", block.joint):
             changed, faults = with_values(changed, parameters.get(scope, {}), scope)
-            problems += [fault for fault in faults if fault not in problems]  # blocks share the problems of `*`
+            problems += [fault for fault in faults if fault not in problems]  # several blocks have the same problems of `*`
         blocks.append(changed)
     return replace(robot, actuators=tuple(blocks)), problems
 

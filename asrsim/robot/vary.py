@@ -1,4 +1,4 @@
-"""Robot with other values of its parameters: those of actuators, damping and friction of joints, and inertias of links."""
+"""Robot with other values of its parameters: parameters of actuators, damping and friction of joints, and inertias of links."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from asrsim.actuators import ACTUATORS, Parameter
 from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError
-from asrsim.robot.inertia import tensor_of
+from asrsim.robot.inertia import principal_moments
 from asrsim.robot.model import INERTIAS, ActuatorBlock, Joint, Link, ParameterValue, Robot
 from asrsim.robot.values import parameter_fault, together_faults
 
@@ -109,8 +107,8 @@ def names_of(
 
 @lru_cache
 def _declared(actuator: Any, stages: tuple[Any, ...]) -> dict[str, Parameter]:
-    """Parameters of the actuator by name; cached, as each evaluation of a fit needs them. stages: all stages, whose parameters
-    are among them.
+    """Parameters of the actuator by name; cached, since each evaluation of a fit needs them. stages: all stages, whose
+    parameters are among them.
     """
     return {parameter.name: parameter for parameter in actuator.all_parameters()}
 
@@ -126,12 +124,13 @@ def _with_inertial(link: Link, numbers: Mapping[str, float]) -> Link:
 
 
 def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mapping[str, Mapping[str, float]]:
-    """Changes of inertias, completed by changes that keep the tensor physical: no principal moment may exceed the sum of the
+    """Changes of inertias, completed by changes that keep the tensor physical. No principal moment may exceed the sum of the
     other two.
 
     Diagonal moments that are not among the changes are adapted as little as possible. Raises RobotError if this is impossible.
     """
-    # Every evaluation of a fit and every run of a sweep calls this function, but few of them change an inertia.
+    # Return early if no inertia changes. Every evaluation of a fit and every run of a sweep calls this function, but few of
+    # them change an inertia.
     touched = [owner for owner, values in changes.items() if not _INERTIAS.isdisjoint(values)]
     if not touched:
         return changes
@@ -145,9 +144,9 @@ def physical(robot: Robot, changes: Mapping[str, Mapping[str, float]]) -> Mappin
         free = [name for name in ("ixx", "iyy", "izz") if name not in values]
         for _ in range(3):
             full = {**old, **values}
-            moments = np.linalg.eigvalsh(tensor_of(full[name] for name in INERTIAS))
-            lack = max(float(moments[2] - moments[0] - moments[1]), float(-2.0 * moments[0]))
-            if lack <= 1e-12 * abs(float(moments[2])):
+            moments = principal_moments([full[name] for name in INERTIAS])
+            lack = max(moments[2] - moments[0] - moments[1], -2.0 * moments[0])
+            if lack <= 1e-12 * abs(moments[2]):
                 break
             if not free:
                 raise RobotError(f"the inertia of '{owner}' is physically impossible", code="inertia")

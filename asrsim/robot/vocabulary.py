@@ -1,8 +1,8 @@
 """Every word (element or attribute) of a robot file that asrsim knows, and what asrsim does with it.
 
 The table `WORDS` is the only list of these words. A word is read, or has no physics, or acts only where bodies touch, or is
-left out: one warning for the file then states what the word would do, with its number. A value that changes nothing (0, false)
-gets no warning. To add a word, add it to its parent in `WORDS`; the documentation's page follows.
+left out. If a word is left out, one warning for the file states what the word would do, with its number. A value that changes
+nothing (0, false) gets no warning. To add a word, add it to its parent in `WORDS`; the documentation's page follows.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ READ, SILENT, CONTACT = Word(use="read"), Word(use="no physics"), Word(use="cont
 
 
 def number_of(text: str) -> float | None:
-    """Number in the text; None if there is none."""
+    """Number in the text; None if the text is not a number."""
     try:
         value = plain_number(text)
     except ValueError:
@@ -103,8 +103,8 @@ def _soft_limits(tag: Any, _text: str) -> Effect | None:
 
 
 def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
-    """Inertia of a motor in a transmission of several joints, as it acts on a joint: motor inertia times the square of the
-    reduction. `asrsim.robot.mechanics` reads transmissions of a single joint.
+    """Inertia of a motor in a transmission of several joints, as it acts on a joint (motor inertia times the square of the
+    reduction). `asrsim.robot.mechanics` reads transmissions of a single joint.
     """
     if len(elements(actuator.getparent(), "joint")) == 1:
         return None
@@ -137,29 +137,29 @@ def _from_shapes(_compiler: Any, text: str) -> Effect | None:
 
 
 def _mimic_plugin(plugin: Any, _text: str) -> Effect | None:
-    """Plugins with words that `asrsim.robot.mechanics` does not read."""
+    """Effect of a mimic plugin whose words `asrsim.robot.mechanics` does not read."""
     if {"joint", "mimicJoint"} <= {tag.tag for tag in elements(plugin)}:
         return None
-    return Effect("the plugin couples joints; here they move freely")
+    return Effect("the plugin couples joints; in asrsim they move freely")
 
 
 def _joint_of(tag: Any) -> Any:
-    """The robot's joint that a joint of ros2_control, or an element in it, is about; None if there is none."""
+    """The robot's joint that a joint of ros2_control, or an element in it, is about; None if the robot has no such joint."""
     control = tag if tag.tag == "joint" else tag.getparent()
     joints = elements(control.getroottree().getroot(), "joint")
     return next((joint for joint in joints if name_of(joint) == name_of(control)), None)
 
 
 def _coupling(tag: Any, text: str) -> Effect | None:
-    """Contradictions between ros2_control and the joint about whether it follows another joint."""
+    """Effect of a contradiction between ros2_control and the joint about whether the joint follows another joint."""
     joint, said = _joint_of(tag), text.lower()
     if joint is None or (tag.tag == "param" and name_of(tag) != "mimic"):
         return None
     coupled = bool(elements(joint, "mimic"))
     if said in ("false", "0") and coupled:
-        return Effect("ros2_control does not couple this joint; here it follows another joint because of its <mimic>")
+        return Effect("ros2_control does not couple this joint; in asrsim it follows another joint because of its <mimic>")
     if said in ("true", "1") and not coupled:
-        return Effect("ros2_control couples this joint, but its <joint> has no <mimic>; here it moves freely")
+        return Effect("ros2_control couples this joint, but its <joint> has no <mimic>; in asrsim it moves freely")
     return None
 
 
@@ -173,7 +173,7 @@ def _command_range(interface: Any, _text: str) -> Effect | None:
     if beyond <= 1e-6:
         return None
     shown = " to ".join("..." if one is None else f"{one:g}" for one in (low, high))
-    return Effect(f"commands of the {kind} are not limited to {shown}: the joint's <limit> alone acts here", beyond)
+    return Effect(f"commands of the {kind} are not limited to {shown}: the joint's <limit> alone acts in asrsim", beyond)
 
 
 def _range_of(joint: Any, kind: str) -> tuple[float, float]:
@@ -195,7 +195,7 @@ def _range_of(joint: Any, kind: str) -> tuple[float, float]:
 def _limits_off(tag: Any, _text: str) -> Effect | None:
     if tag.get("enable", "true").lower() in ("true", "1"):
         return None
-    return Effect("ros2_control does not enforce the joint's limits; here the joint stops at its <limit>")
+    return Effect("ros2_control does not enforce the joint's limits; in asrsim the joint stops at its <limit>")
 
 
 # -- the table ---------------------------------------------------------------------------------------------------------
@@ -206,9 +206,9 @@ _SPRING = special(
     hint="Gazebo and asrsim read springs from <gazebo reference='JOINT'> <springStiffness>, <springReference>",
 )
 _DRIVE = _words(READ, " ".join((*ROTOR, *RATIO, "drake:rotor_inertia", "drake:gear_ratio")))
-_STOP = "the joint's stop is elastic or damped ({}) in the file; here it is rigid"
+_STOP = "the joint's stop is elastic or damped ({}) in the file; in asrsim it is rigid"
 _MASS = "MuJoCo changes masses and inertias of the file (here: {}); asrsim uses them unchanged"
-_SDF = left("<gazebo> changes it by elements of SDF; this has no effect here", neutral=None)
+_SDF = left("<gazebo> changes it by elements of SDF; this has no effect in asrsim", neutral=None)
 
 WORDS: Mapping[str, Mapping[str, Word]] = {
     "robot": {
@@ -231,7 +231,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "@name"), **_words(SILENT, "@type @verbose @concave verbose sensor bullet audio_source"
                                                  " self_filter xacro:*"),
         **_within("inertial", "visual", "collision"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); here it moves under them"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
         **_words(CONTACT, "contact surface inertia_scaling self_collision_checking collision_checking"),
         "gravity": READ,
     },
@@ -295,7 +295,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
                          " motorTorqueConstant screw_reduction init_joint_size final_joint_size"),
         **_DRIVE,
         "actuator": replace(
-            special(_rotor_inertia, "of one joint: read; of several joints: its rotor inertia is left out"), inside="actuator"
+            special(_rotor_inertia, "the rotor inertia is read for one joint; left out for several joints"), inside="actuator"
         ),
     },
     "transmission joint": {
@@ -311,16 +311,16 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     },
     "ros2_control joint": {
         **_words(READ, "@name state_interface"), **_words(SILENT, "@type xacro:* properties"),
-        "@mimic": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> counts"),
-        "param": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> counts"),
+        "@mimic": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> is used"),
+        "param": special(_coupling, "a coupling that contradicts the joint's <mimic>: the <mimic> is used"),
         "command_interface": replace(
             special(_command_range, "`min` and `max` inside of the joint's limits have no effect"), inside="command_interface"
         ),
-        "limits": special(_limits_off, "limits that ros2_control switches off act here"),
+        "limits": special(_limits_off, "limits that ros2_control switches off act in asrsim"),
     },
     "command_interface": {
         **_words(SILENT, "@name @data_type @size param"),
-        "limits": special(_limits_off, "limits that ros2_control switches off act here"),
+        "limits": special(_limits_off, "limits that ros2_control switches off act in asrsim"),
     },
     "mujoco": {
         **_words(SILENT, "size visual asset statistic"), **_within("compiler"),
@@ -347,11 +347,11 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "springStiffness springReference stribeckFriction stribeckVelocity loadFriction"),
         **_words(READ, "turnGravityOff gravity"),
         **_words(left(_STOP), "stopKp stopKd"),
-        "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; here it moves without this loss"),
-        "velocity_decay": left("Gazebo slows the link in every step; here it moves without this loss", neutral=None),
-        "static": left("Gazebo holds the whole robot in place (static); here it moves"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); here it moves under them"),
-        "enable_wind": left("wind does not act here"),
+        "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; in asrsim it moves without this loss"),
+        "velocity_decay": left("Gazebo slows the link in every step; in asrsim it moves without this loss", neutral=None),
+        "static": left("Gazebo holds the whole robot in place (static); in asrsim it moves"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
+        "enable_wind": left("wind does not act in asrsim"),
         "joint": READ, **_words(_SDF, "inertial axis limit link model"),
     },
 }  # fmt: skip
@@ -360,14 +360,14 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
 """
 
 PLUGINS: tuple[tuple[tuple[str, ...], Word], ...] = (
-    (("mimic",), special(_mimic_plugin, "with <joint> and <mimicJoint>: read; else the joints move freely")),
+    (("mimic",), special(_mimic_plugin, "a plugin with <joint> and <mimicJoint> is read; otherwise the joints move freely")),
     (
         ("buoyancy", "liftdrag", "lift_drag", "hydrodynamic", "wind", "vacuum", "suction", "grasp", "attacher", "planar_move",
          "diff_drive", "skid_steer", "motor_model", "propeller", "thruster", "ros_force.", "joint_force",
          "link_force", "external_force", "apply_force",
          "joint_damp", "spring", "gearbox", "disable", "detachable", "velocity_control", "mecanum", "ackermann", "tracked",
          "wrench", "harness", "conveyor", "joint_torque"),
-        left("the plugin acts on the robot in Gazebo; here it has no effect", neutral=None),
+        left("the plugin acts on the robot in Gazebo; in asrsim it has no effect", neutral=None),
     ),
 )  # fmt: skip
 """Plugins of Gazebo that move or couple bodies, by a part of their file's name."""
@@ -377,10 +377,10 @@ SILENT_PLUGINS = re.compile(
     "|thermal|battery|mavlink|bag|prosilica|projector|label|display|audio|sound|physics|user_commands|scene|touch|tactile|skin"
     "|rfid|radar|uwb|ultrasonic|encoder|clock|yarp|rosbridge|tf_"
 )
-"""Pattern in the names of plugins that publish, measure or control, and so have no physics."""
+"""Pattern in the names of plugins that publish, measure or control, and therefore have no physics."""
 UNKNOWN_PLUGIN = special(
     lambda plugin, _text: Effect(
-        f"the plugin '{plugin.get('filename', '')}' is unknown: its effect in Gazebo does not exist here"
+        f"the plugin '{plugin.get('filename', '')}' is unknown: its effect in Gazebo does not exist in asrsim"
     ),
     "a plugin that is neither an actuator of asrsim nor a known plugin of Gazebo: it has no effect",
 )

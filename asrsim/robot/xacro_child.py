@@ -180,7 +180,7 @@ class _Guards:
 
 
 def _restrict(request: dict[str, Any]) -> None:
-    """Replace xacro's functions by the guarded ones."""
+    """Replace xacro's functions by the guarded functions."""
     import xacro
     import xacro.substitution_args as substitution
 
@@ -192,7 +192,7 @@ def _restrict(request: dict[str, Any]) -> None:
     substitution._eval_env = guards.environment
     substitution._eval_optenv = lambda _name, default="": default
     substitution._eval = guards.evaluate
-    # Xacro's symbol tables still hold the original functions. Create them again, and remove the unsafe names.
+    # Xacro's symbol tables still contain the original functions. Create the tables again, and remove the unsafe names.
     symbols = xacro.create_global_symbols()
     for name in ("type", "vars", "hash", "repr"):
         symbols["python"].pop(name, None)

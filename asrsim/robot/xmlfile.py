@@ -45,7 +45,7 @@ def parse_xml(data: bytes, path: Path, *, large: bool = False, notes: list[Probl
     Files that ROS and Gazebo read are mended where they are not well-formed. large: texts of more than 10 MB are valid, as in
     meshes. notes: list to which warnings about mended faults are added.
     """
-    # Replace the XML version 0.0, which does not exist, but which PyBullet's tools write.
+    # Replace the XML version 0.0, which PyBullet's tools write although it does not exist.
     data = re.sub(rb"^(\s*<\?xml\s+version=[\"'])0\.0(?=[\"'])", rb"\g<1>1.0", data, count=1)
     found: list[Problem] = []
     try:
@@ -74,7 +74,7 @@ def _parsed(data: bytes, path: Path, *, large: bool) -> Any:
     except etree.XMLSyntaxError as error:
         reason = (error.msg or "not well-formed").split(", line ")[0]
         raise _malformed(path, data, reason, error.lineno or None) from error
-    # The check with expat (`_refuse_declarations`) may have missed declarations that lxml finds.
+    # Check again with lxml, since the check with expat (`_refuse_declarations`) may have missed declarations.
     declarations = root.getroottree().docinfo.internalDTD
     if declarations is not None and any(True for _ in declarations.iterentities()):
         raise _declares(path, None)
@@ -82,7 +82,8 @@ def _parsed(data: bytes, path: Path, *, large: bool) -> Any:
 
 
 def _without_default_space(root: Any, path: Path) -> list[Problem]:
-    """Remove the names of a robot's elements from the default name space. Returns a warning if there is one."""
+    """Remove the names of a robot's elements from the default name space. Returns a warning if the file has a default name
+    space."""
     space = root.nsmap.get(None)
     if space is None or root.tag != f"{{{space}}}robot":
         return []
@@ -126,7 +127,8 @@ def _refuse_declarations(data: bytes, path: Path) -> None:
     except _RootReachedError:
         return
     except (LookupError, ValueError) as error:
-        # Python supports encodings (UTF-7, multi-byte encodings) that its XML parser does not; the types of the errors differ.
+        # Python supports encodings that its XML parser does not support, such as UTF-7 and multi-byte encodings. They raise
+        # errors of different types.
         message = "the XML declaration names an encoding that cannot be read"
         hint = "Save the file as UTF-8"
         raise RobotError(message, file=path, line=1, value=str(error), hint=hint, code="encoding") from error

@@ -17,7 +17,7 @@ class Difference:
     """A series that differs between log and repeated run, with its first difference."""
 
     kind: str
-    """What the series belongs to: time, value (a quantity of a joint), body or contact."""
+    """Kind of the series: time, value (a quantity of a joint), body or contact."""
     name: str
     """Name of the quantity, body or pair of bodies."""
     joint: str | None
@@ -64,7 +64,7 @@ class Comparer:
         return tuple(sorted(self._found.values(), key=lambda one: one.sample))
 
     def write(self, samples: Samples) -> None:
-        """Compare the next samples of the repeated run with those of the log."""
+        """Compare the next samples of the repeated run with the samples of the log."""
         position = 0
         while position < len(samples.time):
             logged = self._ahead()

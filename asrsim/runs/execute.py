@@ -1,4 +1,5 @@
-"""Simulates a scenario, evaluates its claims, and writes log and summary into a folder. Neither prints nor plots."""
+"""Simulates a scenario, evaluates its claims, and writes log and summary into a folder. This module neither prints nor
+plots."""
 
 from __future__ import annotations
 
@@ -66,11 +67,11 @@ def execute(
     Args:
         plan: The variant, examined for problems.
         folder: Folder locked by this process (`asrsim.runs.lock.owned`); None: no log is written, and `keep` must be set.
-        overwrite: Replace results of another scenario or variant in the folder.
-        keep: Also keep all samples in memory, in `.run.samples` of the result.
-        certify: Estimate the numerical error by runs with finer steps, and by a run in another engine if one is installed.
-        cross_check: Also run in another engine, and state the differences in the summary.
-        started: Called with the description of the run when the run is built.
+        overwrite: Whether results of another scenario or variant in the folder are replaced.
+        keep: Whether all samples are also kept in memory, in `.run.samples` of the result.
+        certify: Whether the numerical error is estimated by runs with finer steps, and by a run in `accuracy.other_engine`.
+        cross_check: Whether the run is repeated in another engine; the summary states the differences.
+        started: Function that is called with the description of the run when the run is built.
         progress: As in `asrsim.simulation.run.simulate`; the progress of additional runs has a `task`.
         stop: As in `asrsim.simulation.run.simulate`.
 
@@ -129,7 +130,7 @@ def judged(scenario: Scenario, run: Run, collector: Collector, *, samples: int) 
     claims: tuple[ExpectationResult, ...] = ()
     if run.status == "complete":
         claims = Claims(scenario.expect, run.info.joints, file=scenario.path, checked=True).results(collector.read)
-    # `run.scenario` contains the joint motion that was planned for a Cartesian task.
+    # Use `run.scenario`, which contains the joint motion that was planned for a Cartesian task.
     seen = collector.seen(run.scenario.desired, balanced=run.scenario.initial_equilibrium)
     return make_summary(run, seen, samples=samples, claims=claims)
 
@@ -147,7 +148,7 @@ def write_summary(executed: Executed) -> Executed:
 def result_metadata(run: Run, error: DivergenceError | None = None) -> dict[str, str]:
     """Metadata of a log that state how the run ended. They contain no wall-clock times, so that equal runs have equal logs."""
     metadata = {"status": run.status, "simulated_time": repr(float(run.simulated_time))}
-    with suppress(InputError):  # a file was removed during the run
+    with suppress(InputError):  # a file may have been removed during the run
         metadata[INPUTS] = json.dumps(input_hashes(run.scenario, run.robot))
     if error is not None:
         metadata |= {"message": str(error), "joint": error.joint, "time": repr(float(error.time))}

@@ -80,7 +80,7 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
         return [place], []
     logs = [place / LOG] if (place / LOG).is_file() else sorted(place.glob("*.mcap")) or sorted(place.glob(f"*/{LOG}"))
     if not logs and not place.exists() and (place.parent / LOG).is_file():
-        # The user may have named a subfolder of the folder with the log: with --out and one variant, there are no subfolders.
+        # The user may have named a subfolder of the folder with the log. With --out and one variant, there are no subfolders.
         hint = f"The folder above contains a log: {place.parent}"
         raise InputError("no such file or folder", file=place, hint=hint, code="no-log")
     if not logs:
@@ -90,7 +90,7 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
             other = mistaken(place, "log")
             if other is not None and not any(place.glob(f"*/*/{LOG}")):
                 raise InputError([other])
-            # The folder may contain the folders of several scenarios: look for logs one level deeper.
+            # The folder may contain the folders of several scenarios, so look for logs one level deeper.
             deeper = sorted({log.parent.parent for log in place.glob(f"*/*/{LOG}")})
             hint = f"Deeper folders contain logs: {listed(deeper, 3)}" if deeper else hint
         raise InputError(message, file=place, hint=hint, code="no-log")
@@ -105,7 +105,8 @@ def find_logs(place: Path) -> tuple[list[Path], list[Problem]]:
 
 
 def _faults(log: Path) -> Iterator[Problem]:
-    """A problem if the log is unreadable, or if it has no samples because its run was stopped before the first was written."""
+    """A problem if the log is unreadable, or if it has no samples because its run was stopped before the first sample was
+    written."""
     from asrsim.log import open_log
 
     try:
@@ -139,7 +140,7 @@ def open_folder(folder: Path, scenario: Scenario, *, overwrite: bool) -> tuple[P
     """Files of an earlier run in the folder, which `new_log` will remove.
 
     Raises OutputError if the folder contains results of another scenario or variant and `overwrite` is not given. Also raises
-    it if a file with a name that the run needs is foreign, or is an input file of this run.
+    OutputError if a file whose name the run needs was not written by asrsim, or is an input file of this run.
     """
     there = sorted(path for path in folder.iterdir() if not is_special(path)) if folder.is_dir() else []
     files = {path: kind for path in there if (kind := _kind(path.name))}
@@ -167,7 +168,7 @@ def folder_problems(scenarios: Sequence[Scenario], folder_of: Callable[[Scenario
 
 
 def clear(files: Iterable[Path]) -> None:
-    """Remove the files of an earlier run, so that they are not mixed with those of the new run."""
+    """Remove the files of an earlier run, so that they are not mixed with the files of the new run."""
     for path in files:
         remove_ours(path, _kind(path.name))
 
@@ -202,7 +203,7 @@ def _kind(name: str) -> str:
 
 
 def _found(folder: Path) -> tuple[tuple[Any, Any] | None, str]:
-    """Scenario file and variant of the results in the folder (None if unknown), and why they are unknown."""
+    """Scenario file and variant of the results in the folder (None if unknown), and the reason why they are unknown."""
     from asrsim.log import read_origin
 
     if (folder / LOG).is_file() and (folder / LOG).stat().st_size:

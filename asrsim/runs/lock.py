@@ -28,7 +28,8 @@ def owned(folder: Path) -> Iterator[None]:
         yield
     finally:
         if sys.platform != "win32":
-            # Remove the lock file before its lock is released: a waiting process then finds it removed, and creates a new file.
+            # Remove the lock file before its lock is released. A waiting process then finds that the file was removed, and
+            # creates a new file.
             with suppress(OSError):
                 path.unlink()
         os.close(file)
@@ -58,7 +59,8 @@ def _locked(path: Path) -> int:
 
 
 def _still_there(path: Path, file: int) -> bool:
-    """Whether this path still leads to the locked file. If not, the previous owner removed it before it was locked here."""
+    """Whether this path still leads to the locked file. If not, the previous owner removed the file before this process locked
+    it."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file))
     except FileNotFoundError:

@@ -49,7 +49,8 @@ class Repetition:
     partial: bool
     """Whether the comparison was stopped before the end of the log."""
     versions: Mapping[str, tuple[str, str]]
-    """By library whose version has changed since the run: the version at the time of the run, and the installed version."""
+    """Version at the time of the run and installed version of each library whose version has changed since the run, by
+    library."""
     changed: tuple[str, ...] = ()
     """Files of meshes that have changed since the run. All other inputs cannot change, since they are in the log."""
 
@@ -83,14 +84,14 @@ def rerun(
     """Repeat the run of a log, and compare every sample.
 
     Scenario, robot and attached files are read from the log; only meshes are read from their files. The log of an interrupted,
-    killed or diverged run is compared up to its last sample. The memory needed does not grow with the length of the log.
+    killed or diverged run is compared up to its last sample. The required memory does not grow with the length of the log.
 
     Args:
-        path: The log.
-        plugins: Python files with users' actuators, to be run instead of those in the log.
-        trust_plugins: Run the Python files that the log contains.
-        progress: Called with the progress of the repeated run.
-        stop: Called often; the comparison ends early when it returns True.
+        path: Path of the log.
+        plugins: Python files with users' actuators, which are run instead of the files in the log.
+        trust_plugins: Whether the Python files that the log contains are run.
+        progress: Function that is called with the progress of the repeated run.
+        stop: Function that is called often; the comparison ends early when it returns True.
 
     Raises:
         LogError: The file is damaged or not a log of asrsim.
@@ -106,7 +107,7 @@ def rerun(
     def ended() -> bool:
         return (reader.status != "complete" and comparer.exhausted) or (stop is not None and stop())
 
-    # A live run lasts as long as its log, and receives the commands recorded in the log.
+    # A repeated live run lasts as long as its log, and receives the recorded commands.
     live = LIVE in reader.metadata
     with TemporaryDirectory(prefix="asrsim-rerun-") as temporary:
         _load_plugins(reader, Path(temporary), plugins, trust=trust_plugins)
@@ -124,7 +125,7 @@ def rerun(
                     duration=_whole_steps(reader) if live else None,
                 )
         except DivergenceError as error:
-            # Compare a run that diverges like any other, because the logged run may have diverged too.
+            # Compare a run that diverges like any other run, since the logged run may have diverged, too.
             if not isinstance(error.run, Run):
                 raise
             run = error.run
@@ -174,7 +175,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
     files = unpacked(info.attachments, folder / "files")
     urdf = folder / "robot.urdf"
     urdf.write_text(info.urdf, encoding="utf-8")
-    # Leave out claims: they do not change a run, and may refer to recordings that do not exist on this computer.
+    # Leave out claims, since they do not change a run and may refer to recordings that do not exist on this computer.
     keys = {key: value for key, value in info.resolved["scenario"].items() if key != "expect"}
     named = keys["robot"]["file"] if isinstance(keys["robot"], Mapping) else keys["robot"]
     scenario = scenario_from_data(
@@ -185,7 +186,7 @@ def restore(info: RunInfo, folder: Path) -> tuple[Scenario, Robot]:
         variant=info.variant,
     )
     robot = load_robot(urdf, locked=scenario.locked)
-    # Meshes are read from the folder in which they were when the log was written.
+    # Read meshes from the folder that contained them when the log was written.
     robot = replace(robot, path=Path(info.urdf_path).with_suffix(".urdf") if info.urdf_path else urdf)
     plugins = {name: path for name, path in files.items() if name.startswith(PLUGINS)}
     path = Path(info.scenario_path) if info.scenario_path else None
@@ -197,11 +198,11 @@ def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
     files: dict[str, Path] = {}
     for name, content in attachments.items():
         parts = PurePosixPath(name.replace("\\", "/")).parts
-        # The names come from a file that is not trusted: reject paths outside the folder.
+        # Reject paths outside the folder, since the names are from a file that is not trusted.
         if not parts or ".." in parts or PurePosixPath(name).is_absolute():
             continue
         path = folder.joinpath(*parts)
-        with suppress(OSError, ValueError):  # the system may not allow the name; the scenario then lacks the file
+        with suppress(OSError, ValueError):  # if the system does not allow the name, the scenario lacks the file
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
             files[name] = path
@@ -209,7 +210,7 @@ def unpacked(attachments: Mapping[str, bytes], folder: Path) -> dict[str, Path]:
 
 
 def _load_plugins(reader: LogReader, folder: Path, plugins: Sequence[str | Path], *, trust: bool) -> None:
-    """Run the plugin files that are given, or else, with `trust`, those in the log."""
+    """Run the plugin files that are given, or, with `trust`, the plugin files in the log."""
     carried = {name: data for name, data in reader.info.attachments.items() if trust and name.startswith(PLUGINS)}
     for path in one_or_more(plugins) or unpacked(carried, folder / "plugins").values():
         load_plugin_file(path)

@@ -15,7 +15,7 @@ from asrsim.scenario.load import PLUGINS
 
 
 def missing_plugins(attachments: Iterable[str]) -> tuple[str, ...]:
-    """Names of the plugin files among the attachments of a log that have not run here."""
+    """Names of the plugin files among the attachments of a log that this process has not run."""
     here = {PurePath(file).name for file in Registry.plugin_files()}
     carried = (PurePosixPath(name).name for name in attachments if name.startswith(PLUGINS))
     return tuple(name for name in carried if name not in here)
@@ -28,7 +28,8 @@ def advice(missing: Sequence[str]) -> str:
 
 @contextmanager
 def advising(attachments: Iterable[str]) -> Iterator[None]:
-    """Context in which InputErrors advise to name the plugin files that the attachments contain and that have not run here."""
+    """Context in which InputErrors advise to name the plugin files that the attachments contain and that this process has not
+    run."""
     try:
         yield
     except InputError as error:
@@ -40,7 +41,8 @@ def advising(attachments: Iterable[str]) -> Iterator[None]:
 def unknown_quantities(
     joints: Iterable[JointInfo], attachments: Iterable[str], wanted: Sequence[str] | None = None
 ) -> list[Problem]:
-    """A note on the quantities of a run that are unknown here: their units are unknown. wanted: only these quantities."""
+    """A note on the quantities of a run that are not registered in this process, so that their units are unknown. wanted: names
+    of the only quantities to consider; None: all."""
     unknown = (name for joint in joints for name in joint.quantities if name not in QUANTITIES)
     names = dict.fromkeys(name for name in unknown if wanted is None or name in wanted)
     if not names:
@@ -50,7 +52,8 @@ def unknown_quantities(
 
 
 def unknown_actuators(joints: Iterable[JointInfo], attachments: Iterable[str]) -> list[Problem]:
-    """A note for each actuator of a run that is unknown here: quantities that are derived from its laws are missing."""
+    """A note for each actuator of a run that is not registered in this process, so that quantities that are derived from its
+    laws are missing."""
     own: dict[str, list[str]] = {}
     for joint in joints:
         if joint.actuator != "rigid" and joint.actuator not in ACTUATORS:

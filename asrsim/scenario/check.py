@@ -1,4 +1,4 @@
-"""Checks whether a scenario fits its robot: errors. `asrsim.scenario.doubts` finds warnings.
+"""Checks whether a scenario fits its robot, and finds errors. `asrsim.scenario.doubts` finds warnings.
 
 To add an error, write a generator and list it in `CHECKS`.
 """
@@ -29,7 +29,8 @@ from asrsim.scenario.starts import stated_start
 MOST_DELAY = 1_000_000
 """Largest number of steps in a delay."""
 MOST_TICKS = 100
-"""Largest number of ticks of a sensor or a command in a step: each tick splits the step into further pieces."""
+"""Largest number of ticks of a sensor or a command in a step. There is a limit, since each tick splits the step into further
+pieces."""
 PLAIN_NUMBERS = ("base", "gravity", "initial", "link_damping", "task", "world")
 """Keys of the scenario that hold numbers and no signals."""
 PLANNED_MODES = (1, 2, 3, 5, 6)
@@ -44,11 +45,12 @@ def robot_of(scenario: Scenario) -> Robot:
 
 
 def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list[Problem], list[Problem]]:
-    """Robot with the scenario's changes; errors in the robot's file and in these changes; other errors in the scenario: unknown
-    names, invalid values, impossible references. The robot is None if it has no moving joint or cannot be read. Checks that
-    depend on an invalid value are skipped. The lines of the problems are missing: `Scenario.placed` adds them.
+    """Robot with the scenario's changes; errors in the robot's file and in these changes; and other errors in the scenario,
+    such as unknown names, invalid values and impossible references. The robot is None if it has no moving joint or cannot be
+    read. Checks that depend on an invalid value are skipped. The problems do not state their lines yet; `Scenario.placed` adds
+    the lines.
 
-    robot: Robot of the file, without the scenario's modes and parameters; None where it cannot be read.
+    robot: Robot of the file, without the scenario's modes and parameters; None if the file cannot be read.
     """
     if robot is None or not robot.moving_joints:
         return None, [] if robot is None else [*robot.faults, nothing_moves(robot)], [*signal_faults(scenario)]
@@ -65,7 +67,7 @@ def misfits(scenario: Scenario, robot: Robot | None) -> tuple[Robot | None, list
 
 def loop_warnings(scenario: Scenario, source: Robot, robot: Robot) -> list[Problem]:
     """Warnings about the closed chains of a robot with the scenario's changes. source: robot of the file, whose joints have the
-    starts and limits of the file.
+    initial positions and limits of the file.
     """
     stated = replace(robot, joints=source.joints)
     return [*map(scenario.placed, assembled(stated, _assembly(scenario, stated))[1])] if robot.loops else []
@@ -83,7 +85,8 @@ def apply_to_robot(scenario: Scenario, robot: Robot) -> Robot:
 
 
 def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the valid changes of the scenario, and the problems of the other changes, still without their lines."""
+    """Robot with the valid changes of the scenario, and the problems of the other changes. The problems do not state their
+    lines yet."""
     given = scenario.actuators
     unread = set[str]()
     parameters = {joint: dict(values) for joint, values in scenario.parameters.items()}
@@ -119,14 +122,14 @@ def changed_robot(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem
 
 
 def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]:
-    """Robot with the closed chains of its file and of the scenario, and their problems. If both state a chain between the same
-    links, the scenario's chain counts.
+    """Robot with the closed chains of its file and of the scenario, and the problems of these chains. If file and scenario
+    state a chain between the same links, the scenario's chain is used.
     """
     names = {link.name for link in robot.links}
     own = tuple(
         Loop(links=(loop.links[0], loop.links[1]), points=(loop.points[0], loop.points[1]), master=loop.master or "")
         for loop in scenario.loops
-        if names.issuperset(loop.links)  # unknown links are reported elsewhere
+        if names.issuperset(loop.links)  # another check reports unknown links
     )
     if not own:
         return robot, []
@@ -140,7 +143,7 @@ def _with_loops(scenario: Scenario, robot: Robot) -> tuple[Robot, list[Problem]]
 
 
 def _assembly(scenario: Scenario, robot: Robot) -> Assembly:
-    """Closed chains of the robot at the scenario's start."""
+    """Closed chains of the robot at the scenario's initial positions."""
     joints = tuple(replace(joint, start=stated_start(scenario, joint)) if joint.moves else joint for joint in robot.joints)
     stated = [joint.name for joint in robot.moving_joints if joint.name in scenario.initial_positions]
     return assembly_of(replace(robot, joints=joints), stated)
@@ -153,7 +156,7 @@ def nothing_moves(robot: Robot) -> Problem:
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Errors in toolbox stepping: modes that the toolbox does not have, such as voltage and current references, and actuators
-    with more motors than those of the toolbox.
+    with more motors than the actuators of the toolbox.
     """
     for block in robot.actuators if released_order(scenario.stepping) else ():
         mode, motors = MODES[block.mode], ACTUATORS.get(block.actuator).motors
@@ -175,7 +178,7 @@ def _task(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             choices = tuple(map(str, PLANNED_MODES))
             yield Problem(message, key=f"modes.{block.joint}", value=block.mode, choices=choices, code="mode-not-planned")
     for index, pose in enumerate(scenario.task.poses):
-        # The duration is a whole number of steps; its rounding error is allowed.
+        # Allow for the rounding error of the duration, which is a whole number of steps.
         if pose.time > scenario.duration * (1 + 1e-9):
             yield Problem(
                 f"is later than the end of the run at {scenario.duration:g} s",
@@ -205,7 +208,7 @@ def _locked(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: numbers whose powers would overflow. Other functions check signals and parameters."""
+    """Errors for numbers whose powers would overflow. Other functions check signals and parameters."""
     numbers = {key: value for key, value in scenario.resolved.items() if key in PLAIN_NUMBERS}
     for path, _, node in walk(SCENARIO, node_from_data(numbers)):
         if isinstance(node.value, float | int) and abs(node.value) > LARGEST_NUMBER:
@@ -214,8 +217,8 @@ def _too_large(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: starts without a value for each motor of the joint. An entry for all joints applies only to joints with
-    motors.
+    """Errors for initial values of motors that do not have one value for each motor of the joint. An entry for all joints
+    applies only to joints with motors.
     """
     blocks = {block.joint: block for block in robot.actuators}
     tables = {"motor_positions": scenario.initial_motor_positions, "motor_velocities": scenario.initial_motor_velocities}
@@ -233,7 +236,8 @@ def _motor_starts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _floating(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Error of a floating robot whose root (with links fixed to it) has no mass: engines fix it or assume a mass."""
+    """Error for a floating robot whose root (with links fixed to it) has no mass. Engines would fix such a root or assume a
+    mass."""
     if scenario.fixed_base or prescribes_motion(scenario.engine) or robot.faults:
         return
     body = merge_fixed(robot).robot.root
@@ -248,13 +252,13 @@ def _all_references(block: ActuatorBlock) -> tuple[str, ...]:
 
 
 def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: references and ranges that do not exist in the mode of the joint, or, under `*`, in the mode of any joint."""
+    """Errors for references and ranges that do not exist in the mode of the joint, or, under `*`, in the mode of any joint."""
     blocks = {block.joint: block for block in robot.actuators}
     for section, tables in (("references", scenario.references), ("reference_ranges", scenario.reference_ranges)):
         more = ("external_torque",) if section == "reference_ranges" else ()
         for joint, table in tables.items():
             users = list(blocks.values()) if joint == "*" and not robot.unread else [blocks[joint]] if joint in blocks else []
-            # A reference may be without effect on an actuator; a range may not.
+            # A reference may have no effect on an actuator, but a range must have an effect.
             known = {name for block in users for name in (reference_names(block) if more else _all_references(block))}
             choices = (*sorted({name for block in users for name in reference_names(block)}), *more)
             mode = f"mode {users[0].mode} ({MODES[users[0].mode].name})" if len(users) == 1 else "the mode of every joint"
@@ -265,7 +269,7 @@ def _unknown_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: delays and rates of sensors and commands that would need too much memory."""
+    """Errors for delays and rates of sensors and commands that would need too much memory."""
     for section, table in (("commands", scenario.command_imperfections), ("sensors", scenario.sensor_imperfections)):
         for name, imperfections in table.items():
             if imperfections.delay > MOST_DELAY * scenario.step:
@@ -280,16 +284,16 @@ def _delays(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _long_sigma(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: references of an adjuster (AwAS-II) beyond the end of its lever."""
+    """Errors for references of an adjuster (AwAS-II) beyond the end of its lever."""
     for block in robot.actuators:
         name = MODES[block.mode].references[-1]
         signal = scenario.references_of(block.joint).get(name)
         length = block.values().get("lever_length")
-        # In toolbox stepping an adjuster has a motor, and the reference of mode 4 is its torque.
+        # In toolbox stepping an adjuster has a motor, whose torque is the reference in mode 4.
         torque = len(MODES[block.mode].references) < 2 or (block.mode == 4 and released_order(scenario.stepping))
         if signal is None or length is None or torque or not ACTUATORS.get(block.actuator).adjuster:
             continue
-        with suppress(Exception):  # a user's signal may raise any error; signal_faults reports it
+        with suppress(Exception):  # a user's signal may raise any error, which signal_faults reports
             time, sigma = over_run(scenario, signal)
             largest = float(sigma.max())
             if np.isfinite(sigma).all() and largest >= length:

@@ -16,6 +16,7 @@ from asrsim.document.kinds import (
     Boolean,
     Choice,
     Either,
+    Entry,
     File,
     Integer,
     Key,
@@ -27,7 +28,7 @@ from asrsim.document.kinds import (
 )
 from asrsim.document.reading import KeyPath
 from asrsim.errors import Problem
-from asrsim.registry.engines import ENGINES, OWN_ENGINES, default_engine
+from asrsim.registry.engines import ENGINES, default_engine
 from asrsim.registry.steppings import OWN_STEPPINGS, STEPPINGS
 from asrsim.robot.model import Vector
 from asrsim.samples import Array, grid
@@ -71,7 +72,8 @@ _COUNT = Either((Null("auto"), Integer(minimum=1)))
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One resolved variant of a scenario, with all that a run needs. Keys of tables are joints, or `"*"` for all joints."""
+    """One resolved variant of a scenario, with all that a run needs. Keys of mappings are names of joints, or `"*"` for all
+    joints."""
 
     name: str = declare(FolderName(), default=None, doc="name of the scenario", shown="the file's name", field_default=REQUIRED)
     variant: str = declare(
@@ -111,19 +113,19 @@ class Scenario:
     modes: Mapping[str, int] = declare(
         MapOf(of=MODE, bare=True),
         default={},
-        doc="operation modes that replace those in the URDF, for all joints or for single joints",
+        doc="operation modes that replace the modes in the URDF, for all joints or for single joints",
     )
     parameters: Mapping[str, Mapping[str, float]] = declare(
         MapOf(of=PARAMETERS),
         default={},
-        doc="actuator parameters that replace those in the URDF, by the name in asrsim or the tag of the toolbox",
+        doc="actuator parameters that replace the parameters in the URDF, by name in asrsim or by tag of the toolbox",
     )
     armature: Mapping[str, float] = declare(
         MapOf(of=NOT_NEGATIVE, bare=True),
         default={},
         unit="kg m^2",
         shown="from the robot file, except behind springs",
-        doc="inertia of rotors that moves with the link, as felt at the joint: rotor inertia times the square of the gear "
+        doc="inertia of rotors that move with the link, reflected to the joint: rotor inertia times the square of the gear "
         "ratio",
     )
     weightless: tuple[str, ...] = declare(
@@ -132,8 +134,8 @@ class Scenario:
     loops: tuple[LoopClosure, ...] = declare(
         ListOf(of=block_of(LoopClosure, "loop")),
         default=(),
-        doc="closed chains of one freedom, such as four-bar fingers, in addition to the chains of the robot file; a chain "
-        "between the same links replaces the chain in the file",
+        doc="closed chains of one degree of freedom, such as four-bar fingers, in addition to the chains of the robot file; a "
+        "chain between the same links replaces the chain in the file",
     )
     initial_positions: Mapping[str, float] = declare(
         INITIAL,
@@ -141,8 +143,9 @@ class Scenario:
         spread=True,
         default={},
         unit="rad",
-        doc="the start: link positions, or states. By default motors start at the position of their link, so springs are "
-        "undeflected and a loaded link first sags. `equilibrium`: at rest under the first references, with loaded springs",
+        doc="initial link positions, or initial states of joints. By default, motors start at the position of their link, so "
+        "springs are undeflected and a loaded link first sags. `equilibrium`: the robot starts at rest under the first "
+        "references, with loaded springs",
         shown="0",
     )
     initial_velocities: Mapping[str, float] = field(default_factory=dict)
@@ -176,7 +179,7 @@ class Scenario:
     )
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of all noise")
     engine: str = declare(
-        Either((Null("auto"), Choice(ENGINES.names, missing=OWN_ENGINES))),
+        Either((Null("auto"), Entry(ENGINES))),
         default=None,
         shown="auto",
         field_default=default_engine,
@@ -184,16 +187,18 @@ class Scenario:
         "prescribed",
     )
     stepping: str = declare(
-        Choice(tuple(STEPPINGS), missing=OWN_STEPPINGS),
+        Choice(lambda: tuple(STEPPINGS), missing=OWN_STEPPINGS),
         default="leapfrog",
-        doc="leapfrog (second order), euler (first order), or toolbox (the released toolbox's order)",
+        doc="leapfrog (second order), euler (first order), or toolbox (the order of computations in the released toolbox)",
     )
     substeps: int | None = declare(_COUNT, default=None, doc="substeps of the links in each step", shown="auto")
     motor_substeps: int | None = declare(
         _COUNT, default=None, doc="substeps of motors and springs in each substep of the links", shown="auto"
     )
     max_substeps: int = declare(
-        Integer(minimum=1), default=100, doc="most substeps of the links in each step; a spring that needs more is an error"
+        Integer(minimum=1),
+        default=100,
+        doc="largest number of substeps of the links in each step; a spring that needs more substeps is an error",
     )
     compiled: bool | None = declare(
         Either((Null("auto"), Boolean())),
@@ -206,8 +211,8 @@ class Scenario:
         key="velocity_limit_cutoff",
         default=None,
         shown="auto",
-        doc="set a torque to 0 that accelerates a joint beyond its velocity limit, as Gazebo does; `auto`: only in toolbox "
-        "stepping",
+        doc="whether a torque that accelerates a joint beyond its velocity limit is set to 0, as in Gazebo; `auto`: only in "
+        "toolbox stepping",
     )
     motion: Mapping[str, Signal] = declare(
         SIGNALS_BY_JOINT,
@@ -231,7 +236,7 @@ class Scenario:
     references: Mapping[str, Mapping[str, Signal]] = declare(
         MapOf(of=MapOf(of=SIGNAL, noun="reference", star=False)),
         default={},
-        doc="references of the actuators; their names follow from the mode; a missing reference stays at its start value",
+        doc="references of the actuators; their names follow from the mode; a missing reference keeps its initial value",
     )
     inverse_dynamics: Mapping[str, bool] = declare(
         MapOf(of=Boolean(), bare=True),
@@ -249,7 +254,7 @@ class Scenario:
         MapOf(of=MapOf(of=RangeOf(of=NUMBER, names=("least", "largest")), noun="reference", star=False)),
         default={},
         doc="[smallest, largest] value of references, or of `external_torque`, that are set from outside during the run "
-        "(`asrsim live`, the library): values outside are clamped, and the number of substeps is chosen for this range",
+        "(`asrsim live`, the library): other values are clamped, and the number of substeps is chosen for this range",
         shown="in live runs: the limits of the robot",
     )
     external_torques: Mapping[str, Signal] = declare(
@@ -347,7 +352,7 @@ def for_joint(table: Mapping[str, T], joint: str, default: T) -> T: ...
 
 
 def for_joint(table: Mapping[str, T], joint: str, default: T | None = None) -> T | None:
-    """Entry of a joint in a table: the entry with its name, else the entry `"*"`, else `default`."""
+    """Entry of a joint in a mapping: the entry with the joint's name, else the entry `"*"`, else `default`."""
     return table.get(joint, table.get("*", default))
 
 
@@ -373,7 +378,8 @@ SCENARIO: Block[Keys] = Block(keys=KEYS, build=dict, noun="scenario", read_befor
 
 @dataclass(frozen=True)
 class Change(AnyData):
-    """Kind of value: what a variant changes in a key. A mapping may be incomplete, as it is merged into the common mapping."""
+    """Kind of value: the value that a variant gives to a key. A mapping may be incomplete, since it is merged into the common
+    mapping."""
 
     key: str
 

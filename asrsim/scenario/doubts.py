@@ -6,8 +6,10 @@ To add a warning, write a generator and list it in `DOUBTS`.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import is_dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,21 +23,24 @@ from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
+from asrsim.signals.combine import Delay
+from asrsim.signals.playback import Playback
 
 STRONGEST = 30.0
-"""Largest plausible gravity, m/s^2; Jupiter's is 24.8."""
+"""Largest plausible gravity, m/s^2; Jupiter's gravity is 24.8 m/s^2."""
 LATEST = 1.0
 """Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
 UNSTABLE = 2.0
-"""Limit of explicit damping: if decay rate times time step exceeds this number, the motion changes sign and grows."""
+"""Largest product of decay rate and time step for which explicit damping is stable. Above it, the motion changes its sign in
+every step and grows."""
 
 
 def doubts(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings about a scenario; `asrsim.robot.doubts.warnings_of` gives those about its actuators.
+    """Warnings about a scenario. `asrsim.robot.doubts.warnings_of` gives the warnings about its actuators.
 
-    robot: with the scenario's changes.
+    robot: robot with the scenario's changes.
     """
     for check in DOUBTS:
         yield from map(scenario.placed, check(scenario, robot))
@@ -66,7 +71,7 @@ def _orientations(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _delays(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Warnings: delays that are probably in ms."""
+    """Warnings about delays that are probably in ms."""
     for section, table in (("commands", scenario.command_imperfections), ("sensors", scenario.sensor_imperfections)):
         for joint, imperfections in table.items():
             if imperfections.delay >= min(LATEST, scenario.duration):
@@ -84,14 +89,14 @@ def _shown(numbers: tuple[float, ...]) -> str:
 
 
 def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: joints that start at 0 by default, but whose limits exclude 0."""
+    """Warnings about joints that start at 0 by default, but whose limits exclude 0."""
     if scenario.initial_equilibrium or "*" in scenario.initial_positions or prescribes_motion(scenario.engine):
         return
     for joint in robot.moving_joints:
         low, high = joint.stops
         if joint.name not in scenario.initial_positions and not low <= 0.0 <= high:
             message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop pushes it back"
-            hint = f"Set its start under `initial`, for example to {low if low > 0.0 else high:g}"
+            hint = f"Set its initial position under `initial`, for example to {low if low > 0.0 else high:g}"
             yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
 
 
@@ -99,9 +104,9 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
-    """Warnings: signals that are constant during the run and change only after its end."""
+    """Warnings about signals that are constant during the run and change only after its end."""
     end = scenario.duration
-    # A change later than a hundred times the duration of the run is taken as intended, not as a typing error.
+    # A change later than a hundred times the duration of the run is assumed to be intended, and not a typing error.
     later = np.linspace(end, 100.0 * end, 2001)
     for key, signal in signals_of(scenario):
         least, largest = extremes(scenario, signal)
@@ -111,8 +116,33 @@ def _late(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=key, code="late-reference")
 
 
+def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
+    """Warnings: played recordings that end before the run begins, or begin after its end."""
+    for key, signal in signals_of(scenario):
+        for played in _playbacks(signal):
+            first, last = (float(played.samples[0][place]) for place in (0, -1))
+            if first >= scenario.duration or last <= 0.0:
+                message = (
+                    f"plays nothing of {played.file.name}: its samples lie from {first:g} to {last:g} s, the run from 0 to "
+                    f"{scenario.duration:g} s"
+                )
+                hint = "`start: 0` in the playback shifts the first sample to the start of the run"
+                yield Problem(message, key=key, hint=hint, code="playback-outside")
+
+
+def _playbacks(signal: Signal) -> Iterator[Playback]:
+    """Playbacks in a signal, except those that a `delay` shifts."""
+    if isinstance(signal, Playback):
+        yield signal
+    parts: Iterable[Any] = vars(signal).values() if is_dataclass(signal) and not isinstance(signal, Delay) else ()
+    for value in parts:
+        for part in value if isinstance(value, tuple) else (value,):
+            if isinstance(part, Signal):
+                yield from _playbacks(part)
+
+
 def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: references beyond the limits of joints, motors and springs."""
+    """Warnings about references beyond the limits of joints, motors and springs."""
     # Evaluate each signal once, since joints may share it.
     known: dict[int, tuple[float, float]] = {}
 
@@ -149,7 +179,7 @@ def _beyond_limits(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
         if "stiffness_preset" in key and actuator.motors > 1 and not actuator.adjuster:
             largest = max(map(abs, ends(given["stiffness_preset"])))
             if largest > limit:
-                message = f"is beyond the deflection limit of the springs, {limit:g} rad: they are clipped there"
+                message = f"is beyond the deflection limit of the springs, {limit:g} rad: larger deflections are clipped"
                 yield Problem(message, key=key["stiffness_preset"], value=largest, code="large-preset")
     for section, table in wanted_positions(scenario).items():
         for joint in robot.moving_joints:
@@ -168,7 +198,8 @@ def _outside(robot: Robot, key: str, name: str, ends: tuple[float, float]) -> It
 
 
 def _sudden_turns(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: positions of joints without limits that jump by more than a turn, since they are probably degrees."""
+    """Warnings about positions of joints without limits that jump by more than a turn, since such positions are probably in
+    degrees."""
     found: dict[str, tuple[str, Signal]] = {}
     for block in robot.actuators:
         mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
@@ -201,7 +232,7 @@ def _hidden_jumps(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: references without effect, and missing references."""
+    """Warnings about references without effect, and missing references."""
     common = scenario.references.get("*", {})
     for block in robot.actuators:
         names, own = reference_names(block), scenario.references.get(block.joint, {})
@@ -211,7 +242,7 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             yield Problem(message, key=f"references.{block.joint}.{name}", code="unused-reference")
         for name in names:
             if name not in own and name not in common and not scenario.computes_reference(block.joint):
-                message = f"joint '{block.joint}' has no {name}, so this reference keeps its start value"
+                message = f"joint '{block.joint}' has no {name}, so this reference keeps its initial value"
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 
@@ -243,7 +274,8 @@ def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings in toolbox stepping: motor controllers that diverge at the step, and parameters that the toolbox ignores."""
+    """Warnings in toolbox stepping about motor controllers that diverge at the time step, and about parameters that the toolbox
+    ignores."""
     for block in robot.actuators if released_order(scenario.stepping) else ():
         mode, actuator, values = MODES[block.mode], ACTUATORS.get(block.actuator), block.values()
         ignored = [one.name for one in actuator.all_parameters() if one.optional and values[one.name] != one.default]
@@ -265,6 +297,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _delays,
     _without_effect,
     _late,
+    _played_outside,
     _beyond_limits,
     _sudden_turns,
     _hidden_jumps,

@@ -12,13 +12,14 @@ from asrsim.document.kinds import (
     NOT_NEGATIVE,
     NUMBER,
     Choice,
+    Entry,
     File,
     MapOf,
     Text,
 )
 from asrsim.errors import ScenarioError
 from asrsim.quantities import DERIVED, QUANTITIES
-from asrsim.registry.engines import ENGINES, OWN_ENGINES
+from asrsim.registry.engines import ENGINES
 from asrsim.scenario.kinds import JOINT, AnyData
 
 COMPARISONS = ("==", "<", "<=", ">", ">=")
@@ -28,7 +29,7 @@ COMPARISONS = ("==", "<", "<=", ">", ">=")
 class Expectation:
     """Claim about a run: a comparison of a measure of a joint's quantity with a value."""
 
-    joint: str | None = declare(JOINT, default=None, doc="the joint (or give `body`)")
+    joint: str | None = declare(JOINT, default=None, doc="the joint, unless the claim is about a `body`")
     body: str | None = declare(Text(text="name of an object"), default=None, doc="an object of the world")
     quantity: str = declare(Text(text="name of a quantity"), doc="the quantity, such as link_position")
     measure: str = declare(Text(text="name of a measure"), doc="the measure, such as steady_state, overshoot, maximum, rmse")
@@ -37,9 +38,9 @@ class Expectation:
     tolerance: float = declare(NOT_NEGATIVE, default=0.0, unit="measure's", doc="largest difference under `==`")
     variant: str | None = declare(Text(text="name of a variant"), default=None, doc="the variant of the claim", shown="all")
     engine: str | None = declare(
-        Choice(ENGINES.names, missing=OWN_ENGINES),
+        Entry(ENGINES),
         default=None,
-        doc="the engine of the claim, as engines differ in accuracy",
+        doc="the engine of the claim, since engines differ in accuracy",
         shown="all",
     )
     reference: str | None = declare(

@@ -57,7 +57,7 @@ class CartesianTask:
     )
     motor_droop: bool = declare(Boolean(), default=False, doc="also compensate the motors' steady-state error under load")
     preset: Mapping[str, float] = declare(
-        MapOf(of=NUMBER, bare=True), default={}, unit="rad", doc="stiffness preset of the joints, where `references` give none"
+        MapOf(of=NUMBER, bare=True), default={}, unit="rad", doc="stiffness preset of joints for which `references` states none"
     )
     tolerance: float = declare(
         POSITIVE,

@@ -1,4 +1,4 @@
-"""Keys of a scenario about joints: actuators, imperfections, damping, start."""
+"""Keys of a scenario about joints: actuators, imperfections, damping, initial state."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from asrsim.document.kinds import (
     NUMBER,
     Choice,
     Either,
+    Entry,
     Integer,
     Key,
     ListOf,
@@ -30,7 +31,7 @@ _INFINITE = ("inf", "+inf", "-inf", math.inf, -math.inf)
 
 
 class ParameterNumber(Number):
-    """Kind of value: a number, also an infinite one, such as a torque without limit."""
+    """Kind of value: a number, which may be infinite, such as the limit of a torque without limit."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> float:
         return float(str(node.value)) if node.value in _INFINITE else super().read(node, path, reading)
@@ -82,7 +83,7 @@ class GivenActuator:
     """Actuator that the scenario puts on a joint, in place of the actuator in the robot file, if any."""
 
     type: str = declare(
-        Choice(lambda: ACTUATORS, "name of an actuator", missing="Your own actuators need --plugin FILE"),
+        Entry(ACTUATORS, "name of an actuator"),
         doc="the actuator's type; `asrsim actuators` lists all types",
     )
     mode: int = declare(MODE, default=6, doc="operation mode")
@@ -134,7 +135,7 @@ EQUILIBRIUM = "equilibrium"
 
 
 class StartTables(Either):
-    """Kind of value: the start of the joints, read into four tables and a flag of the scenario."""
+    """Kind of value: the initial state of the joints, which is read into four mappings and a flag of the scenario."""
 
     def read(self, node: Node, path: KeyPath, reading: DocumentReading) -> Mapping[str, Any]:
         states = super().read(node, path, reading)

@@ -69,5 +69,5 @@ RELEASED_MOTORS = 2
 
 
 def released_order(stepping: str) -> bool:
-    """Whether the stepping is that of the released toolbox, with its motors and its order of updates."""
+    """Whether the stepping is the stepping of the released toolbox, with the toolbox's motors and order of updates."""
     return stepping_called(stepping).released

@@ -31,7 +31,7 @@ DEFAULT = "default"
 
 
 def several_variants(loaded: Sequence[Scenario]) -> Problem:
-    """Problem of a scenario with several variants, where one is needed."""
+    """Problem of a scenario with several variants, where one variant is needed."""
     names = tuple(one.variant for one in loaded)
     hint = "Choose one with variant=... (--variant), or run all with asrsim.run_variants (asrsim run)"
     return Problem("the scenario has several variants", file=loaded[0].path, choices=names, hint=hint, code="variant")
@@ -66,8 +66,8 @@ def read_scenarios(
     plugins: Sequence[str | Path] = (),
 ) -> tuple[tuple[Scenario, ...], list[Problem]]:
     """Variants as from `load_scenario`, but without the invalid keys, and all problems of the file. A scenario object counts as
-    its only variant; values that code has set are checked like those of a file. The plugin files become attachments, so that
-    the log of a run contains them.
+    its only variant; values that code has set are checked like the values of a file. The plugin files become attachments, so
+    that the log of a run contains them.
 
     Raises ScenarioError if the file is not a mapping, or lacks the variant; also if a scenario object comes with overrides,
     another variant or another robot file.
@@ -147,7 +147,7 @@ def make_scenario(robot: str | Path, *, base_dir: str | Path | None = None, **ke
 
     Paths are relative to `base_dir` (default: the working folder). Raises ScenarioError with every problem.
     """
-    # If a document has the old and the new name of a key, the old name counts as an unknown key.
+    # If a document contains the old and the new name of a key, the old name counts as an unknown key.
     given = {key if KEYS.get(key) in keys else new_key(key): value for key, value in keys.items()}
     return scenario_from_data({"robot": str(robot), **given}, base_dir=base_dir)
 
@@ -197,7 +197,7 @@ def distinct(problems: Iterable[Problem]) -> list[Problem]:
 # -- building ----------------------------------------------------------------------------------------------------------
 
 MAX_STEPS = 10**10
-"""Largest number of steps in a run, with its substeps: 115 days at 1 ms."""
+"""Largest number of steps in a run, counting substeps. With steps of 1 ms, this is 115 days."""
 PLAIN_FIELDS = (
     "base_position", "base_rpy", "fixed_base", "gravity", "duration", "step", "log_every", "log_layout", "tf_rate", "seed",
     "engine", "stepping", "substeps", "motor_substeps", "max_substeps", "compiled", "velocity_cutoff",
@@ -250,7 +250,7 @@ def build_scenario(
 
 def without_invalid(scenario: Scenario) -> tuple[Scenario, list[Problem]]:
     """The scenario without the invalid values that code has set by `dataclasses.replace`, and the problems of these values.
-    Values that are still those of a file were checked when the file was read.
+    Values that code has not changed were checked when the file was read.
     """
     reading, before, kept = DocumentReading(), scenario.as_read, dict[str, Any]()
     for field in fields(Scenario):

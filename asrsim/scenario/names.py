@@ -33,11 +33,11 @@ BY_NAME = ("references", "parameters")
 
 
 def unknown_names(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Errors: joints and links that the robot lacks, and joints without a required actuator."""
+    """Errors for joints and links that the robot lacks, and for joints without a required actuator."""
     moving = tuple(joint.name for joint in robot.moving_joints)
     actuated = (*(block.joint for block in robot.actuators), *sorted(robot.unread))
     links = tuple(link.name for link in robot.links)
-    # Only keys of mappings have lines: entries of lists are reported at their list.
+    # Only keys of mappings have lines, so report entries of lists at their list.
     found = [
         (path[:-1] if path[-1].isdecimal() and path[-1] != name else path, name, noun)
         for path, name, noun in scenario.named

@@ -80,7 +80,7 @@ def _check_key(key: str) -> None:
         raise ScenarioError("cannot be set", key=key, hint=hint, code="override")
     path = split_path(key)
     if len(path) == 2 and key_at(SCENARIO, path[:1]) is None and not did_you_mean(path[0], tuple(SCENARIO.names)):
-        # Explain the key of a joint's parameter: sweeps and fits call it JOINT.PARAMETER, scenarios do not.
+        # Explain the key of a joint's parameter. Sweeps and fits name it JOINT.PARAMETER, but scenarios do not.
         raise ScenarioError(
             "is not a key of a scenario",
             key=key,
@@ -94,7 +94,7 @@ def _set(node: Node, path: tuple[str, ...], value: Node, key: str, above: tuple[
         return value
     head, rest = path[0], path[1:]
     if node.value is None and head.isdecimal():
-        # The file may lack the list to which the path (such as gravity.2) refers: the default list is used.
+        # If the file lacks the list to which the path refers, such as gravity.2, use the default list.
         declared = key_at(SCENARIO, above)
         if declared is not None and isinstance(declared.default, tuple):
             node = node_from_data(list(declared.default))

@@ -1,4 +1,4 @@
-"""Limits of springs and motors that a recording exceeds, so that no simulation with these limits can follow it."""
+"""Limits of springs and motors that a recording exceeds, so that no simulation with these limits can follow the recording."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asrsim.robot import ActuatorBlock
 from asrsim.samples import Array
 
 SPAN = 0.02
-"""Time over which speeds are computed from positions, s: noise of 1 mrad then changes a speed by about 0.1 rad/s."""
+"""Time over which speeds are computed from positions, s. With this time, noise of 1 mrad changes a speed by about 0.1 rad/s."""
 ROOM = 2.0
 """Proposed limit, as a multiple of the largest recorded value."""
 MARGIN = 1.02

@@ -22,8 +22,9 @@ from asrsim.scenario.recorded_limits import Exceeded, exceeded_limits
 UNIT_MODES = {"N m": 4, "N": 4, "V": 7, "A": 8}
 """Mode that accepts a command, by the unit of the command; for units other than units of position."""
 LATEST, SOON = 1.0, 0.05
-"""Latest start of a recording on its clock, s: if the scenario commands a joint, and if it commands none. A recording that
-starts later, or before 0, is shifted to 0. Samples up to the time `SOON` show the initial state.
+"""Latest time on a recording's clock at which the recording may begin without being shifted, s. LATEST: if the scenario
+commands a joint; SOON: if the scenario commands no joint. A recording that begins later, or before 0, is shifted to 0. Samples
+up to the time `SOON` show the initial state.
 """
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Recorded quantity that is the command in each mode if no column is called a command."""
@@ -94,7 +95,8 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
     }
     _require_units(robot, recording, columns)
     slides = {joint.name for joint in robot.moving_joints if joint.kind == "prismatic"}
-    # A name such as `tau_cmd` or `pos_cmd` means a torque or an angle; on a prismatic joint, a force or a displacement.
+    # A name such as `tau_cmd` or `pos_cmd` means a torque or an angle. For a prismatic joint, it means a force or a
+    # displacement.
     columns = {
         key: replace(c, unit=PRISMATIC_UNITS.get(c.unit, c.unit)) if key[0] in slides and not c.stated else c
         for key, c in columns.items()
@@ -159,7 +161,7 @@ def _beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str
     most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
     if column.quantity != "link_position" or column.stated or not len(values):
         return None
-    farthest = float(np.percentile(values, 98))  # percentiles ignore single outliers
+    farthest = float(np.percentile(values, 98))  # a percentile ignores single outliers
     if farthest < 1.5 * most:
         return None
     return (
@@ -185,7 +187,7 @@ def _command(
     reference = columns.get((block.joint, "reference_1"))
     order = ["reference_1", *own, *fallbacks]
     if mode.direct and reference is not None and reference.unit not in (*mode.units, "N"):
-        # A torque-controlled motor takes its recorded torque rather than a position.
+        # For a torque-controlled motor, prefer the recorded torque to a position.
         order = [*own, *order]
     for quantity in order:
         column = columns.get((block.joint, quantity))
@@ -198,7 +200,7 @@ def _command(
             remarks.append(f"{block.joint}: no command was recorded; the recorded {quantity} is played instead")
         return column
     if idle is None and any(joint == block.joint for joint, _ in columns):
-        remarks.append(f"{block.joint}: no column is its command; its reference keeps the start value")
+        remarks.append(f"{block.joint}: no column is its command; its reference keeps the initial value")
     return None
 
 
@@ -230,7 +232,7 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     complete = None not in others
     single = actuator.motors == 1 and not actuator.adjuster
     if command.quantity == "motor_1_position" and mode.spring and (single or complete):
-        # Motors whose positions are known need no controller: the positions are prescribed.
+        # Motors with known positions need no controller, since mode 2 prescribes the positions.
         return 2
     if command.quantity == TORQUES.get(block.mode) or (
         not command.unit and command.quantity == "reference_1" and command.given
@@ -244,7 +246,7 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     if mode.direct or mode.number == 0:
         return 6 if mode.direct else 1
     if mode.mapped and complete and len(others) > 1:
-        # Equilibrium and preset are two references; three or more are the references of the motors.
+        # Two references are equilibrium and preset. Three or more are the references of the motors.
         return mode.number - 1
     return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and not complete)
 
@@ -257,7 +259,8 @@ def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:
 def _initial(
     robot: Robot, columns: Mapping[tuple[str, str], Column], played: Sequence[PlayedRecording], remarks: list[str]
 ) -> dict[str, float]:
-    """First recorded position of each joint: of the link, or else of the springs, a motor, or the command."""
+    """First recorded position of each joint. It is the position of the link or, if this was not recorded, of the springs, of a
+    motor, or of the command."""
     initial: dict[str, float] = {}
     for joint in robot.moving_joints:
         names = ("link_position", "equilibrium_position", "motor_1_position")
@@ -271,7 +274,8 @@ def _initial(
         if inside != start:
             remarks.append(f"{joint.name}: its first position {start:.6g} is outside of its limits; it starts at {inside:.6g}")
         if abs(inside) > 1e-9:
-            # A start at a joint limit keeps all digits of the limit: a rounded start could lie beyond the limit.
+            # If the initial position is at a joint limit, keep all digits of the limit, since a rounded position could be
+            # beyond it.
             initial[joint.name] = inside if inside != start else float(f"{inside:.9g}")
     return initial
 

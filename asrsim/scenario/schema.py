@@ -11,7 +11,7 @@ URL = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema() -> dict[str, Any]:
-    """Schema as plain data (draft 2020-12). Only `robot` is required, as `duration` may be in every variant instead.
+    """Schema as plain data (draft 2020-12). Only `robot` is required, since `duration` may be in every variant instead.
 
     In variants, the schema checks the names of the keys and their values, except inside mappings, which may be incomplete.
     """

@@ -65,11 +65,11 @@ def reference_key(scenario: Scenario, block: ActuatorBlock, name: str) -> str:
 
 
 def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
-    """Warnings: signals that change faster than the substeps sample them; the robot follows a slower motion.
+    """Warnings about signals that change faster than the substeps sample them, so that the robot follows a slower motion.
 
     In a substep h, a sine of frequency f deviates from the straight line between two samples by at most the fraction tan(pi f h
-    / 2) / 2 of its largest change in a substep. A signal counts as undersampled above this deviation at half the sampling rate:
-    half of the change. Corners of slower signals stay below this limit.
+    / 2) / 2 of its largest change in a substep. A signal counts as undersampled above the deviation of a sine with half the
+    sampling rate, which is half of the change. Corners of slower signals stay below this limit.
     """
     length = scenario.step / substeps
     numbers = np.arange(POINTS)
@@ -88,10 +88,10 @@ def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
 
 
 def hidden_jump(scenario: Scenario, signal: Signal) -> float | None:
-    """A time in s at which a signal jumps although its `jumps` does not say so; None if there is none.
+    """A time in s at which a signal jumps although its `jumps` does not state this jump; None if there is no such jump.
 
-    Between the two of `POINTS` times between which the signal changes most, the change is enclosed by bisection: if most of it
-    remains within the rounding of the time, it is a jump.
+    Of the intervals between `POINTS` times, the interval in which the signal changes most is narrowed by bisection. The change
+    is a jump if most of it remains in an interval that is as short as the rounding of the time.
     """
     time = np.linspace(0.0, scenario.duration, POINTS + 1)
     values, stated = signal.values(time), signal.jumps(0.0, scenario.duration)
@@ -113,7 +113,7 @@ def hidden_jump(scenario: Scenario, signal: Signal) -> float | None:
 
 
 def not_a_number(signal: Signal) -> str:
-    """Name of a field of the signal, or of its parts, that is NaN; empty if there is none."""
+    """Name of a field of the signal, or of its parts, that is NaN; empty if no field is NaN."""
     for name, value in vars(signal).items():
         for part in value if isinstance(value, tuple) else (value,):
             if isinstance(part, float) and math.isnan(part):
@@ -124,7 +124,7 @@ def not_a_number(signal: Signal) -> str:
 
 
 def signal_faults(scenario: Scenario) -> Iterator[Problem]:
-    """Errors: signals that raise errors, are not finite, are too large, or jump too often."""
+    """Errors for signals that raise errors, are not finite, are too large, or jump too often."""
     steps = scenario.duration / scenario.step
     wanted = wanted_positions(scenario)
     for key, signal in signals_of(scenario):

@@ -40,7 +40,7 @@ class Wrench:
     link: str = declare(LINK, doc="the link on which the wrench acts")
     force: Axes = declare(_AXES, default=(None,) * 3, unit="N", doc="a signal for each axis; `null`: 0", shown="none")
     torque: Axes = declare(_AXES, default=(None,) * 3, unit="N m", doc="a signal for each axis; `null`: 0", shown="none")
-    point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="where the force acts, in the link's frame")
+    point: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="point at which the force acts, in the link's frame")
     frame: str = declare(Choice(("world", "link")), default="world", doc="frame of force and torque")
 
     def __post_init__(self) -> None:
@@ -73,29 +73,29 @@ class WorldObject:
     """Object in the robot's surroundings."""
 
     name: str
-    shape: str = declare(Choice(tuple(_SIZES)), doc="its shape")
+    shape: str = declare(Choice(tuple(_SIZES)), doc="shape of the object")
     size: tuple[float, ...] = declare(
         _SIZE, default=(), unit="m", doc="box: [x, y, z]; sphere: radius; cylinder: [radius, length]; mesh: scale [x, y, z]"
     )
-    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="mesh: its file")
-    mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="0: it does not move")
+    mesh: Path | None = declare(File(noun="mesh"), default=None, doc="file of the mesh")
+    mass: float = declare(NOT_NEGATIVE, default=0.0, unit="kg", doc="mass; an object with mass 0 does not move")
     inertia: Vector | None = declare(
         ListOf(of=POSITIVE, names=("xx", "yy", "zz")),
         default=None,
         unit="kg m^2",
-        doc="principal moments of inertia; default: those of the solid shape; required for a mesh that moves. The centre of "
-        "mass is the centre of the shape; for a mesh, its origin",
+        doc="principal moments of inertia; default: the moments of the solid shape; required for a mesh that moves. The centre "
+        "of mass is the centre of the shape; for a mesh, its origin",
     )
     friction: float = declare(
         NOT_NEGATIVE,
         default=0.5,
         unit="1",
-        doc="Coulomb coefficient; the coefficient of a contact is the product of the coefficients of both bodies",
+        doc="Coulomb coefficient; the coefficient of a contact is the product of the coefficients of the two bodies",
     )
     position: Vector = declare(POSITION, default=ORIGIN, unit="m", doc="position of the centre")
     rpy: Vector = declare(RPY, default=ORIGIN, unit="rad", doc="orientation")
     colour: tuple[float, float, float, float] = declare(
-        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0), doc="for pictures"
+        ListOf(of=SHARE, names=("red", "green", "blue", "alpha")), default=(0.72, 0.55, 0.35, 1.0), doc="colour in pictures"
     )
 
     @property
@@ -164,7 +164,8 @@ class World:
 
     @property
     def solids(self) -> tuple[WorldObject, ...]:
-        """The ground, if there is one, as a large box, and the objects. With a plane, PyBullet's contact forces would jump."""
+        """The objects, and the ground as a large box if the world has a ground. With a plane, PyBullet's contact forces would
+        jump."""
         if not self.ground:
             return self.objects
         at = 0.0, 0.0, self.ground_height - 0.5 * GROUND_SIZE

@@ -19,7 +19,8 @@ class Signal(ABC):
 
     @abstractmethod
     def values(self, time: Array) -> Array:
-        """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump: the value after the jump."""
+        """Values (n,) at the times (n,) in s, in the unit of the driven quantity. At a jump, this is the value after the
+        jump."""
 
     def jumps(self, start: float, end: float) -> Array:
         """Times in s at which the value jumps, ascending, from `start` to `end` with both included."""

@@ -66,7 +66,7 @@ class Delay(Signal):
         time = np.asarray(time, dtype=np.float64)
         inner = time - self.by
         if inner.size:
-            # Compare times with the delayed times of the jumps, as `jumps` returns them: otherwise rounding could move a sample
+            # Compare times with the delayed times of the jumps, as `jumps` returns them. Otherwise rounding could move a sample
             # across a jump, and `values` would contradict `jumps`.
             jumps = self.of.jumps(float(inner.min()) - 1e-6, float(inner.max()) + 1e-6)
             seen = np.searchsorted(rounded(jumps + self.by), time, side="right")

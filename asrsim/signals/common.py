@@ -53,14 +53,15 @@ def rounded(times: Array) -> Array:
 
 
 def between(times: Array, start: float, end: float) -> Array:
-    """Those of the ascending `times` that lie from `start` to `end`, both included, s."""
+    """The times among the ascending `times` that lie from `start` to `end`, both included, s."""
     return times[(times >= start) & (times <= end)]
 
 
 def interpolate(time: Array, times: Array, values: Array, interpolation: str) -> Array:
     """Values (n,) at the times `time` (n,), from samples at ascending `times`; constant beyond the first and last sample."""
     if interpolation == "hold":
-        # Rounding must not delay a sample until the next time step: 100.2 - 100 is 2.8e-15 larger than 0.2.
+        # Add a small time, so that rounding does not delay a sample until the next time step. For example, 100.2 - 100 is
+        # 2.8e-15 larger than 0.2.
         index = np.searchsorted(times, time + SLACK, side="right") - 1
         return np.asarray(values[np.clip(index, 0, None)], dtype=np.float64)
     return np.asarray(np.interp(time, times, values), dtype=np.float64)

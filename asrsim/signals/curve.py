@@ -14,11 +14,11 @@ from asrsim.samples import Array
 JUMP = 8.0
 """Ratio of the change from one sample to the next to the changes beside it above which the change counts as a jump."""
 TORN, BESIDE = 4.0, 6
-"""For jumps in a smooth motion: ratio of the size of a jump to the third differences beside it above which it counts as a jump,
-and number of third differences on each side that are compared."""
+"""Numbers for jumps in a smooth motion. TORN: ratio of the size of a change to the third differences beside it above which the
+change counts as a jump; BESIDE: number of third differences on each side that are compared."""
 LARGE, MANY = 0.05, 40
-"""Smallest size of a jump that counts as large, as a fraction of the series' range, and largest number of large jumps. A series
-with more large jumps counts as stairs."""
+"""LARGE: smallest size of a jump that counts as large, as a fraction of the series' range; MANY: largest number of large jumps.
+A series with more large jumps counts as stairs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,12 +82,12 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCur
 
 
 def is_jump(values: Array) -> NDArray[np.bool_]:
-    """Whether the series (n,) jumps between each two successive samples, (n - 1,): the change there is much larger than the
-    changes beside it, or the third differences have the pattern of a jump.
+    """Whether the series (n,) jumps between each two successive samples, (n - 1,). At a jump, the change is much larger than
+    the changes beside it, or the third differences have the pattern of a jump.
     """
     steps = np.abs(np.diff(values))
     least = 1e-3 * np.ptp(values)
-    # At an end of the series, compare with two changes on the same side: a single change may be near zero at an extremum.
+    # At an end of the series, compare with two changes on the same side, since a single change may be near 0 at an extremum.
     before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
     beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
     return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))
@@ -116,8 +116,8 @@ def _torn(values: Array, least: float) -> NDArray[np.bool_]:
 
 
 def _join(time: Array, cubics: Array) -> None:
-    """Set the coefficients (n, 4) to those of a spline through the samples. A spline keeps extrema between the samples, which
-    straight lines would cut off.
+    """Set the coefficients (n, 4) to the coefficients of a spline through the samples. A spline keeps extrema between the
+    samples, which straight lines would cut off.
     """
     from scipy.interpolate import CubicSpline
 

@@ -8,7 +8,7 @@ from asrsim.document.block import Block, declared_keys
 from asrsim.document.kinds import Key, Kind, Schema, attempt, unit_hint
 from asrsim.document.node import Node, node_from_data
 from asrsim.document.reading import DocumentReading, KeyPath
-from asrsim.errors import ScenarioError, did_you_mean
+from asrsim.errors import ScenarioError
 from asrsim.signals.base import SIGNALS, Signal
 from asrsim.signals.pieces import Constant
 
@@ -39,14 +39,15 @@ class SignalKind(Kind[Signal]):
             )
         kind, body = next(iter(value.items()))
         if kind not in SIGNALS:
+            found = SIGNALS.unknown(kind)
             raise reading.fault(
                 node,
                 (*path, kind),
-                f"'{kind}' is not a kind of signal",
+                found.message,
                 line=node.key_line(kind),
-                choices=SIGNALS.names(),
-                hint=did_you_mean(kind, SIGNALS.names()) or "Your own signals need --plugin FILE",
-                code="unknown-signal",
+                choices=found.choices,
+                hint=found.hint,
+                code=found.code,
                 show=False,
             )
         cls = SIGNALS.get(kind)

@@ -48,7 +48,7 @@ class Step(Signal):
 
     at: float = declare(NUMBER, doc="time of the jump", unit="s", default=0.0)
     before: float = driven("value before the jump", default=0.0, key="from")
-    after: float = driven("value from the jump on", key="to")
+    after: float = driven("value after the jump", key="to")
 
     def values(self, time: Array) -> Array:
         return np.where(np.asarray(time) >= self.at, self.after, self.before)
@@ -146,7 +146,7 @@ class PulseTrain(Signal):
 
     kind: ClassVar[str] = "pulse_train"
 
-    low: float = driven("value between pulses and before the first", default=0.0)
+    low: float = driven("value between pulses and before the first pulse", default=0.0)
     high: float = driven("value during a pulse")
     period: float = declare(POSITIVE, doc="time from pulse to pulse", unit="s")
     width: float = declare(POSITIVE, doc="length of a pulse, below the period", unit="s")

@@ -24,8 +24,8 @@ _RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
 
 def shifted(times: Array, zero: float, start: float = 0.0) -> Array:
-    """Times (n,) in s, shifted so that the time `zero` becomes `start`. They are rounded to the resolution of the clock:
-    100.2 - 100 becomes 0.2.
+    """Times (n,) in s, shifted so that the time `zero` becomes `start`. They are rounded to the resolution of the clock, so
+    that 100.2 - 100 becomes 0.2.
     """
     digits = min(9, int(np.floor(-np.log10(np.spacing(max(float(np.max(np.abs(times))), abs(start), 1e-3))))))
     return np.asarray(np.round(times - zero, digits) + start, dtype=np.float64)
@@ -45,8 +45,8 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the first sample; default: its time in the recording; "
-        "clock times count from the file's earliest time",
+        doc="simulated time of the first sample; by default, its time in the recording. Times of a wall clock are counted from "
+        "the earliest time in the file",
         unit="s",
         default=None,
     )

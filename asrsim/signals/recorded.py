@@ -1,4 +1,5 @@
-"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors here."""
+"""Reads one series of a recording for playback. Missing values, which other uses of recordings skip, are errors in a
+playback."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
     """Strictly increasing times in s and values of a column, in SI units where the header or a document states the unit.
 
     Args:
-        path: The recording.
+        path: Path of the recording.
         column: Header of the column with or without unit, or its number from 1; for messages `/topic/field`.
 
     Raises:
@@ -42,7 +43,8 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
             [Problem(message, file=path, key="column", choices=choices, meant=column, code="no-such-column"), *unread]
         )
     found = recording.channels[columns[place or 0][1].name]
-    # Accept repeated times in a bag, whose first message at each time is played. Ignore findings about other topics of the bag.
+    # Accept repeated times in a bag, since the first message at each time is played. Ignore findings about other topics of the
+    # bag.
     faults = _FAULTS[:3] if table.name else _FAULTS
     problems = [one for one in content.findings if one.code in faults and (not table.name or one.key == table.name)]
     bad = np.flatnonzero(~np.isfinite(found.values))

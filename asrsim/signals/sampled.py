@@ -26,7 +26,8 @@ class Sampled(Signal):
     """Values (n,) in the unit of the driven quantity."""
 
     def __post_init__(self) -> None:
-        # Turn negative zeros into zeros by adding 0.0: a playback of these samples from a log adds an offset with this effect.
+        # Change the numbers -0.0 to 0.0 by adding 0.0. A playback of these samples from a log adds an offset, which has the
+        # same effect.
         object.__setattr__(self, "samples", np.asarray(self.samples, dtype=np.float64) + 0.0)
 
     def values(self, time: Array) -> Array:

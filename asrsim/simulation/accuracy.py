@@ -39,17 +39,18 @@ RESOLVED = 1e-12
 differences.
 """
 LIMIT = 1e-8
-"""Largest difference in rad (m) between engines that count as equal, for motion without contacts (measured: about 1e-12)."""
+"""Largest difference in rad (m) between engines that count as equal, for motion without contacts. Measured differences are
+about 1e-12."""
 NUDGE = 1e-12
-"""Change of the start positions in rad (m) by which the sensitivity of the motion is measured."""
+"""Change of the initial positions in rad (m) with which the sensitivity of the motion is measured."""
 SENSITIVE = 100.0
-"""Allowed difference between engines, as a multiple of the effect of `NUDGE`: engines round in every step, not only at the
-start.
+"""Allowed difference between engines, as a multiple of the effect of `NUDGE`. It is larger than 1, since engines round in every
+step and not only at the start.
 """
 
 
 class RunDifferences:
-    """Differences between the motions of several runs of one robot; iteration simulates the runs."""
+    """Differences between the motions of several runs of one robot. Iterating over this object simulates the runs."""
 
     def __init__(self, runs: Sequence[Prepared]) -> None:
         self._runs = runs
@@ -69,17 +70,17 @@ class RunDifferences:
 
     @property
     def measures(self) -> Array:
-        """Differences (pairs, joints, `MEASURES`) between the first and each later run, then between the second and each later
-        run, and so on.
+        """Differences (pairs, joints, `MEASURES`) between the runs of each pair. The pairs consist of the first run and each
+        later run, then of the second run and each later run, and so on.
         """
         both = np.stack([self._largest, np.sqrt(self._squares / self._samples)], axis=-1)
         return both.swapaxes(1, 2).reshape(len(both), -1, len(MEASURES))
 
 
 def _motion(prepared: Prepared, substeps: int) -> Iterator[Array]:
-    """Logged samples of a run in blocks, arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError.
+    """Logged samples of a run, in blocks that are arrays (samples, quantities of `COMPARED`, joints). Raises DivergenceError.
 
-    substeps: total number of substeps in the compared runs, from which a Python loop or a compiled loop is chosen.
+    substeps: total number of substeps in the compared runs, by which a Python loop or a compiled loop is chosen.
     """
     length = BLOCK * prepared.scenario.log_every * prepared.resolution.substeps
     with Simulation(prepared, record=True, names=COMPARED, expected_substeps=substeps) as simulation:
@@ -99,7 +100,8 @@ def certify(
     progress: Tell | None = None,
     stop: Stop | None = None,
 ) -> dict[str, Any]:
-    """Estimate of the numerical error of `run` by Richardson extrapolation, from runs with a half and a quarter of its step.
+    """Estimate of the numerical error of `run` by Richardson extrapolation, from runs with a half and a quarter of the step of
+    `run`.
 
     plan: the examined scenario of the run. progress, stop: as in `simulate`; if `stop` returns True, the
     result is empty. Returns plain values for JSON: stepping and its order, the
@@ -116,18 +118,21 @@ def certify(
             return {}
     joints: dict[str, dict[str, float | None]] = {}
     warnings = []
-    # Differences between the runs with the whole step, half the step and a quarter of the step, in pairs.
+    # Differences between two runs each. half: runs with the whole step and half the step; quarter: runs with the whole step and
+    # a quarter of the step; finest: runs with half and a quarter of the step.
     for joint, half, quarter, finest in zip(run.robot.moving_joints, *comparison.measures, strict=True):
         order = math.log2(half[1] / finest[1]) if min(half[1], finest[1]) > RESOLVED else math.nan
         low = order < stepping.order - ORDER_TOLERANCE
         used = max(order, 0.5) if low else stepping.order
-        # Richardson: the error of the run with a quarter of the step is 4^-order times the error of the coarse run.
+        # Richardson extrapolation: the error of the run with a quarter of the step is 4^-order times the error of the coarse
+        # run.
         errors = quarter / (1.0 - 4.0**-used)
         joints[joint.name] = {**dict(zip(MEASURES, errors.tolist(), strict=True)), "order": finite_or_none(order)}
         if low:
             warnings.append(
-                f"joint '{joint.name}': the error falls with order {order:.2f}, not {stepping.order} as {stepping.name} does "
-                f"where forces are smooth (friction, stops, contacts and limits lower it); the estimate uses the measured order"
+                f"joint '{joint.name}': the error decreases with the order {order:.2f}. {stepping.name} has the order "
+                f"{stepping.order} where forces are smooth; friction, stops, contacts and limits lower the order. The estimate "
+                "uses the measured order"
             )
     return {
         "stepping": stepping.name,
@@ -148,8 +153,9 @@ def _finer(plan: Plan, run: Run, finer: int) -> Plan:
 
 
 def other_engine(engine: str, *, required: bool = False) -> str | None:
-    """Name of the first installed engine with dynamics, except `engine`; None if there is none, or if `engine` has no dynamics,
-    or other masses than the robot's file. required: compare also with such masses, and raise SimulationError if there is none.
+    """Name of the first installed engine with dynamics, except `engine`; None if no such engine is installed, if `engine` has
+    no dynamics, or if the masses in `engine` differ from the masses in the robot's file. required: also compare an engine with
+    other masses, and raise SimulationError if no engine is found.
     """
     if not required and not ENGINES.get(engine).masses_of_file:
         return None
@@ -176,9 +182,9 @@ def cross_check(
     """Repeat a run in the engine `other` and compare the motions.
 
     plan: the examined scenario of the run. progress: as in `simulate`.
-    Returns plain values for JSON: both engines and the versions of their libraries; whether bodies may touch; the differences
-    of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description of a fault,
-    empty if the engines agree or may differ; `note`: explanation of the differences.
+    Returns plain values for JSON: the two engines and the versions of their libraries; whether bodies may touch; the
+    differences of each joint (rad, m; N m, N; None if the other engine cannot simulate the whole run); `finding`: description
+    of a fault, empty if the engines agree or are allowed to differ; `note`: explanation of the differences.
     """
     scenario, version = plan.scenario, other
     names = [joint.name for joint in run.robot.moving_joints]
@@ -198,17 +204,15 @@ def cross_check(
     difference = np.nan_to_num(found[:, 0])
     worst = int(difference.argmax())
     if contacts:
-        note = note or (
-            f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate here"
-        )
+        note = note or f"bodies may touch, which {scenario.engine} and {other} model differently: differences are legitimate"
     elif difference[worst] > LIMIT and not finding:
         sensitivity = math.inf
         with suppress(DivergenceError):
             sensitivity = float(_differences(own, _nudged(own), "sensitivity", progress)[:, 0].max())
         if difference[worst] <= SENSITIVE * sensitivity:
             note = (
-                f"the motion amplifies small differences: a start that is moved by {NUDGE:g} rad changes the run in "
-                f"{scenario.engine} by {sensitivity:.2g} rad, so the difference from {other} is not a fault of an engine"
+                f"the motion amplifies small differences: a change of the initial positions by {NUDGE:g} rad changes the run "
+                f"in {scenario.engine} by {sensitivity:.2g} rad, so the difference from {other} is not a fault of an engine"
             )
         else:
             finding = (
@@ -239,7 +243,8 @@ def _differences(one: Prepared, other: Prepared, title: str, progress: Tell | No
 
 
 def _nudged(prepared: Prepared) -> Prepared:
-    """The run with start positions that are moved by `NUDGE`, away from stops. A joint beyond a stop keeps its start."""
+    """The run with initial positions that are changed by `NUDGE`, away from stops. A joint beyond a stop keeps its initial
+    position."""
     positions = {}
     for drive in prepared.drives:
         start, (low, high) = drive.initial_position, drive.joint.stops

@@ -13,8 +13,8 @@ class Stretch(NamedTuple):
     """The worlds and substeps that one call advances."""
 
     which: Any
-    """A row (m, 4) for each world to advance: indices of the world, of its inputs and references, of its recorded values, and
-    of its wrenches, lengths and cuts.
+    """Rows (m, 4), one for each world to advance: indices of the world, of the world's inputs and references, of its recorded
+    values, and of its wrenches, lengths and cuts.
     """
     first: int
     """First row of the inputs."""
@@ -34,12 +34,13 @@ class Tables(NamedTuple):
     done: Any
     """Number of completed substeps (worlds,)."""
     fault: Any
-    """Health and number of the faulty joint (worlds, 2)."""
+    """Health of each world, and number of the faulty joint (worlds, 2)."""
     rows: Any
     """Last recorded row (worlds, joints, columns)."""
     strides: Any
-    """Of each world (worlds, 3): stride in which it moves, number of steps for which a longer stride has been possible, and
-    whether its stride may change: 0 no, 1 yes, 2 yes with other parameters; see `asrsim.simulation.strides`.
+    """Three numbers of each world (worlds, 3): the stride in which the world moves, the number of steps for which a longer
+    stride has been possible, and whether the stride may change (0: no, 1: yes, 2: yes, with parameters that differ from the
+    scenario's); see `asrsim.simulation.strides`.
     """
 
 
@@ -49,7 +50,7 @@ class Common(NamedTuple):
     kinds: Any
     """Kinds of the joints: table K (joints, ...)."""
     scheme: Any
-    """Constants of the stepping: a table with a record, `Scheme`, for each pair of strides: before and after a kick."""
+    """Constants of the stepping: a table with a record `Scheme` for each pair of strides, before and after a kick."""
     sizes: Any
     """Number of substeps in each stride (s,), increasing from 1."""
     deflections: Any
@@ -68,7 +69,7 @@ class EngineCall(NamedTuple):
     records: Any
     """Address of the engine's record for each stride, which the step function receives."""
     exchange: Any
-    """Loads and motion of the links, (pieces, joints, 6); see `asrsim.engines.base`."""
+    """Loads and motions of the links (pieces, joints, 6); see `asrsim.engines.base`."""
 
 
 class RowSelection(NamedTuple):
@@ -83,17 +84,19 @@ class RowSelection(NamedTuple):
     state.
     """
     of_inputs: Any
-    """Columns of the references that are recorded; in plain Python, a function that returns their values from a row."""
+    """Columns of the references that are recorded; in plain Python, a function that returns the values of these columns from a
+    row of references."""
 
 
 class Corrections(NamedTuple):
-    """Corrections by an observer, which moves a simulation towards measured positions; empty tables without an observer."""
+    """Corrections by an observer, which moves a simulation towards measured positions. Without an observer, the tables are
+    empty."""
 
     measured: Any
     """Positions (m, steps, joints, 1 + motors) of links and motors at whole steps, rad or m; NaN: not measured. The loop
-    replaces them by the errors before the correction.
+    replaces the positions by the errors before the correction.
     """
     gains: Any
-    """Changes (2,) of the position and of the velocity (1/s) per error."""
+    """Changes (2,) of the position, and of the velocity in 1/s, per error of the position."""
     coordinates: Any
     """Indices (3, joints) of position, velocity and previous velocity of each link in the state of the engine."""

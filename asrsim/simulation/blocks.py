@@ -25,28 +25,28 @@ class InputBlock:
 
     numbers: NDArray[np.int64]
     which: NDArray[np.int64]
-    """Indices (m, 4): number of each world, of its set of inputs, of its row in the output, and of its set of wrenches, lengths
+    """Indices (m, 4) of each world, of the world's set of inputs, of its row in the output, and of its set of wrenches, lengths
     and cuts.
     """
     given: Given
     end: int
-    """Number of rows."""
+    """Number of rows in the block."""
     row: int = 0
-    """Number of rows that have been simulated."""
+    """Number of rows of the block that have been simulated."""
     steady: Inputs | None = None
     """Inputs of all worlds of the block, if all rows are equal; else None."""
     until: int = 0
-    """Substep up to which equal rows are valid, and can be used again."""
+    """Substep up to which equal rows stay valid and can be used again."""
 
 
 class Blocks:
-    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if both have equal length, and
-    their inputs differ only in the values that callers set.
+    """Advances worlds through blocks of inputs. A call reuses the block of the previous call if the two blocks have equal
+    length, and if their inputs differ only in the values that callers set.
     """
 
     def __init__(self, core: Core, inputs: Sequence[Inputs], *, chunk: int, threads: int) -> None:
         """inputs: input signals of each world; chunk: largest number of substeps whose inputs are sampled in one call; threads:
-        number of threads, if the whole loop is machine code.
+        number of threads, which is used if the whole loop is machine code.
         """
         self._core, self._inputs, self._chunk = core, list(inputs), chunk
         self._substeps = core.prepared.resolution.substeps
@@ -101,7 +101,7 @@ class Blocks:
         if block is None or block.numbers is not numbers or not self._is_ready(block, length):
             block = self._make_block(numbers, length)
             self._renewed = True
-        # After an error the worlds may have advanced by different numbers of substeps: the block is then discarded.
+        # Discard the block in advance. After an error, the worlds may have advanced by different numbers of substeps.
         self._block = None
         first, block.row = block.row, block.row + length
         out = np.empty((len(numbers), -(-length // self._substeps), *self._core.rows.shape[1:]))
@@ -116,8 +116,8 @@ class Blocks:
         return out
 
     def _is_ready(self, block: InputBlock, length: int) -> bool:
-        """Whether a block contains the inputs of the next substeps. Controllers make equal calls again and again, in which only
-        the values that they set differ: the rows are then reused.
+        """Whether a block contains the inputs of the next substeps. A controller calls the simulation again and again with the
+        same number of substeps, and changes only the values that it sets. The rows are then reused.
         """
         if block.steady is not None and length <= block.end and int(self._core.done[block.numbers[0]]) + length <= block.until:
             if not self._renewed:
@@ -153,8 +153,8 @@ class Blocks:
         return block
 
     def _alike(self, numbers: NDArray[np.int64]) -> list[tuple[Inputs, int, Any]]:
-        """Groups of worlds with equal inputs and times. For each group: its inputs, the number of its next substep, and the
-        indices of its worlds in `numbers`.
+        """Groups of worlds with equal inputs and times. A group consists of the inputs, the number of the next substep, and the
+        indices of the worlds in `numbers`.
         """
         done, first = self._core.done[numbers], self._inputs[numbers[0]]
         substep = int(done[0])

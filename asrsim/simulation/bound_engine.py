@@ -16,7 +16,7 @@ from asrsim.samples import Array
 from asrsim.simulation.arguments import EngineCall
 
 NO_WRENCHES, WHOLE = np.zeros((1, 0, 6)), np.ones(1)
-"""Empty table of wrenches, and table of lengths for a kick that consists of one piece."""
+"""NO_WRENCHES: empty table of wrenches; WHOLE: table of lengths for a kick that consists of one piece."""
 NO_RECORD = np.zeros(1, dtype=np.int64)
 """Records of an engine whose step is a Python function."""
 
@@ -29,18 +29,18 @@ class BoundEngine:
         self.engine, self._watch = engine, watch
         self._exchange = np.zeros((0, len(engine.joints), 6))
         self._parts: list[Array] = []
-        """Exchange arrays, indexed by the number of pieces of the kick."""
+        """Exchange arrays, by the number of pieces of the kick."""
         self.states: Any = {}
         """States of the engine by number of the world, except for the world whose state the engine contains."""
         self._world: int | None = None
-        """Number of the world whose state the engine contains; None if this state belongs to no world."""
+        """Number of the world whose state the engine contains; None if the engine's state belongs to no world."""
 
     def borrow(self, pieces: int) -> EngineCall:
         """Arguments of the engine for one call of the kernel. pieces: largest number of pieces of a kick."""
         if len(self._exchange) < pieces:
             self._exchange = np.zeros((pieces, *self._exchange.shape[1:]))
             self._parts = [self._exchange[:count] for count in range(pieces + 1)]
-        # Items of a memory view are read and written several times faster than those of an array.
+        # Use a memory view, whose items are read and written several times faster than the items of an array.
         return EngineCall(step=self._step, records=NO_RECORD, exchange=self._exchange.data)
 
     def give_back(self, call: EngineCall) -> None:
@@ -90,7 +90,7 @@ class CalledEngine(BoundEngine):
     def __init__(self, engine: Engine, wrenches: int, watch: Callable[[], None] | None = None) -> None:
         """wrenches: number of wrenches of the scenario."""
         super().__init__(engine, watch)
-        own = ref(self)  # a weak reference: a reference cycle would keep the engine alive until Python's garbage collection
+        own = ref(self)  # a reference cycle would keep the engine alive until Python's garbage collection
 
         def called(record: int, x: int, exchange: int, wrenches: int, lengths: int, pieces: int) -> None:
             engine = own()
@@ -108,7 +108,7 @@ class CalledEngine(BoundEngine):
         return EngineCall(step=self._address, records=NO_RECORD, exchange=self._exchange)
 
     def _called(self, wrenches: int, lengths: int, pieces: int) -> None:
-        # Exceptions must not pass through compiled code: the world is stopped instead.
+        # Stop the world after an exception, since exceptions must not pass through compiled code.
         try:
             if self._raised is None:
                 shape = pieces, self._wrenches, 6
@@ -139,7 +139,7 @@ class NativeEngine(BoundEngine):
         self.engine, self._native, self.states, self._strides = engine, native, states, strides
         self._records: list[NativeRecord] = []
         """All records, whose memory must stay alive."""
-        # Make the first call here, before there are threads: its records may be those of the engine itself.
+        # Make the first call here, before there are threads, since it may use the engine's own records.
         self._calls = [self._new_call(1, self._new_records())]
         """Calls that are free for the next thread."""
 

@@ -73,7 +73,7 @@ class Core:
 
             self._code, self._run = native, native.compiled_run()
         self._owners: list[Any] = []
-        """References that keep the functions alive that the kernel calls by address."""
+        """References to the functions that the kernel calls by address, so that Python does not delete these functions."""
         self.shape: RowShape = shape_of(drives)
         constants = self._bind_joints()
         self._plain_joints: dict[int, list[JointState]] = {}
@@ -115,8 +115,8 @@ class Core:
         drives, stepping = self.prepared.drives, self.prepared.stepping
         constants = constants_table(self.prepared, self.shape)
         kinds = kinds_of(drives, self.shape)
-        # Bind a law once for all joints with the same actuator and stages: each binding computes a digest and looks for the
-        # compiled law in the cache folder.
+        # Bind a law only once for all joints with the same actuator and stages, since each binding computes a digest and looks
+        # for the compiled law in the cache folder.
         bound_law: Any = cache(self._code.bound_law)
         bound_step: Any = cache(self._code.bound_step)
         for kind, drive, stages in zip(kinds, drives, self.shape.stages, strict=True):
@@ -124,8 +124,8 @@ class Core:
                 kind.spring_law = self._address(bound_law(drive.actuator, drive.positions, stages))
             if stepping.released:
                 kind.joint_step = self._address(bound_step(released_step))
-        # For the Python loop the kinds are records with functions instead of addresses, and sizes are Python integers: a NumPy
-        # integer as a counter slows every index.
+        # For the Python loop, the kinds are records with functions instead of addresses. Sizes are Python integers, since
+        # indexing with NumPy integers is slower.
         table: Any = table_of_kinds(kinds, self.shape) if self.compiled else kinds
         own = self._strides
         sizes: Any = np.array(own.sizes, dtype=np.int64) if self.compiled else own.sizes
@@ -203,7 +203,8 @@ class Core:
             self._own[world] = self._engines[world] = own
 
     def _fits_shared(self, prepared: Prepared) -> bool:
-        """Whether the shared engine has the inertials of this scenario. The engine of a single world takes them, if it can."""
+        """Whether the shared engine has the inertials of this scenario. If there is only one world, its engine takes the
+        inertials if it can."""
         if prepared.robot.inertials == self._shared_inertials:
             return True
         if len(self._engines) > 1 or not self._shared.engine.vary(prepared.robot):
@@ -214,7 +215,7 @@ class Core:
     # -- state ------------------------------------------------------------------------------------------------------
 
     def start(self, world: int, prepared: Prepared) -> None:
-        """Put a world at the start of a run."""
+        """Set a world to the initial state of a run."""
         bound = self._engines[world]
         bound.leave()
         placed = self._start_engine(bound.engine, prepared)
@@ -243,12 +244,12 @@ class Core:
         return *(table[world].copy() for table in self._tables), self._engines[world], self._engines[world].state(world)
 
     def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
-        """Set the complete state of a world, and the parameters of this state. Continuing from this state gives bitwise
-        identical results.
+        """Set the complete state of a world, and the parameters of this state. A run that continues from this state gives
+        bitwise identical results.
         """
         *values, bound, engine = state
         for table, row in zip(self._tables, values, strict=True):
-            # Widen the saved rows if columns for further stages have been added since.
+            # Widen the saved row if columns for further stages were added after it was saved.
             table[world] = row if row.shape == table[world].shape else _widened(row, table.shape[-1])
         self._plain_joints.pop(world, None)
         self._plain_links.pop(world, None)
@@ -319,7 +320,7 @@ class Core:
                 link_of_row(row, self.shape.motors, len(drive.elastic), drive.motors, stages) for row, drive, stages in pairs
             ]
         state, engine = self._plain_joints[world], bound.borrow(self._pieces)
-        # Items of a memory view are read and written several times faster than those of an array.
+        # Use memory views, whose items are read and written several times faster than the items of an array.
         shown = self.done, self.fault, self.rows, self.strides
         done, fault, rows, strides = (table[world : world + 1].data for table in shown)
         tables, views = Tables([state], [self._plain_links[world]], [None], done, fault, rows, strides), out.data
@@ -329,7 +330,7 @@ class Core:
 
 
 def _widened(table: Array, columns: int) -> Array:
-    """The table (..., k) with further columns of zeros, in which no stage acts."""
+    """The table (..., k) with further columns of zeros. A zero means that no stage acts."""
     wide = np.zeros((*table.shape[:-1], columns))
     wide[..., : table.shape[-1]] = table
     return wide
@@ -348,8 +349,9 @@ def make_core(
     """A core, and the reason why its loop runs in Python although compiled code would be faster (empty if there is no such
     reason).
 
-    compiled: whether the loop is compiled; None: as the scenario states, else according to `is_worth_compiling` for this number
-    of substeps. worlds, watch: as in `Core`. Raises SimulationError if compiled code is requested but not available.
+    compiled: whether the loop is compiled; None: as the scenario states; if the scenario states nothing, according to
+    `is_worth_compiling` for this number of substeps. worlds, watch: as in `Core`. Raises SimulationError if compiled code is
+    requested but not available.
     """
     wanted, slow_because = prepared.scenario.compiled if compiled is None else compiled, ""
     if wanted or (

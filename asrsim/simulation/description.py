@@ -55,8 +55,8 @@ def describe(scenario: Scenario, plan: Plan, drives: Sequence[SteppedJoint], res
 
 
 def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
-    """Frame of each link relative to its parent link; for a fixed root link, relative to the world. A floating root link is
-    listed among the bodies instead.
+    """Frame of each link relative to its parent link. The frame of a fixed root link is relative to the world. A floating root
+    link is listed among the bodies instead.
     """
     frames = [
         Frame(
@@ -72,8 +72,8 @@ def link_frames(scenario: Scenario, robot: Robot) -> tuple[Frame, ...]:
     ]
     if scenario.fixed_base:
         root, position, rpy = robot.root.name, scenario.base_position, scenario.base_rpy
-        # Many robots name their root link 'world', as viewers name the world frame: both frames are then equal, unless the
-        # scenario moves the robot.
+        # Many robots name their root link 'world', which is also the name of the world frame in viewers. Then do not add a
+        # world frame, unless the scenario moves the robot.
         if root != WORLD or any((*position, *rpy)):
             frames.append(
                 Frame(parent=MAP if root == WORLD else WORLD, child=root, position=position, rotation=quaternion(rpy))

@@ -1,4 +1,4 @@
-"""A joint that is ready to run, with its drive, its start values and the ranges of its references."""
+"""A joint that is ready to run, with its drive, its initial state and the ranges of its references."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from asrsim.scenario.starts import start_positions, start_velocities
 from asrsim.simulation.imperfections import Noise, Sensor
 
 EXTERNAL_TORQUE = "external_torque"
-"""Name under which callers set the external torque on a link, like a reference."""
+"""Name under which callers set the external torque on a link, as they set a reference."""
 TURN = math.pi
-"""Range of a joint without limits in each direction, rad."""
+"""Range in each direction of a joint without limits, rad."""
 LEVER_SHARE = 0.5
 """Largest position of an adjuster, as a fraction of the lever length at which the stiffness becomes infinite."""
 
 COMMAND_DELAY, SENSOR_DELAY = DELAYS = "command_delay", "sensor_delay"
-"""Names of the delays of a joint's commands and sensors, which a prepared scenario can vary as parameters."""
+"""Names of the delays of a joint's commands and of its sensors. A prepared scenario can vary the delays as parameters."""
 
 Range = tuple[float, float]
 
@@ -44,12 +44,13 @@ class SteppedJoint:
     stepping: Stepping
     initial_position: float
     stated_position: float = 0.0
-    """Start position from the scenario or the robot's file, at which references without a signal stay, rad (m)."""
+    """Initial position from the scenario or the robot's file, rad (m). References without a signal stay at this position."""
     initial_velocity: float = 0.0
     motor_positions: tuple[float, ...] = ()
-    """Start positions of the motors in rad; empty: the positions at which springs are unloaded, so that runs begin smoothly."""
+    """Initial positions of the motors in rad; empty: the positions at which the springs are unloaded, so that runs begin
+    smoothly."""
     motor_velocities: tuple[float, ...] = ()
-    """Start velocities of the motors in rad/s; empty: the motors start at rest."""
+    """Initial velocities of the motors in rad/s; empty: the motors start at rest."""
     integrals: tuple[float, ...] = ()
     """Torques in N m of the controllers' integral action at the start; empty: 0."""
     link_damping: LinkDamping | None = None
@@ -154,9 +155,9 @@ class SteppedJoint:
         return self.actuator.positions() if self.actuator else 2
 
     def motor_starts(self, count: int) -> list[tuple[float, ...]]:
-        """Start values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
-        of the controller (in units of the command). Motors start at the link's position; on the housing, and in the released
-        order, at 0.
+        """Initial values of `count` motors: position (rad), velocity (rad/s), anchor of the friction's bristles (rad), integral
+        of the controller (in units of the command). Motors start at the link's position. Motors on the housing, and all motors
+        in the released order, start at 0.
         """
         at = 0.0 if self.stepping.released and not (self.motor_positions or self.motor_velocities) else self.initial_position
         usual = [0.0 if self.actuator and self.actuator.is_housed(index) else at for index in range(count)]
@@ -172,7 +173,7 @@ class SteppedJoint:
 
 
 def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:
-    """All moving joints of `robot` with their drives and the scenario's start, in the order of the robot."""
+    """All moving joints of `robot` with their drives and the scenario's initial state, in the order of the robot."""
     blocks = {block.joint: block for block in robot.actuators}
     positions = start_positions(scenario, robot)
     velocities = start_velocities(scenario, robot, positions)
@@ -205,7 +206,7 @@ def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: fl
         imperfections, sensor = for_joint(scenario.sensor_imperfections, drive.name), None
         if imperfections is not None and imperfections.active and drive.mode is not None and drive.mode.controller:
             encoders = range(max(drive.dynamic_motors, 1))
-            # Number the noise generators of encoders from MOST_MOTORS on: lower numbers belong to the commands.
+            # The noise generators of encoders have numbers of MOST_MOTORS or more. Lower numbers belong to the commands.
             seeds = ((scenario.seed, j, MOST_MOTORS + i) for i in encoders)
             sensor = Sensor(
                 imperfections=imperfections,
@@ -245,8 +246,9 @@ def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoin
 
 
 def ranges_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> dict[str, dict[str, Range]]:
-    """Smallest and largest value of each reference, by joint and reference: from the scenario, else from the robot's limits.
-    External torques are included if the robot's file subscribes to them or the scenario declares their range.
+    """Smallest and largest value of each reference, by joint and reference. The values come from the scenario, or from the
+    robot's limits if the scenario states none. External torques are included if the robot's file subscribes to them or the
+    scenario declares their range.
     """
     found: dict[str, dict[str, Range]] = {}
     for drive in drives:
@@ -277,7 +279,7 @@ def _default(drive: SteppedJoint, slot: int) -> Range:
         return low, high
     if actuator.is_housed(slot):
         low = high = 0.0
-    # A motor may lead the link by the largest deflection of the spring, within the position limits of the motor.
+    # A motor may be ahead of the link by the largest deflection of the spring, within the position limits of the motor.
     least, most = (values[f"motor_{slot + 1}_{end}_position"] for end in ("min", "max"))
     return max(low - spread, least), min(high + spread, most)
 

@@ -6,7 +6,7 @@ import inspect
 
 from asrsim.engines import ENGINES
 from asrsim.engines.base import MEMBERS, Engine
-from asrsim.errors import Problem, SimulationError
+from asrsim.errors import Problem, SimulationError, listed
 from asrsim.registry import result_fault
 from asrsim.robot.dynamics import RobotModel
 from asrsim.robot.model import Robot
@@ -17,12 +17,14 @@ WARP = "mujoco_warp"
 
 
 def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem, ...]]:
-    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed or ignores wrenches,
-    and InputError if a user's engine is incomplete."""
+    """The scenario's engine, and its warnings. Raises SimulationError if the engine is not installed, or ignores wrenches or
+    weightless links, and InputError if a user's engine is incomplete or its equations contradict each other."""
     entry = ENGINES.get(scenario.engine)
     if not entry.available:
         installed = ", ".join(name for name in ENGINES.names() if ENGINES.get(name).available)
-        message = f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; here are: {installed}"
+        message = (
+            f"the engine '{scenario.engine}' needs '{entry.module}', which is not installed; installed engines: {installed}"
+        )
         raise SimulationError(message)
     made = entry.make(scenario, robot)
     if not isinstance(made, tuple) or len(made) != 2:
@@ -37,19 +39,41 @@ def make_engine(scenario: Scenario, robot: Robot) -> tuple[Engine, tuple[Problem
                     ". If a base class sets this member, `__init__` of the engine must call super().__init__(scenario, robot)"
                 )
             raise result_fault(entry.make, message)
-    if scenario.wrenches and not engine.takes_wrenches:
+    try:
+        _check_fit(engine, scenario, robot)
+    except BaseException:
         engine.close()
+        raise
+    return engine, warnings
+
+
+def _check_fit(engine: Engine, scenario: Scenario, robot: Robot) -> None:
+    """Raise SimulationError if the engine ignores wrenches or weightless links, and RobotError if a user's equations are
+    wrong."""
+    # Import this only here, since `import asrsim` must not import engines.
+    from asrsim.engines.equations import EquationEngine
+
+    if scenario.wrenches and not engine.takes_wrenches:
         raise SimulationError(
             f"the engine '{scenario.engine}' takes no wrenches: the wrenches of the scenario would have no effect"
         )
-    return engine, warnings
+    weightless = [link.name for link in robot.links if link.weightless[0]] if any(scenario.gravity) else []
+    # Engines may lack the member `takes_weightless`. An engine without this member does not accept links without mass.
+    if weightless and not getattr(engine, "takes_weightless", False):
+        raise SimulationError(
+            f"the engine '{scenario.engine}' does not state `takes_weightless = True`, so gravity would act on the weightless "
+            f"links {listed(weightless, 5)} (`weightless` in the scenario, <turnGravityOff> or <gravity> in the robot's file). "
+            "docs/architecture.md, 'An engine of your own', shows what an engine does with them"
+        )
+    if isinstance(engine, EquationEngine):
+        engine.test(scenario)
 
 
 def model_of_engine(engine: Engine, model: RobotModel, scenario: Scenario, robot: Robot) -> RobotModel:
     """Model with the engine's own equations, if it declares them; else `model`, with the masses of the robot's file."""
     if ENGINES.get(scenario.engine).masses_of_file:
         return model
-    # Imported only here: the engines of asrsim do not need it.
+    # Import this only here, since the engines of asrsim do not need it.
     from asrsim.engines.equations import EquationEngine, EquationModel
 
     return EquationModel(engine, scenario, robot) if isinstance(engine, EquationEngine) else model

@@ -1,4 +1,5 @@
-"""Start at static equilibrium: the positions of links and motors at rest under the first references and the load of gravity."""
+"""Initial state at static equilibrium: the positions of links and motors at rest under the first references and the load of
+gravity."""
 
 from __future__ import annotations
 
@@ -19,18 +20,18 @@ from asrsim.statics.balance import BALANCED, balanced, by_differences, springs_b
 
 
 def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel) -> tuple[SteppedJoint, ...]:
-    """The drives with start values at static equilibrium under the references at t = 0.
+    """The drives with initial states at static equilibrium under the references at t = 0.
 
     Each motor stands where its controller torque equals the spring torque. A joint that is pressed onto its stop rests there. A
     joint without actuator rests where gravity and its passive spring balance. Joints that references drive with a torque, a
-    voltage or a current (modes 0, 4, 7 and 8) keep their positions. Raises ScenarioError that names a joint without an
+    voltage or a current (modes 0, 4, 7 and 8) keep their positions. Raises ScenarioError, which names a joint without an
     equilibrium.
     """
     sampled = sampled_signals(scenario, drives, np.zeros(1))
     goals = [tuple(drive.goals(sampled[GOALS:, j])[:, 0].tolist()) for j, drive in enumerate(drives)]
     gives_way = np.array([_gives_way(drive) for drive in drives])
     own = np.flatnonzero(gives_way).tolist()
-    # A robot on the ground has a fixed base.
+    # Treat the base of a robot on the ground as fixed.
     falls = not scenario.fixed_base and scenario.world.empty
     stated = [drive.stated_position for drive in drives]
     couplings = model.couplings
@@ -64,14 +65,14 @@ def at_equilibrium(scenario: Scenario, drives: Sequence[SteppedJoint], model: Ro
 
 
 def _resting(drive: SteppedJoint, q: float, goals: tuple[float, ...], load: float) -> SteppedJoint:
-    """The drive with start values at rest: the link at q in rad (m) under a load in N m (N)."""
+    """The drive with an initial state at rest, in which the link is at q in rad (m) under a load in N m (N)."""
     own = drive.drive
     positions: tuple[float, ...] = ()
     integrals: tuple[float, ...] = ()
     if own and own.mode.controller and drive.dynamic_motors:
         resting, torques = resting_motors([own], np.array([[q]]), np.reshape(goals, (-1, 1, 1)))
         positions = tuple(resting[:, 0, 0].tolist())
-        # Integral action gives the torque of the springs, up to the motor's largest torque.
+        # Integral action balances the torque of the springs, up to the motor's largest torque.
         rows = zip(torques[:, 0, 0].tolist(), own.integral, own.max_torque, strict=False)
         integrals = tuple(min(max(torque, -most), most) if gain > 0.0 else 0.0 for torque, gain, most in rows)
     elif _holds(drive):
@@ -97,8 +98,8 @@ def link_torques(drives: Sequence[SteppedJoint], q: Array, goals: Sequence[tuple
 
 
 def _unloaded(drive: SteppedJoint, goals: tuple[float, ...], stated: float) -> float:
-    """Position in rad (m) at which the unloaded joint rests, within its stops; the start position `stated` in the scenario if
-    no spring or controller acts.
+    """Position in rad (m) at which the unloaded joint rests, within its stops. If no spring or controller acts, this is the
+    position `stated` in the scenario.
     """
     own = drive.drive
     if not (_gives_way(drive) or _holds(drive)) or (own is None and drive.joint.spring_stiffness == 0.0):

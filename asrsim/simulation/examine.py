@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from asrsim.actuators.stages import STAGES
 from asrsim.errors import Problem, RobotError, ScenarioError
 from asrsim.plugins import blame_plugins
 from asrsim.registry.engines import ENGINES
@@ -43,7 +44,7 @@ class Plan:
     """Whether the caller gave the robot in place of the scenario's robot."""
     stepping: Stepping
     drives: tuple[SteppedJoint, ...]
-    """The moving joints, with their drives and start."""
+    """The moving joints, with their drives and initial states."""
     joints: tuple[JointInfo, ...]
     """Description of the joints, in the order of logs."""
     model: RobotModel | None = field(repr=False, compare=False)
@@ -92,11 +93,11 @@ def examine(
 
     Args:
         scenario: Scenario file, or a scenario. A plan is returned as it is: nothing is examined twice.
-        robot: Robot in place of the scenario's: a file, or a robot of a file, possibly changed.
+        robot: Robot in place of the scenario's robot: a file, or a robot that has been read from a file and possibly changed.
         variant, overrides: Variant and overrides of a scenario file, as in `asrsim.run`.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
-        beside: Function that returns further problems, such as those of the folder for results. It is called only if the
-            examination finds problems.
+        beside: Function that returns further problems, such as those of the folder for results. The function is called only if
+            the examination finds problems.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.
     """
@@ -115,8 +116,8 @@ def examine_all(
     plugins: Sequence[str | Path] = (),
     beside: Beside | None = None,
 ) -> tuple[Plan, ...]:
-    """Plans of all variants of a scenario, or of some; arguments and errors as for `examine`. The problems of all variants are
-    reported together.
+    """Plans of all variants of a scenario, or of the named `variants`; arguments and errors as for `examine`. The problems of
+    all variants are reported together.
     """
     found, problems = read(scenario, robot, variants=variants or (None,), overrides=overrides, plugins=plugins)
     return _plans(found, problems, robot, beside)
@@ -135,9 +136,9 @@ def read(
 ) -> tuple[list[Examined], tuple[Problem, ...]]:
     """Result of the examination of each variant, and the problems of the scenario file; arguments as for `examine`.
 
-    variants: names; None: all. one: whether a file with several variants is a problem. propose: propose parameters for an arm
-    that its springs and motors cannot carry, which takes some time. Raises ScenarioError for a file that contains no scenario,
-    or lacks a variant.
+    variants: names of the variants; None: all variants. one: whether a file with several variants is a problem. propose:
+    whether parameters are proposed for an arm that its springs and motors cannot carry; this takes some time. Raises
+    ScenarioError for a file that contains no scenario, or lacks a variant.
     """
     given, file = (robot, None) if isinstance(robot, Robot) else (None, robot)
     parts = [read_scenarios(scenario, variant=name, overrides=overrides, robot=file, plugins=plugins) for name in variants]
@@ -175,7 +176,7 @@ class _Robots:
 def _plans(
     found: Sequence[Examined], problems: Sequence[Problem], robot: Robot | str | Path | None, beside: Beside | None
 ) -> tuple[Plan, ...]:
-    """Plans without problems. Raises ScenarioError, or RobotError if the robot's file is at fault."""
+    """Plans without problems. Raises ScenarioError, or RobotError if the robot's file has errors."""
     errors = [problem for one in found for problem in one.errors]
     plans = [replace(one.plan, given=isinstance(robot, Robot)) for one in found if one.plan is not None]
     if problems or len(plans) < len(found):
@@ -191,8 +192,8 @@ def findings(
 ) -> tuple[Plan | None, tuple[Problem, ...], tuple[Problem, ...]]:
     """Plan, errors and warnings; the plan is None if there are errors. Checks that depend on an invalid value are skipped.
 
-    source: robot of the file; None if it cannot be read. propose: propose parameters for an arm that its springs and motors do
-    not hold, which takes some time.
+    source: robot of the file; None if it cannot be read. propose: whether parameters are proposed for an arm that its springs
+    and motors do not hold; this takes some time.
     """
     robot, faults, errors = misfits(scenario, source)
     known = robot is not None and not faults and not any(key in DRIVING for key, *_ in scenario.unread)
@@ -200,9 +201,10 @@ def findings(
     joints = described(scenario, drives)
     errors = [*map(scenario.placed, (*faults, *errors)), *_wrong_claims(scenario, joints)]
     if errors or source is None or robot is None or scenario.unread:
-        return None, tuple(errors), () if source is None else warnings_of(source)
+        return None, tuple(errors), (*STAGES.broken(), *(() if source is None else warnings_of(source)))
     model = model_of(scenario, robot)
     warnings = (
+        *STAGES.broken(),
         *map(scenario.placed, warnings_of(robot)),
         *doubts(scenario, robot),
         *loop_warnings(scenario, source, robot),
@@ -227,7 +229,8 @@ def model_of(scenario: Scenario, robot: Robot) -> RobotModel | None:
 
 
 def described(scenario: Scenario, drives: Sequence[SteppedJoint]) -> tuple[JointInfo, ...]:
-    """Description of the joints, in the order of the scenario's manager file, else of the robot."""
+    """Description of the joints, in the order of the scenario's manager file, or of the robot if the scenario has no such
+    file."""
     joints = [
         JointInfo(
             name=drive.name,
@@ -245,12 +248,12 @@ def described(scenario: Scenario, drives: Sequence[SteppedJoint]) -> tuple[Joint
 
 
 def _wrong_claims(scenario: Scenario, joints: Sequence[JointInfo] = ()) -> list[Problem]:
-    """Problems of the scenario's claims and their recordings. joints: empty if the robot has errors, so that its joints are
-    unknown.
+    """Problems of the scenario's claims and their recordings. joints: joints of the robot; empty if they are unknown, since the
+    robot has errors.
     """
     if not scenario.expect:
         return []
-    # Most runs have no claims, and start faster without these imports.
+    # Import this only for claims. Most runs have no claims, and start faster without these imports.
     from asrsim.summary.claims import claim_problems
 
     return claim_problems(scenario.expect, joints, file=scenario.path)

@@ -1,8 +1,9 @@
-"""State, constants and kind of a joint, a motor and a stepping: each value is declared once, with its unit and meaning.
+"""Records of the state, the constants and the kind of a joint, of a motor and of a stepping. Each number is declared once, with
+its unit and meaning.
 
-The classes are the records that the kernel uses: `joint.now.applied`, `motor.velocity`, `drive.inertia`. In plain Python they
-are objects. In compiled code a record is an address in a table of numbers (`asrsim.simulation.native`), and the same names are
-places in memory. The tables S (state) and P (constants) contain a row of numbers for each joint of each world: the joint's
+The classes are the records that the kernel uses: `joint.now.applied`, `motor.velocity`, `drive.inertia`. In plain Python the
+records are objects. In compiled code a record is an address in a table of numbers (`asrsim.simulation.native`), and the names
+are places in memory. The tables S (state) and P (constants) contain a row of numbers for each joint of each world: the joint's
 record, the records of its motors, and numbers whose count depends on the robot (memory of sensors, parameters of the laws).
 """
 
@@ -55,7 +56,7 @@ class MotorState:
     row_work: Works = record(Works, "between the last two whole substeps")
     last_kick_position: float = value("position of the motor at the previous kick", "rad")
     kinetic: float = value("kinetic energy of the motor at its mean velocity", "J")
-    at_limit: float = value("number of the next energy balances that a limit affects: 2 after a kick at a limit", "")
+    at_limit: float = value("number of following energy balances that a limit affects; 2 after a kick at a limit", "")
     current: float = value("current of the winding", "A", log="motor_{}_current")
     voltage: float = value("voltage of the winding", "V", log="motor_{}_voltage")
     last_power: float = value("heat loss of the winding at the previous kick", "W")
@@ -114,7 +115,7 @@ class JointState:
     stage_energy: float = value("energy stored in the stages", "J")
     stage_lost: float = value("energy lost in the stages since the previous substep", "J")
     kick_velocity: float = value("velocity of the link at the kick, estimated before the kick, for joints with stages", "rad/s")
-    kick_lead: float = value("time from the velocities of the motors to their kick; for stages: the substep", "s")
+    kick_lead: float = value("time from the velocities of the motors to their kick; after the kick: length of the substep", "s")
     steady: float = value("number of kicks since an input jumped, at most 2, for joints with stages", "")
     spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
     motor_energy: float = value("kinetic energy of the motors", "J")
@@ -135,8 +136,8 @@ class JointState:
     motor_speed_count: float = value("number of substeps with a motor at its speed limit", "")
     deflection_count: float = value("number of substeps with a spring beyond its largest deflection", "")
     stop_count: float = value("number of substeps with the link at its position stop", "")
-    motors: list[MotorState] = several("its motors")
-    memory: list[float] = several("memory of its sensors")
+    motors: list[MotorState] = several("motors of the joint")
+    memory: list[float] = several("memory of the joint's sensors")
     stages: list[StageState] = several("state of the stages")
 
 
@@ -146,7 +147,7 @@ class JointConstants:
 
     effort: float = constant("effort limit", "N m")
     fastest: float = constant("velocity limit", "rad/s")
-    cutoff: float = constant("flag: 1 if torque beyond the velocity limit is zeroed, as Gazebo does, else 0", "")
+    cutoff: float = constant("flag: 1 if torque that acts beyond the velocity limit is set to 0, as in Gazebo, else 0", "")
     lowest: float = constant("largest position at which the link counts as being at its lower stop", "rad")
     highest: float = constant("smallest position at which the link counts as being at its upper stop", "rad")
     damping: float = constant("constant damping of the link", "N m s/rad")
@@ -169,14 +170,15 @@ class JointConstants:
     )
     delay: float = constant("delay of the sensors in substeps", "")
     quantum: float = constant("resolution of the sensors", "rad")
-    drives: list[MotorConstants] = several("constants of its motors")
-    law: Sequence[float] = several("parameters of the laws of its spring")
-    stages: list[list[Any]] = several("constants of its stages at each motor; None where a stage does not act")
+    drives: list[MotorConstants] = several("constants of the joint's motors")
+    law: Sequence[float] = several("parameters of the laws of the joint's spring")
+    stages: list[list[Any]] = several("constants of the joint's stages at each motor; None where a stage does not act")
 
 
 @dataclass(slots=True)
 class JointKind:
-    """Kind of a joint, and the columns at which those parts of its rows begin whose length depends on the robot."""
+    """Kind of a joint. The kind also contains the columns at which the parts of the joint's rows begin whose length depends on
+    the robot."""
 
     sprung: int = constant("flag: 1 if springs load the link", "", integer=True)
     controlled: int = constant("flag: 1 if a controller loads the rigid link (mode 1)", "", integer=True)
@@ -215,8 +217,8 @@ class Scheme:
 
 
 def joint_of_row(row: Sequence[float], motors: int, sensors: int, stages: Sequence[type[Stage]]) -> JointState:
-    """A joint with the numbers of a row of S. motors: number of motors in the row; sensors: number of values in the memory of
-    the sensors; stages: stages in the row.
+    """State of a joint, from the numbers of a row of S. motors: number of motors in the row; sensors: number of values in the
+    memory of the sensors; stages: stages in the row.
     """
     rest = iter(row)
     joint = filled(JointState, rest)
@@ -237,7 +239,7 @@ def row_of_joint(joint: JointState) -> list[float]:
 def link_of_row(
     row: Sequence[float], motors: int, parameters: int, springs: int, stages: Sequence[type[Stage]]
 ) -> JointConstants:
-    """Constants of a joint with the numbers of a row of P. motors: number of motors in the row; parameters: number of
+    """Constants of a joint, from the numbers of a row of P. motors: number of motors in the row; parameters: number of
     parameters of the joint's laws; springs: number of motors of the joint; stages: stages of the joint.
     """
     rest = iter(row)

@@ -22,7 +22,8 @@ from asrsim.signals.common import rounded
 _BLOCK = 4096
 """Number of noise samples that are drawn in one call."""
 LOOKS, BISECTIONS = 4, 40
-"""Number of samples of a quantised command in each step, and number of bisections that find a jump between two samples."""
+"""LOOKS: number of samples of a quantised command in each step; BISECTIONS: number of bisections that find a jump between two
+samples."""
 SAME = 1e-6
 """Smallest time between two jumps, as a fraction of a step."""
 
@@ -65,7 +66,7 @@ class Imperfect(Signal):
         """Values before they are rounded to the quantum."""
         imperfections = self.imperfections
         period = 1.0 / imperfections.rate if imperfections.rate else self.step
-        # A tick at the time of a sample belongs to this sample, even if a rounding error makes the tick slightly later.
+        # A sample sees a tick at its time, even if a rounding error makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = rounded(ticks * period) if imperfections.rate else time
         # Before the delay has passed, the delayed signal has its value at t = 0.
@@ -83,7 +84,7 @@ class Imperfect(Signal):
             jumps = np.union1d(jumps, ticks(self.step, start, end))
         if imperfections.quantum:
             jumps = np.union1d(jumps, self._crossings(start, end))
-            # A jump of the signal is also found as a crossing, at nearly the same time: keep only one of the two.
+            # A jump of the signal is also found as a crossing, at nearly the same time. Keep only one of the two.
             jumps = jumps[np.diff(jumps, prepend=-1.0) > SAME * self.step]
         return jumps
 
@@ -152,16 +153,17 @@ class Sensor:
         return 1.0 / self.imperfections.rate if self.imperfections.rate else self.step
 
     def jumps(self, start: float, end: float) -> Array:
-        """Times in [start, end] at which measurements jump, s; all substeps for a quantised measurement at all times."""
+        """Times in [start, end] at which measurements jump, s. If a quantised measurement has no rate, these are the times of
+        all substeps."""
         imperfections = self.imperfections
         if imperfections.rate or (imperfections.noise and not imperfections.quantum):
             return ticks(self._period, start, end)
         return ticks(self.substep, start, end) if imperfections.quantum else np.empty(0)
 
     def fill(self, table: Array, begins: Array, margin: float, window: float) -> None:
-        """Fill `table` (n, 2 count): whether each encoder takes a sample at the beginning of a piece of a kick, and its noise
-        in this piece. begins: times (n,) in s at which the pieces begin. A sample is taken if a tick is at most `margin` s
-        later, and less than `window` s earlier.
+        """Write two numbers per encoder into `table` (n, 2 count): whether the encoder takes a sample at the beginning of a
+        piece of a kick, and the noise of the encoder in this piece. begins: times (n,) in s at which the pieces begin. A sample
+        is taken if a tick is at most `margin` s later, and less than `window` s earlier.
         """
         numbers = np.floor((begins + margin) / self._period)
         samples = begins - numbers * self._period < window if self.imperfections.rate else True

@@ -1,4 +1,4 @@
-"""Mass matrix at the start, in which every motion of the joints must move some inertia."""
+"""Mass matrix at the initial positions. Every motion of the joints must move some inertia."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from asrsim.simulation.drives import SteppedJoint
 
 
 def masses_at_start(drives: Sequence[SteppedJoint], model: RobotModel) -> Array:
-    """Mass matrix (n, n) in kg m^2 (kg) at the start positions.
+    """Mass matrix (n, n) in kg m^2 (kg) at the initial positions.
 
-    Raises RobotError if a motion moves no inertia there: a joint with a point mass on its axis, or two joints on one axis
-    without mass between them.
+    Raises RobotError if a motion moves no inertia there. Examples are a joint with a point mass on its axis, and two joints on
+    one axis without mass between the joints.
     """
     mass = model.mass_matrix([drive.initial_position for drive in drives])
     problems = [
@@ -40,7 +40,7 @@ def masses_at_start(drives: Sequence[SteppedJoint], model: RobotModel) -> Array:
         names = ", ".join(f"'{drive.name}'" for drive, part in zip(drives, share, strict=True) if part > 0.1 * share.max())
         raise RobotError(
             f"joints {names} can move against each other without moving any mass: their motion is not defined",
-            hint="Give the links between them inertias, or fix one of the joints: `locked: [NAME]`",
+            hint="Give inertias to the links between these joints, or fix one of the joints: `locked: [NAME]`",
             code="massless-motion",
         )
     return mass

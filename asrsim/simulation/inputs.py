@@ -1,6 +1,6 @@
 """Inputs of the loop: references and external torques, sampled chunk by chunk, and the kicks in which an input jumps.
 
-A run is divided into chunks. After each chunk, samples go to the sinks, energy is checked and progress is reported.
+A run is divided into chunks. After each chunk, samples go to the sinks, the energy is checked, and progress is reported.
 """
 
 from __future__ import annotations
@@ -32,26 +32,27 @@ LONGEST = 4096
 LONGEST_NUMBERS = 61_440
 """Largest number of substeps times joints in a chunk, so that its arrays fit into the processor's cache."""
 LONGEST_WORK = 10_000_000
-"""Largest number of motor substeps, of all joints, in a chunk: about half a second, after which a run can be stopped."""
+"""Largest number of motor substeps of all joints in a chunk. They take about half a second, after which a run can be
+stopped."""
 SHORTEST = 1024
 """Number of substeps in the first chunks; later chunks are longer."""
 SLACK = 1e-6
 """Times that differ by less than this fraction of a substep count as equal."""
 KEPT = 4
-"""Number of chunks that are cached, since worlds may be at different times and return to their start."""
+"""Number of chunks that are cached, since worlds may be at different times, and may return to their initial states."""
 
 
 class Given(NamedTuple):
-    """Inputs of n substeps: n rows, and a row for each piece of the kicks that are split.
+    """Inputs of n substeps, in n rows and a further row for each piece of a kick that is split.
 
-    Worlds whose rows of `inputs` and `references` are equal share a set of these two. Worlds with the same signals at the same
-    time share a set of `wrenches`, `lengths` and `cuts`.
+    Worlds whose rows of `inputs` and `references` are equal share a set of these two tables. Worlds with the same signals at
+    the same time share a set of `wrenches`, `lengths` and `cuts`.
     """
 
     inputs: Array
     """External torques, references mapped to motors, and two columns for each sensor (whether the sensor takes a sample at the
-    beginning of the piece, and the noise); shape (sets, rows, joints, columns). The row of a substep whose kick is split
-    belongs to the time of the substep.
+    beginning of the piece, and the noise); shape (sets, rows, joints, columns). If the kick of a substep is split, the row of
+    the substep contains the inputs at the time of the substep.
     """
     references: Array
     """External torques and references before the reference map, and, if commands have imperfections, the references as they
@@ -60,10 +61,11 @@ class Given(NamedTuple):
     wrenches: Array
     """Forces (N) and torques (N m) of the w wrenches; shape (sets, rows, w, 6)."""
     lengths: Array
-    """Length of each kick or piece of a kick as a fraction of a substep, 1 for a kick that is not split; shape (sets, rows)."""
+    """Length of each kick or piece of a kick as a fraction of a substep; shape (sets, rows). The length is 1 for a kick that is
+    not split."""
     cuts: NDArray[np.int64]
-    """Split kicks, shape (sets, c, 4): row of the kick, first row and last row + 1 of its pieces, row of the piece that begins
-    at the time of the substep. Unused entries are -1.
+    """Split kicks, shape (sets, c, 4). Each entry contains the row of the kick, the row of its first piece, the row after its
+    last piece, and the row of the piece that begins at the time of the substep. Unused entries are -1.
     """
 
 
@@ -111,22 +113,22 @@ class Inputs:
         return any(one.jumps(self.substep, self._duration).size for one in self._jumping.values())
 
     def _map(self, inputs: Array, references: Array) -> None:
-        """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, of
-        the same form.
+        """Write the motors' references into inputs (sets, n, joints, columns). references: values before the reference map, an
+        array of the same form.
         """
         for joints, law in self._maps:
             mapped = law(references[:, :, joints, GOALS], references[:, :, joints, GOALS + 1])
             inputs[:, :, joints, GOALS : GOALS + len(mapped)] = mapped.transpose(1, 2, 3, 0)
 
     def _make_chunk(self, first: int, count: int) -> Given:
-        """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set). The rows of pieces follow those of the
+        """Inputs of the scenario for substeps `first` .. `first + count - 1` (one set). The rows of pieces follow the rows of
         substeps.
         """
         h, now = self.substep, grid(first, count, self.substep)
         begins, ends, cuts = self._pieces(first, count)
         middles = 0.5 * (begins + ends)
         if first == 0 and len(cuts) and cuts[0, 2] - cuts[0, 1] == 1:
-            # A first kick without jumps is computed with the inputs of the start.
+            # Compute a first kick without jumps with the inputs at the start.
             middles[0] = begins[0]
         lengths = np.concatenate([np.ones(count), (ends - begins) / h])
         time = np.concatenate([now, middles])
@@ -136,7 +138,7 @@ class Inputs:
         inputs[..., :goals], inputs[..., goals:] = references[..., :goals], 0.0
         self._map(inputs, references)
         if self._sensed:
-            # A kick begins half a substep before the time of its row; a split kick begins at this time.
+            # A kick begins half a substep before the time of its row. A piece of a split kick begins at the time `begins`.
             since, window = np.concatenate([now, begins]), h
             if self.staggered:
                 window = 2.0 * SLACK * h
@@ -148,7 +150,7 @@ class Inputs:
         return Given(inputs, references, wrenches, lengths[None], cuts[None])
 
     def given(self, substep: int, length: int, held: Array | None) -> Given:
-        """Inputs of `length` substeps that lie in one chunk, from number `substep` on.
+        """Inputs of `length` substeps that lie in one chunk and begin with number `substep`.
 
         held: values (sets, joints, columns) that override the scenario's inputs; NaN: no override. None: one set without
         overrides.
@@ -169,7 +171,7 @@ class Inputs:
             given = Given(inputs, references, wrenches, lengths, cuts)
         if held is None:
             return given
-        # A reference that is set from outside has no imperfections: it acts as it was sent.
+        # A reference that is set from outside has no imperfections, and acts as it was sent.
         sent = given.references.shape[-1] > self._goals
         wanted = np.concatenate([held, held[..., GOALS:]], axis=-1)[:, None] if sent else held[:, None]
         references = np.where(np.isnan(wanted), given.references, wanted)
@@ -179,7 +181,8 @@ class Inputs:
         return given._replace(references=references, inputs=inputs)
 
     def steady_until(self, substep: int, held: Array) -> int:
-        """Substep up to which the rows of `given(substep, length, held)` are equal for any length; `substep` if they differ."""
+        """Substep up to which the rows of `given(substep, length, held)` are equal for any length; `substep` if the rows
+        differ."""
         if not self._holds or (np.isnan(held) & self._moving).any():
             return substep
         first, last = chunk_at(substep, self._longest)
@@ -206,9 +209,9 @@ class Inputs:
             given.inputs[:, 1:], given.references[:, 1:] = inputs, references
 
     def _pieces(self, first: int, count: int) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Pieces of the kicks that are split because inputs or measurements jump in them, and of the first kick of a run: the
-        times in s at which they begin and end, and the table `Given.cuts` (c, 4). A kick is also split at the time of its
-        substep; no piece lies before t = 0.
+        """Pieces of the first kick of a run and of the kicks in which inputs or measurements jump. Returns the times in s at
+        which the pieces begin and end, and the table `Given.cuts` (c, 4). A kick is also split at the time of its substep; no
+        piece lies before t = 0.
         """
         h = self.substep
         least, start, end = SLACK * h, max((first - 0.5) * h, 0.0), (first + count - 0.5) * h
@@ -292,7 +295,7 @@ def _reference(scenario: Scenario, drive: SteppedJoint, j: int, slot: int) -> Si
     own, names = drive.drive, drive.references
     if own is None or slot >= len(names):
         return REST
-    # By default motors and controllers hold the start position that the scenario states; torques and voltages are 0.
+    # By default, motors and controllers hold the initial position that the scenario states, and torques and voltages are 0.
     mode, position = own.mode, slot == 0 or not (own.mode.mapped or own.actuator.adjuster or own.actuator.is_housed(slot))
     moved = position and mode.number != 0 and not mode.direct
     rest = Constant(value=drive.stated_position) if moved else REST
@@ -334,7 +337,7 @@ def chunk_at(substep: int, longest: int) -> tuple[int, int]:
 def _sampled(signals: Sequence[Sequence[Signal]], time: Array, columns: int = 0) -> Array:
     """Values (n, rows, columns) of a table of signals at `time` (n,). columns: number of columns of a table without rows."""
     values = np.empty((len(time), len(signals), max(map(len, signals), default=columns)))
-    # Sample each signal object once: joints that share a signal share its samples.
+    # Sample each signal object only once, since joints that share a signal share its samples.
     known: dict[int, Array] = {}
     for row, own in enumerate(signals):
         for column, signal in enumerate(own):

@@ -1,4 +1,5 @@
-"""Laws and steps of joints as Python functions, which the kernel calls; `asrsim.simulation.native` compiles them instead."""
+"""Laws and steps of joints as Python functions, which the kernel calls. For the compiled kernel, `asrsim.simulation.native`
+compiles the laws and steps."""
 
 from __future__ import annotations
 
@@ -30,7 +31,7 @@ def bound_step(function: Callable[..., None]) -> Any:
 
 @cache
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> Callable[..., None]:
-    """Function that `spring_law` calls to evaluate an actuator's laws, and those of the stages of its joint. If a law has no
+    """Function that `spring_law` calls to evaluate the laws of an actuator and of the stages of its joint. If a law has no
     finite value, the torque is NaN.
 
     motors: number of positions that the laws take, at least 2.
@@ -49,7 +50,7 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
 
 
 def _staged_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...]) -> Callable[..., None]:
-    """As `bound_law`, for a joint with stages."""
+    """Function as in `bound_law`, for a joint with stages."""
     staged = compose(stages, access)
     springs = _springs(actuator, motors) if staged.place is None else _placed_springs(actuator, motors, staged.place)
 
@@ -67,7 +68,7 @@ def _staged_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...]) -> 
         except UNDEFINED:
             joint.motors[0].pull = math.nan
             if task >= TASK.remember:
-                # The torques of this kick have been used already: let the next kick give a torque without a value.
+                # The torques of this kick have already been used, so make the torque of the next kick NaN.
                 joint.motors[0].position = math.nan
 
     return laws

@@ -1,4 +1,4 @@
-"""The substep of a joint: sensors are read, motors move, springs load the link, and the link's motion is read from the engine.
+"""The substep of a joint. Sensors are read, motors move, springs load the link, and the link's motion is read from the engine.
 
 If an input jumps, the kick is split into pieces with separate inputs, which act on the link one after the other.
 """
@@ -20,12 +20,13 @@ def load_joint(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, lengths: Any, exchange: Any, j: int,
     step: int, begin: int, end: int, on_time: int, first: bool, recorded: bool,
 ) -> float:  # fmt: skip
-    """Advance motors and springs of joint j by a kick, with the link at its present position, and put its loads into the
-    exchange. Returns the sum of the torques on the link in N m, which is finite in a healthy world.
+    """Advance motors and springs of joint j by a kick, with the link at its present position, and put the loads of the joint
+    into the exchange. Returns the sum of the torques on the link in N m, which is finite in a healthy world.
 
-    inputs, lengths: tables of `asrsim.simulation.inputs.Given`; step: their row of the substep; begin, end: their first row and
-    last row + 1 of the pieces of the kick; on_time: row of the piece that begins at the time of the substep, -1 for a kick that
-    is not split; first: whether the run begins; recorded: whether stiffness and energy of the springs are needed.
+    inputs, lengths: tables of `asrsim.simulation.inputs.Given`; step: row of the substep in the two tables; begin, end: rows of
+    the first piece of the kick and after the last piece; on_time: row of the piece that begins at the time of the substep, or
+    -1 if the kick is not split; first: whether the run begins; recorded: whether stiffness and energy of the springs are
+    needed.
     """
     v = scheme.weight_now * joint.engine_velocity + scheme.weight_last * joint.last_engine_velocity
     jumped = on_time >= 0
@@ -36,10 +37,10 @@ def load_joint(
     if jumped:
         _clear_means(joint)
     total = torque = applied = push = drag = stiffness = energy = 0.0
-    # Times at which a piece begins and ends, in substeps after the time of the substep.
+    # Begin and end of a piece, in substeps after the time of the substep.
     since = 0.0 if first else -0.5 * scheme.staggered
     until = -since
-    # A split kick is evaluated once more at the time of the substep, with h = 0: values are recorded, and nothing moves.
+    # Evaluate a split kick once more at the time of the substep, with h = 0. Then values are recorded, but nothing moves.
     for turn in range(begin, end + 1 if jumped else end):
         at, h, noted, on_row = turn, scheme.step, True, jumped and turn == on_time
         whole = recorded or link.damping_ratio != 0.0 or kind.dynamic < kind.placed
@@ -83,9 +84,9 @@ def settle(
     first: bool,
     jumped: bool,
 ) -> None:
-    """Compute the values at the time of the substep, after the engine has moved the link. velocity: of the link after the kick,
-    rad/s; at_time: its velocity at the time of the substep if the engine has computed it, else NaN; first, jumped: whether
-    the run begins, and whether an input jumps in the kick.
+    """Compute the values at the time of the substep, after the engine has moved the link. velocity: velocity of the link after
+    the kick, rad/s; at_time: velocity of the link at the time of the substep, rad/s, or NaN if the engine has not computed this
+    velocity; first: whether the run begins; jumped: whether an input jumps in the kick.
     """
     now = 0.5 * (joint.engine_velocity + velocity)
     if first or scheme.staggered == 0.0:
@@ -100,8 +101,7 @@ def settle(
 
 def move_on(joint: JointState, scheme: Scheme, position: float, velocity: float, first: bool) -> None:
     """Store the position (rad) and velocity (rad/s) of the link for the next substep. first: whether the run begins."""
-    # The first kick of a staggered run is half a kick: the velocity before the kick is extrapolated to the velocity before a
-    # full kick.
+    # The first kick of a staggered run is half a kick. Extrapolate the velocity before it to the velocity before a full kick.
     last = joint.engine_velocity
     if first and scheme.staggered != 0.0:
         last = 2.0 * joint.engine_velocity - velocity
@@ -136,9 +136,11 @@ def _add_piece(joint: JointState, link: JointConstants, share: float, late: bool
 
 def read_engine(joint: JointState, link: JointConstants, scheme: Scheme, velocity: float, now: float, jumped: bool) -> None:
     """Compute damping torque, applied torque and link velocity at the time of the substep. Damping and derivative action act on
-    the mean velocity over the kick; if an input jumps, the values at the time of the substep are different.
+    the mean velocity over the kick. If an input jumps, their recorded values are computed from the velocity at the time of the
+    substep.
 
-    velocity: of the link in the engine after the kick; now: of the link at the time of the substep.
+    velocity: velocity of the link in the engine after the kick; now: velocity of the link at the time of the substep; jumped:
+    whether an input jumps in the kick.
     """
     mean = joint.engine_velocity + scheme.link_implicitness * (velocity - joint.engine_velocity)
     brake = -joint.brake * mean
@@ -164,8 +166,8 @@ def advance(
     """Advance motors and controllers by h s under the inputs u, with the link at its present position, and set the torque
     on the link (`now.torque`).
 
-    noted: whether the recorded values of the motors are stored; with motor substeps, these are the values of the middle motor
-    substep. With h = 0 nothing moves. whole: whether stiffness and energy of the springs are computed too.
+    noted: whether the recorded values of the motors are stored. With motor substeps, the values of the middle motor substep are
+    recorded. With h = 0 nothing moves. whole: whether the stiffness and the energy of the springs are also computed.
     """
     if kind.joint_step:
         joint_step(kind.joint_step, joint, link, kind, u, h, int(noted))
@@ -174,7 +176,8 @@ def advance(
     elif kind.sprung:
         _advance_springs(joint, link, kind, scheme, u, h, noted, whole)
     elif kind.controlled:
-        # A PID controller on the rigid link (paper eq. 11); its derivative action acts as damping: see `limit`.
+        # A PID controller acts on the rigid link (equation 11 of the paper). Its derivative action is treated as damping; see
+        # `limit`.
         error = u[GOALS] - motor_of(joint, 0).read_error - joint.position
         more = link.integral * h * error
         joint.now.torque = link.proportional * error + joint.integral + motor_of(joint, 0).read_push + 0.5 * more
@@ -188,16 +191,16 @@ def advance(
 def _advance_springs(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, u: Any, h: float, noted: bool, whole: bool
 ) -> None:
-    """Advance motors and springs by drift, kick, drift; second order if half of the drift precedes the kick.
+    """Advance motors and springs by drift, kick, drift. The scheme is of second order if half of the drift precedes the kick.
 
-    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link, which keeps the
+    During motor substeps the link does not move. The mean spring torque of the motor substeps acts on the link. This keeps the
     torque bounded.
     """
     motors, dynamic, pulling = kind.positions, kind.dynamic, kind.pulling
     turns, step = 1, h
     if link.substeps > 1.0:
         turns = math.ceil(link.substeps * h / scheme.step)
-        # The number of motor substeps is odd, also in a piece of a kick, so that there is a middle substep.
+        # Make the number of motor substeps odd, also in a piece of a kick, so that there is a middle substep.
         turns += 1 - turns % 2
         step = h / turns
     before = scheme.first_drift * step
@@ -273,8 +276,8 @@ def limit(joint: JointState, link: JointConstants, v: float) -> float:
     """Derivative gain of the link's controller that acts at the velocity v; also stores the limited torque in
     `now.applied`.
 
-    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit the derivative action acts
-    as damping; beyond the limit the derivative action is 0, and the torque equals the limit.
+    The effort limit applies to the sum of torque and derivative action (mode 1). Within the limit, the derivative action acts
+    as damping. Beyond the limit, the derivative action is 0 and the torque equals the limit.
     """
     torque = joint.now.torque
     if link.cutoff != 0.0 and abs(joint.engine_velocity) >= link.fastest and torque * joint.engine_velocity > 0.0:
@@ -310,8 +313,8 @@ def find_state(joint: JointState, link: JointConstants, kind: JointKind) -> None
 
 def friction_of(joint: JointState, link: JointConstants, v: float) -> float:
     """Largest friction of the joint in N m: tau_c + c |tau| + tau_x exp(-(v / v_x)^2), with Coulomb friction tau_c, load
-    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction dissipates energy,
-    however large it is.
+    coefficient c, actuator torque on the link tau, Stribeck excess tau_x and Stribeck velocity v_x. Friction of any size
+    dissipates energy.
     """
     bound: float = link.coulomb + link.share * abs(joint.now.applied - joint.brake * v)
     if link.stribeck > 0.0:

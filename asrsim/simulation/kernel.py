@@ -20,14 +20,16 @@ from asrsim.simulation.ledger import update_ledger
 FASTEST = 1e4
 """Link speed above which a world counts as diverged, rad/s (m/s)."""
 PATIENCE = 100
-"""A world takes a longer stride after it was possible in this number of steps, since each change of stride disturbs the energy.
+"""Number of steps in which a longer stride must be possible before a world takes this stride. The world waits, since each
+change of stride disturbs the energy.
 """
 OTHER = 2
-"""Entry of `strides` for a world whose parameters differ from the scenario's, so that `deflections` do not apply."""
+"""Entry of `strides` for a world whose parameters differ from the parameters of the scenario, so that `deflections` do not
+apply."""
 FASTER = 2.0
-"""Safety factor of the speeds with which a deflection may grow within a step."""
+"""Safety factor for the speed with which a deflection may grow within a step."""
 ENDLESS = 1e300
-"""Torque above which a torque counts as infinite, N m."""
+"""Magnitude above which a torque counts as infinite, N m."""
 
 
 def run(
@@ -67,7 +69,7 @@ def run(
                 observe(states, constants, kinds, scheme, x, corrections, place, substep // every)
             begin, end, on_time = step, step + 1, -1
             while cut < len(cuts) and 0 <= cuts[cut][0] <= step:
-                # Split a kick only if it is a substep long: the lengths of pieces are fractions of a substep.
+                # Split a kick only if it is as long as a substep, since the lengths of pieces are fractions of a substep.
                 if cuts[cut][0] == step and before == 0 and after == 0:
                     begin, end, on_time = cuts[cut][1], cuts[cut][2], cuts[cut][3]
                 cut += 1
@@ -88,7 +90,8 @@ def run(
                 joint, link, kind = joint_of(states, constants, kinds, j)
                 position, velocity, at_time = motion_of(exchange, end - begin - 1, j)
                 if before != after:
-                    # Between two different strides, the time of the substep is not the middle of the kick: interpolate.
+                    # Interpolate the velocity, since between two different strides the time of the substep is not the middle of
+                    # the kick.
                     at_time = joint.engine_velocity + scheme.first_drift * (velocity - joint.engine_velocity)
                 settle(joint, link, kind, scheme, velocity, at_time, begins, jumped)
                 if watched:
@@ -98,7 +101,7 @@ def run(
                 start = joint.engine_velocity
                 move_on(joint, scheme, position, velocity, begins)
                 if before != after:
-                    # Store the velocity from which a kick over the whole new stride would have led to the new velocity.
+                    # Store the velocity from which a kick over the complete new stride would have led to the new velocity.
                     joint.last_engine_velocity = velocity - (velocity - start) / kicks[0]
                 if not abs(velocity) <= FASTEST:
                     fault[w, 0], fault[w, 1], sound = HEALTH.ran_away, j, False
@@ -114,10 +117,10 @@ def run(
 
 
 def stride_of(states: Any, constants: Any, common: Common, inputs: Any, strides: Any, w: int, step: int, whole: bool) -> int:
-    """Stride of a world from a whole step on. If a spring may become too stiff for the present stride, the world takes a
-    shorter stride at once. It takes a longer stride after `PATIENCE` steps in which this stride was possible.
+    """Stride of a world after a whole step. If a spring may become too stiff for the present stride, the world takes a shorter
+    stride at once. The world takes a longer stride after `PATIENCE` steps in which the longer stride was possible.
 
-    whole: whether the call contains the whole step.
+    whole: whether the call of the loop contains the whole step that follows.
     """
     longest = len(common.sizes) - 1 if whole else 0
     for j in range(len(common.kinds)):

@@ -18,7 +18,7 @@ from asrsim.simulation.fields import JointConstants, JointKind, JointState, Moto
 def spring_law(address: Any, joint: JointState, link: JointConstants, kind: JointKind, q: float, task: int) -> None:
     """Store the torques of a joint's springs and stages in N m in the `pull` of its motors, with the link at q rad and the
     motors at their `theta`. With the task `WHOLE`, also store stiffness in N m/rad and energy in J in `stiffness` and
-    `law_energy`. The other tasks are those of the joint's stages (`asrsim.simulation.layout`).
+    `law_energy`. The other tasks are tasks of the joint's stages (`asrsim.simulation.layout`).
     """
     address(joint, link, kind, q, task)
 
@@ -46,12 +46,14 @@ def put_load(exchange: Any, piece: int, j: int, torque: float, damping: float, f
 
 
 def motion_of(exchange: Any, last: int, j: int) -> tuple[float, float, float]:
-    """Position and velocity of joint j after a kick, and its velocity in the middle of the kick. last: last piece."""
+    """Position and velocity of joint j after a kick, and its velocity in the middle of the kick. last: number of the last piece
+    of the kick."""
     return exchange[last, j, POSITION], exchange[last, j, VELOCITY], exchange[last, j, MIDDLE]
 
 
 def inputs_of(table: Any, at: int, j: int) -> Any:
-    """Input row of joint j in row `at`. In compiled code it is a pointer: its indices must not be negative."""
+    """Inputs of joint j in row `at` of a table. In compiled code the result is a pointer, so that its indices must not be
+    negative."""
     return table[at][j]
 
 
@@ -77,8 +79,8 @@ def memory_of(joint: JointState, kind: JointKind) -> Any:
 
 def record(out: Any, place: int, kept: int, j: int, joint: JointState, of_state: Any, references: Any, of_inputs: Any) -> None:
     """Write a row of joint j: numbers of its state, then of its references. out, of_state, of_inputs: see
-    `asrsim.simulation.kernel.run` and `asrsim.simulation.arguments.RowSelection`; place, kept: number of the world in `out` and
-    of its row.
+    `asrsim.simulation.kernel.run` and `asrsim.simulation.arguments.RowSelection`; place: number of the world in `out`; kept:
+    number of the row of the world.
     """
     _, rows, joints, columns = out.shape
     first = ((place * rows + kept) * joints + j) * columns
@@ -87,5 +89,5 @@ def record(out: Any, place: int, kept: int, j: int, joint: JointState, of_state:
 
 @cache
 def _row(columns: int) -> Struct:
-    """Numbers of a row in memory."""
+    """Format of a row in memory with this number of columns."""
     return Struct(f"{columns}d")

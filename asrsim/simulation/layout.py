@@ -34,5 +34,5 @@ class LawTask(NamedTuple):
 
 HEALTH, TASK = Health(), LawTask()
 EXTERNAL, GOALS = 0, 1
-"""First columns of an input row: external torque (N m), and goals of the motors. Two columns for each sensor follow: whether
-the sensor takes a sample at the beginning of the kick or piece, and the noise."""
+"""EXTERNAL: column of the external torque (N m) in an input row; GOALS: first column of the goals of the motors. Two columns
+for each sensor follow: whether the sensor takes a sample at the beginning of the kick or piece, and the noise."""

@@ -1,8 +1,8 @@
 """The energy balance of a joint, and counts of the substeps at its limits.
 
-Work is the mean torque times the displacement: the trapezoidal rule, of second order in the step. If an input jumps, there are
-separate means before and after the jump. With the default stepping the residual of the balance thus decreases as h^2. If the
-step is too large for a spring, the residual stays large, which reveals divergence before any number overflows.
+Work is the mean torque times the displacement. This is the trapezoidal rule, which is of second order in the step. If an input
+jumps, separate means are taken before and after the jump. With the default stepping the residual of the balance thus decreases
+as h^2. If the step is too large for a spring, the residual stays large, which reveals divergence before any number overflows.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ AT_STOP = 1e-12
 SHARE = 0.5
 """Residual of the energy balance, as a fraction of the turnover, above which a run counts as diverged."""
 FULL = 1.0 - 1e-9
-"""Fraction of the speed limit above which a motor counts as being at the limit."""
+"""Fraction of the speed limit above which a motor counts as being at this limit."""
 
 
 def update_ledger(
@@ -108,7 +108,8 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
         kinetic += energy
         if not first:
             work += motor.row_work.drive
-            # At a limit, the rest of the balance is dissipated: the energy of the impact, and the work of the torque.
+            # If the motor is at a limit, the rest of the energy balance is dissipated. It is the energy of the impact and the
+            # work of the torque.
             limited = motor.row_work.drive - motor.row_work.spring - (energy - motor.kinetic)
             lost += limited if motor.at_limit > 0.0 else motor.row_work.loss
         motor.kinetic = energy
@@ -134,9 +135,9 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
 
 
 def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before: Pushes, absorbed: float, jump: bool) -> float:
-    """Work in J of motors and adjusters without dynamics: the change of the springs' energy by their motion, with all other
-    positions at their means. If an input jumps, the work is the energy that the springs absorbed (J) plus their work on the
-    link.
+    """Work in J of motors and adjusters without dynamics. The work is the change of the springs' energy by the motion of these
+    motors and adjusters, with all other positions at their means. If an input jumps, the work is the energy that the springs
+    absorbed (J) plus their work on the link.
     """
     half = 0.5 * (joint.position - joint.last_position)
     if jump:
@@ -155,8 +156,8 @@ def _kinematic(joint: JointState, link: JointConstants, kind: JointKind, before:
 
 
 def _energy_at(joint: JointState, link: JointConstants, kind: JointKind, q: float, last: bool) -> float:
-    """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions, the others at their
-    present positions, or at those of the last kick.
+    """Energy of the springs in J for a link at q rad. Motors with dynamics are at their mean positions. The other motors are at
+    their present positions, or at their positions of the last kick if `last` is set.
     """
     for i in range(kind.positions):
         motor = motor_of(joint, i)

@@ -71,7 +71,7 @@ def _record(out: Any, place: int, kept: int, j: int, joint: Any, of_state: Any, 
 
 
 def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) -> compiling.Callback:
-    """An actuator's laws and those of the stages of its joint, compiled to a C function; see
+    """The laws of an actuator and of the stages of its joint, compiled to a C function; see
     `asrsim.simulation.interpreted.bound_law`. Raises SimulationError.
     """
     first, size = len(columns(JointState)), len(columns(MotorState))
@@ -102,8 +102,8 @@ def bound_law(actuator: Any, motors: int, stages: tuple[type[Stage], ...] = ()) 
         raise SimulationError(f"Numba cannot compile the laws of '{actuator.name}'{of}: {reason}") from error
 
 
-# Code that may raise is in a separate function, since Numba does not support starred arguments inside `try`. If a law raises,
-# the world stops and the error names the joint.
+# Code that may raise an error is in a separate function, since Numba does not support starred arguments inside `try`. If a law
+# raises an error, the world stops, and the error names the joint.
 def _laws(s: int, p: int, k: int, q: float, task: int) -> None:
     try:
         _put_laws(s, p, kind_at(k), q, task)
@@ -126,7 +126,8 @@ def _put_laws(s: int, p: int, kind: Any, q: float, task: int) -> None:
 
 
 def _put_placed(s: int, p: int, kind: Any, q: float, task: int) -> None:
-    """As `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque with these stages."""
+    """Store the results as in `_put_laws`, with stages in series with the springs. The stiffness is the slope of the torque
+    with these stages."""
     joint, link = joint_at(s), link_at(p)
     if task == TASK.whole:
         place(joint, link, kind, q + SLOPE)
@@ -156,7 +157,7 @@ def _staged_laws(s: int, p: int, k: int, q: float, task: int) -> None:
     except Exception:
         motor_of(joint_at(s), 0).pull = np.nan
         if task >= TASK.remember:
-            # The torques of this kick have been used already: let the next kick give a torque without a value.
+            # The torques of this kick have already been used, so make the torque of the next kick NaN.
             motor_of(joint_at(s), 0).position = np.nan
 
 
@@ -218,7 +219,7 @@ def _dtype(kind: Any) -> np.dtype[Any]:
 
 @cache
 def _at(kind: Any) -> Any:
-    """Function for compiled code: the record at an address."""
+    """Function for compiled code that returns the record at an address."""
     from numba import types
     from numba.extending import intrinsic
 
@@ -237,7 +238,7 @@ def _at(kind: Any) -> Any:
 
 @cache
 def _part(whole: Any, part: Any) -> Any:
-    """Function for compiled code: record i of the parts that follow a record in its row."""
+    """Function for compiled code that returns record i of the parts that follow a record in its row."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic
@@ -273,8 +274,8 @@ def _access(actuator: Any, stages: Sequence[type[Stage]], number: int, stage: ty
 
 
 def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int, apart: int) -> Any:
-    """Pointer to the number of a row in the column that is contained in column `column` of the kind, plus `first + apart *
-    i`.
+    """Pointer to a number in a row. The column of this number is the value in column `column` of the kind, plus `first + apart
+    * i`.
     """
     from llvmlite import ir
 
@@ -286,8 +287,8 @@ def _place_of(builder: Any, row: Any, kind: Any, column: int, i: Any, first: int
 
 @cache
 def _part_at(part: Any, column: int, first: int, apart: int) -> Any:
-    """Function for compiled code, of a row, a kind and a number i: the record in the row at a place that the kind contains.
-    part: class of the record; None: a single number instead of a record.
+    """Function for compiled code that takes a row, a kind and a number i, and returns the record in the row at a place that the
+    kind contains. part: class of the record; None: a single number instead of a record.
     """
     from numba import types
     from numba.extending import intrinsic
@@ -343,7 +344,7 @@ def _pointers() -> dict[str, Any]:
     from numba.extending import intrinsic
 
     kinds: Any = types
-    # Store these results in variables: the digest of the compiled code covers variables that the code uses, but not the results
+    # Store these results in variables. The digest of the compiled code covers variables that the code uses, but not the results
     # of functions that it calls.
     records, memory = (_type(JointState), _type(JointConstants), _type(JointKind)), columns(JointKind)["memory"]
 
@@ -358,7 +359,7 @@ def _pointers() -> dict[str, Any]:
                 context.make_array(kind)(context, builder, value).data if isinstance(kind, types.Array) else value
                 for kind, value in zip(signature.args, arguments, strict=True)
             ]
-            # The loops over motors and columns are short: unrolled versions of them would cost 5 % of the time.
+            # Do not unroll the loops over motors and columns. They are short, and unrolled loops would cost 5 % of the time.
             builder.function.attributes.add("optsize")
             function = ir.FunctionType(ir.VoidType(), [value.type for value in values])
             builder.call(builder.inttoptr(at, function.as_pointer()), values)

@@ -16,8 +16,8 @@ from asrsim.simulation.fields import JOINT, motor_column
 
 @dataclass(frozen=True, kw_only=True)
 class Observation:
-    """The state at a whole step. Arrays are (n,) in the order of the joints, or (N, n) for several worlds; NaN if a joint lacks
-    the quantity.
+    """The state at a whole step. Arrays are (n,) in the order of the joints, or (N, n) for several worlds; NaN where a joint
+    lacks the quantity.
     """
 
     time: Any
@@ -27,7 +27,8 @@ class Observation:
     link_velocity: Array
     """Velocities of the links in rad/s (m/s)."""
     motor_position: Array
-    """Positions of the motors in rad, (n, motors) or (N, n, motors); NaN for ideal motors, which are at their references."""
+    """Positions of the motors in rad, (n, motors) or (N, n, motors); NaN for ideal motors, since these are at their
+    references."""
     motor_velocity: Array
     """Velocities of the motors in rad/s, (n, motors) or (N, n, motors)."""
 
@@ -37,7 +38,7 @@ class Snapshot:
     """Complete states of some worlds, from which these worlds can continue."""
 
     owner: object
-    """Token of the worlds and their parameters; only worlds with the same token can restore the snapshot."""
+    """Object that identifies the worlds and their parameters. Only worlds with the same object can restore the snapshot."""
     states: Mapping[int, Any]
     """State of each world, by the number of the world."""
     recording: Any = None
@@ -53,7 +54,7 @@ def observe(time: Any, drives: Sequence[SteppedJoint], state: Array, substep: An
     position, velocity = np.full((2, *state.shape[:-1], max(dynamic)), np.nan)
     lag = drives[0].stepping.first_drift * substep
     for i in range(max(dynamic)):
-        # A slice is several times faster than a list of all joints.
+        # Use a slice if possible, since it is several times faster than a list of all joints.
         joints: Any = slice(None) if min(dynamic) > i else [j for j, count in enumerate(dynamic) if count > i]
         velocity[..., joints, i] = state[..., joints, motor_column("velocity", i)]
         position[..., joints, i] = state[..., joints, motor_column("position", i)] + lag * velocity[..., joints, i]

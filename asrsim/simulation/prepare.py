@@ -25,8 +25,8 @@ from asrsim.simulation.resonance import resonance_doubts
 from asrsim.simulation.substeps import resolution_of
 
 ScenarioLike = str | Path | Scenario | Plan | Prepared
-"""Input of a simulation: a file, scenario, plan or prepared scenario. Files and scenarios are examined; all but prepared
-scenarios are built.
+"""Input of a simulation: a file, scenario, plan or prepared scenario. Files and scenarios are examined. All inputs except
+prepared scenarios are built.
 """
 
 
@@ -56,9 +56,9 @@ def prepare_worlds(
     plugins: Sequence[str | Path] = (),
     settable: bool = False,
 ) -> Prepared:
-    """As `prepare`, for many worlds or a twin: in MuJoCo if neither caller nor scenario states an engine, since it steps about
-    ten times faster than PyBullet. engine: name of the engine; `WARP` takes the links' model from MuJoCo. Raises InputError if
-    the scenario is prepared for another engine.
+    """Prepare a scenario for many worlds or a twin; other arguments and errors as for `prepare`. If neither caller nor scenario
+    states an engine, MuJoCo is used, since it steps about ten times faster than PyBullet. engine: name of the engine; with
+    `WARP`, the model of the links comes from MuJoCo. Raises InputError if the scenario is prepared for another engine.
     """
     if isinstance(scenario, Prepared):
         if engine not in (None, WARP, scenario.scenario.engine):
@@ -93,14 +93,15 @@ def _built(plan: Plan, engine: Engine, warnings: tuple[Problem, ...], *, settabl
     if model is not None:
         model = model_of_engine(engine, model, planned, plan.robot)
     if settable:
-        # Only torques of joints without limits have infinite ranges; the number of substeps does not depend on these torques.
+        # Leave out infinite ranges. Only torques of joints without limits have them, and the number of substeps does not depend
+        # on these torques.
         ranges = {
             joint: {name: pair for name, pair in own.items() if all(map(math.isfinite, pair))}
             for joint, own in ranges_of(planned, drives).items()
         }
         planned = replace(planned, reference_ranges=ranges)
     if planned.task is not None or any(planned.inverse_dynamics.values()):
-        # Imported only here, since most short runs do not need it.
+        # Import this only here, since most short runs do not need it.
         from asrsim.kinematics import plan_references
 
         planned = plan_references(planned, plan.robot, model)

@@ -37,7 +37,7 @@ class Prepared:
     robot: Robot
     stepping: Stepping
     drives: tuple[SteppedJoint, ...]
-    """The moving joints, with their drives, sensors and start."""
+    """The moving joints, with their drives, sensors and initial states."""
     resolution: Resolution
     info: RunInfo
     warnings: tuple[Problem, ...]
@@ -50,12 +50,12 @@ class Prepared:
 
     @property
     def initial_positions(self) -> tuple[float, ...]:
-        """Start positions of the moving joints in rad (m)."""
+        """Initial positions of the moving joints in rad (m)."""
         return tuple(drive.initial_position for drive in self.drives)
 
     @property
     def initial_velocities(self) -> tuple[float, ...]:
-        """Start velocities of the moving joints in rad/s (m/s)."""
+        """Initial velocities of the moving joints in rad/s (m/s)."""
         return tuple(drive.initial_velocity for drive in self.drives)
 
     @property
@@ -64,8 +64,8 @@ class Prepared:
         return self.scenario.step / self.resolution.substeps
 
     def last_substep(self, duration: float | None) -> int:
-        """Number of the substep at which `duration` (s; default: the scenario's) ends. Raises InputError if the duration is
-        shorter than a step.
+        """Number of the substep at which `duration` (s; default: the scenario's duration) ends. Raises InputError if the
+        duration is shorter than a step.
         """
         seconds = self.scenario.duration if duration is None else duration
         if not self.scenario.step / 2.0 < seconds < math.inf:
@@ -114,7 +114,7 @@ class Prepared:
 
     def undelayed_inputs(self, time: Array) -> Array:
         """External torques, then references before the reference map, (columns, joints, n), at the times `time` (n,) in s.
-        Commands have the imperfections that the scenario states, except for delays.
+        Commands have the imperfections that the scenario states, except delays.
         """
         drives = [
             replace(
@@ -125,13 +125,13 @@ class Prepared:
         return sampled_signals(self.scenario, drives, time)
 
     def started(self, start: Start) -> Prepared:
-        """A copy with the positions, velocities and motors of a start. Raises InputError for wrong names and values."""
+        """A copy with the positions, velocities and motors of `start`. Raises InputError for wrong names and values."""
         drives = started_joints(self.drives, start)
         return self if drives is self.drives else replace(self, drives=drives)
 
     def with_references(self, signals: Signals) -> Prepared:
         """A copy with other signals, given by joint and by the name of the reference or `external_torque`. No file is read
-        again; the substeps are unchanged. A start at equilibrium is computed again.
+        again; the substeps are unchanged. An initial state at equilibrium is computed again.
 
         An unused engine of this object is passed on to the copy. Raises InputError for names that the robot does not have, and
         for values that are not signals; ScenarioError for an arm without equilibrium.
@@ -153,10 +153,10 @@ class Prepared:
         """A copy with other parameters. No file is read or checked again; the substeps are unchanged.
 
         parameters: values by joint and name (a parameter of the actuator, `damping` or `friction`; `command_delay` and
-        `sensor_delay` in s, at most those of the scenario's `imperfections`), or by link and name (`mass`; `x`, `y`, `z` of the
-        centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start at equilibrium is computed
-        again. Raises RobotError that names unknown or unphysical parameters, InputError for delays, ScenarioError for an arm
-        without equilibrium.
+        `sensor_delay` in s, at most the delays in the scenario's `imperfections`), or by link and name (`mass`; `x`, `y`, `z`
+        of the centre of mass; `ixx` .. `izz` about the centre of mass, in the inertial frame). A start at equilibrium is
+        computed again. Raises RobotError, which names unknown or unphysical parameters; InputError for wrong delays;
+        ScenarioError for an arm without equilibrium.
         """
         delays = {
             drive.name: {name: own[name] for name in DELAYS if name in own}
@@ -175,7 +175,7 @@ class Prepared:
         return replace(self, robot=robot, drives=drives, model=model, _spare=[])._settled()
 
     def _model_of(self, model: RobotModel, robot: Robot, drives: Sequence[SteppedJoint]) -> RobotModel:
-        """Model of a varied robot; the latest is kept, since many variants have equal inertials. Raises RobotError."""
+        """Model of a varied robot. The latest model is kept, since many variants have equal inertials. Raises RobotError."""
         for inertials, known in self._latest:
             if inertials == robot.inertials:
                 return known

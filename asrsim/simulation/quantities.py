@@ -1,4 +1,4 @@
-"""Quantities that a joint records, and their columns in the table S of states and in the rows of inputs."""
+"""Quantities that a joint records, and the columns of these quantities in the table S of states and in the rows of inputs."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class StatePlace(NamedTuple):
     column: int
     """Column of S."""
     owner: Callable[[JointState], Any]
-    """Function that finds the record with this number: the joint itself, or a motor or a stage of it."""
+    """Function that finds the record with this number. The record is the joint itself, or a motor or a stage of the joint."""
     path: str
     """Name of the number in this record."""
 
@@ -149,7 +149,7 @@ def _picker(columns: Sequence[int]) -> Callable[[Sequence[float]], Sequence[floa
 
 
 def require_recorded(names: Sequence[str], columns: Collection[str], choices: tuple[str, ...]) -> None:
-    """Raise InputError for names of quantities without a column. choices: names for the message."""
+    """Raise InputError for names of quantities without a column. choices: valid names, which the message states."""
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise InputError("must be a list of quantities", key="names", value=names, choices=choices, code="not-a-list")
     problems = [
@@ -162,8 +162,8 @@ def require_recorded(names: Sequence[str], columns: Collection[str], choices: tu
 
 
 def without_energies(drives: Sequence[SteppedJoint], names: Sequence[str] | None) -> tuple[str, ...]:
-    """The names of quantities, by default of all that the joints record except energies. Raises InputError for names of
-    energies.
+    """The names of quantities; by default, all quantities that the joints record, except energies. Raises InputError for names
+    of energies.
     """
     possible = tuple(name for name in all_recorded(drives) if name == LOGGED["stiffness"] or not is_watched(name))
     require_recorded(possible if names is None else names, possible, possible)
@@ -174,14 +174,14 @@ class RowColumns:
     """Columns of a recorded row: quantities of the state, then quantities of the inputs."""
 
     def __init__(self, drives: Sequence[SteppedJoint], shape: RowShape, names: Sequence[str] | None = None) -> None:
-        """shape: of the rows. names: recorded quantities; None: all quantities that any joint records."""
+        """shape: sizes of the rows of joints. names: recorded quantities; None: all quantities that any joint records."""
         known = all_recorded(drives)
         of_state, of_inputs = columns_of(shape), inputs_of(shape.motors)
         self.names = known if names is None else tuple(names)
         """Recorded quantities."""
         require_recorded(self.names, of_state.keys() | of_inputs.keys(), known)
         first, second = ([name for name in self.names if name in table] for table in (of_state, of_inputs))
-        # In the order of S, the numbers of a record are neighbours, and are read together.
+        # Sort the names by their columns, so that neighbouring numbers of a record are read together.
         first.sort(key=lambda name: of_state[name].column)
         self.of_state: NDArray[np.int64] = np.array([of_state[name].column for name in first], dtype=np.int64)
         """Columns of S that are recorded."""

@@ -24,20 +24,21 @@ from asrsim.simulation.drives import SteppedJoint
 STANDING = 1e-3
 """Distance in rad between a joint and its first reference below which no initial jump of the motor is assumed."""
 OVERSHOOT = 2.0
-"""Safety factor: a step load deflects an undamped spring twice as far as a slowly applied load. The factor also applies to the
-speeds of the references."""
+"""Safety factor of the loads, of the largest torques of the motors and of the speeds of the references. A step load deflects an
+undamped spring twice as far as a slowly applied load."""
 PARTS, ROUNDS = 32, 6
-"""Number of parts into which a round of a search divides the deflections that are left, and number of rounds: to 1e-9 of the
-largest deflection."""
+"""PARTS: number of parts into which each round of a search divides the remaining range of deflections; ROUNDS: number of
+rounds. The result is accurate to 1e-9 of the largest deflection."""
 PLACES = 9
-"""Number of deflections of each spring, from one end of its reach to the other, at which the stiffness is computed."""
+"""Number of deflections of each spring at which the stiffness is computed, from one end of the spring's range to the other
+end."""
 
 
 def reachable_stiffness(
     drives: Sequence[SteppedJoint], references: Array, loads: Array, inertias: Array, interval: float
 ) -> list[float]:
-    """Largest stiffness in N m/rad that each joint's spring can reach; a run that exceeds this stiffness gets a warning.
-    0 without a spring; infinite where a law is not finite.
+    """Largest stiffness in N m/rad that each joint's spring can reach; a run that exceeds this stiffness gets a warning. The
+    result is 0 without a spring, and infinite where a law is not finite.
 
     references: values (joints, columns, n), sampled every `interval` s over the run; loads: bounds (joints,) of the torques of
     gravity and of external torques on the links in N m; inertias: largest inertias (joints,) that the joints can carry in
@@ -107,7 +108,8 @@ class _Springs:
         self.energy = energy_law(actuator)
         self._torques, self._motors = actuator.elastic_torques, actuator.motors
         presets = np.zeros(len(joints))
-        # The released code moves an adjuster by a motor, in mode 4 by a torque: the adjuster's range is not known beforehand.
+        # The released code moves an adjuster by a motor and, in mode 4, by a torque. The range of this adjuster is then not
+        # known in advance.
         if actuator.adjuster and not (joints[0].stepping.released and mode.direct):
             column = references[:, 1]
             presets = np.take_along_axis(column, np.abs(column).argmax(axis=1)[:, None], axis=1)[:, 0]
@@ -135,6 +137,6 @@ def _largest_below(law: Callable[[Array], Array], bounds: Array, limits: Array) 
     for _ in range(ROUNDS):
         width = width / PARTS
         above = ~(law(low[:, None] + width[:, None] * np.arange(1.0, PARTS)) <= bounds[:, None])
-        # The end of the last part is not evaluated: the law exceeds its bound there, or `free` is true.
+        # The end of the last part need not be evaluated, since the law exceeds its bound there or `free` is true.
         low = low + width * np.where(above.any(axis=1), above.argmax(axis=1), PARTS - 1)
     return np.where(bounds <= 0.0, 0.0, np.where(free, limits, low + width))

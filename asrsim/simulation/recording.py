@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Sink(Protocol):
-    """Receiver of samples: of the logged steps, or of every step if it has `full_rate = True`."""
+    """Receiver of samples. It receives the logged steps, or every step if it has the attribute `full_rate = True`."""
 
     def write(self, samples: Samples) -> None:
         """Receive the next chunk of samples."""
@@ -33,13 +33,14 @@ class RunRecording:
     def __init__(
         self, prepared: Prepared, engine: Engine, columns: RowColumns, *, last: int, sinks: Sequence[Sink], keep: bool
     ) -> None:
-        """prepared: the scenario with the start of the run. columns: columns of the rows; last: substep of the last sample."""
+        """prepared: the scenario with the initial state of the run. columns: columns of the rows; last: substep of the last
+        sample."""
         self._prepared, self._engine, self._columns = prepared, engine, columns
         self._sinks, self._last, self._keep = sinks, last, keep
         self.active = bool(keep or sinks)
         self.kept: list[Samples] = []
         self._every = prepared.resolution.substeps
-        """Number of substeps between rows."""
+        """Number of substeps between two rows."""
         self._whole = any(getattr(sink, "full_rate", False) for sink in sinks)
         self.look_every = self._every * (1 if self._whole else prepared.scenario.log_every)
         """Number of substeps between readings of poses and contacts."""
@@ -57,7 +58,7 @@ class RunRecording:
                 self._tip = TipPoses(prepared.scenario, prepared.robot)
 
     def copy(self) -> RunRecording:
-        """A copy, which continues independently. Both use the same sinks."""
+        """A copy that continues independently. The original and the copy use the same sinks."""
         other = copy.copy(self)
         other.kept, other._scenes, other._rows = list(self.kept), dict(self._scenes), list(self._rows)
         if self.active:
@@ -70,15 +71,15 @@ class RunRecording:
             self._guard.forget_links()
 
     def take(self, first: int, rows: Array) -> None:
-        """Add rows (n, joints, columns); `first`: number of the first row."""
+        """Add rows (n, joints, columns). first: number of the first row."""
         rows = rows[: max(0, self._last // self._every + 1 - first)]
         if len(rows):
             rows[:, self._absent] = np.nan
             self._rows.append((first, rows))
 
     def flush(self, substep: int, state: Array, *, check: bool = True) -> None:
-        """Pass the samples up to `substep` to the sinks. state: (joints, columns) at this substep. Raises DivergenceError if
-        the energy balance is violated."""
+        """Pass the samples up to `substep` to the sinks. state: state of the joints (joints, columns) at this substep. Raises
+        DivergenceError if the energy balance is violated."""
         if not self._rows:
             return
         (first, *_), parts = zip(*self._rows, strict=True)
@@ -95,10 +96,10 @@ class RunRecording:
             taken = whole if getattr(sink, "full_rate", False) else logged
             if len(taken.time):
                 sink.write(taken)
-        # Do not check the energy after the first substep: the links have moved, but no work is recorded yet.
+        # Do not check the energy after the first substep, since the links have moved but no work has been recorded.
         fault = self._guard.look(state) if check and substep > 1 else None
         if fault is not None:
-            raise runaway(fault[0], min(substep, self._last) * prepared.substep, fault[1], prepared.resolution.omega_h)
+            raise runaway(prepared, fault[0], min(substep, self._last) * prepared.substep, fault[1])
 
     def look(self, substep: int) -> None:
         """Store poses and contacts for the row of a substep, before the substep."""

@@ -6,9 +6,9 @@ motors' old positions, and the torque on the link from their new positions; this
 also have the second motor that the released code integrates. In the SEA the second motor drives nothing; in AwAS-II the second
 motor moves the adjuster, with constants of the released class.
 
-Faults of the released code that are *not* reproduced, since they are undefined or useless: references are 0 and not random
-memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4 does
-not overwrite its own reference; `inf` limits are infinite; constant arithmetic in tags is evaluated.
+Faults of the released code are *not* reproduced if their effect is undefined or useless. In asrsim, references are 0 and not
+random memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4
+does not overwrite its own reference; `inf` limits are infinite; constant arithmetic in tags is evaluated.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from asrsim.simulation.laws import drive_of, motor_of, spring_law
 from asrsim.simulation.layout import GOALS, TASK
 
 PHANTOM = {"inertia": 0.0233, "damping": 0.2698, "limit": 6.0, "low": -math.inf, "high": math.inf}
-"""Constants of the released DCMotor class, which simulates a second motor for every actuator: values of a
-`Drive`. Units: inertia kg m^2, damping N m s/rad, torque N m, positions rad.
+"""Constants of the released DCMotor class, which simulates a second motor for every actuator. Units: inertia kg m^2, damping N
+m s/rad, limit (torque) N m, low and high (positions) rad.
 """
 PHANTOM_SEA = {"coulomb": 0.02, "proportional": 125.0, "integral": 0.0, "derivative": 4.5}
 """Constants of the second motor that the released SEA plugin updates, although it drives nothing: friction in N m, PID gains in
@@ -74,7 +74,7 @@ def _springs(joint: JointState, link: JointConstants, kind: JointKind, u: Any, h
 
 def _move(motor: MotorState, drive: MotorConstants, goal: float, load: float, controlled: bool, h: float) -> None:
     """Update a motor as the released DCMotor does: controller, friction at the old position, acceleration, velocity, position,
-    limits. The published torque is NaN at a limit.
+    limits. The torque that is recorded is NaN at a limit.
     """
     position, velocity, push = motor.position, motor.velocity, goal
     if controlled:

@@ -1,7 +1,8 @@
-"""Error of the time step at the resonances of links and motors: the phase of a lasting oscillation runs ahead more and more.
+"""Error of the time step at the resonances of links and motors. The phase error of a lasting oscillation grows with time.
 
 The leapfrog step raises the frequency w of a mode by the fraction (w h)^2 / 24, with the substep h. An oscillation with the
-decay rate s is therefore ahead by the phase w t (w h)^2 / 24 after the time t, when its amplitude is exp(-s t).
+decay rate s therefore has the phase error w t (w h)^2 / 24 after the time t, when its amplitude is exp(-s t) of the first
+amplitude.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from asrsim.simulation.drives import SteppedJoint
 from asrsim.simulation.substeps import Resolution, link_damping
 
 TOLERATED = 0.1
-"""Largest error of an oscillation without a warning, as a fraction of its first amplitude."""
+"""Largest error of an oscillation that causes no warning, as a fraction of the oscillation's first amplitude."""
 AIM = 0.02
 """Error that remains with the number of substeps that the warning proposes, as a fraction of the first amplitude."""
 
@@ -29,7 +30,7 @@ def resonance_doubts(
 ) -> Iterator[Problem]:
     """Warning about the resonance with the largest error, if this error is above `TOLERATED`. Friction is neglected.
 
-    masses: mass matrix (n, n) at the start; None if the engine prescribes the motion of the links.
+    masses: mass matrix (n, n) at the initial positions; None if the engine prescribes the motion of the links.
     """
     if masses is None or stepping_called(scenario.stepping).order < 2 or not any(resolution.stiffness):
         return
@@ -44,22 +45,23 @@ def resonance_doubts(
     if errors[worst] <= TOLERATED:
         return
     resonance = values[worst]
-    # Eigenvectors take most of the time of an eigenvalue problem, so that they are computed for a warning only.
+    # Compute eigenvectors only for a warning, since they take most of the time of an eigenvalue problem.
     values, vectors = np.linalg.eig(matrix)
     share = np.abs(vectors[: len(drives), np.abs(values - resonance).argmin()])
     needed = math.ceil(resolution.substeps * math.sqrt(errors[worst] / AIM))
     message = (
-        f"its resonance at {frequencies[worst] / math.tau:.3g} Hz is resolved coarsely by "
+        f"the resonance at {frequencies[worst] / math.tau:.3g} Hz is resolved coarsely by "
         f"{counted(resolution.substeps, 'substep')} (omega h = {frequencies[worst] * h:.2g}): without "
-        f"friction, its phase is {errors[worst]:.2g} rad ahead after "
-        f"{times[worst]:.2g} s, an error of {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of the amplitude"
+        f"friction, the phase of the oscillation is {errors[worst]:.2g} rad ahead after "
+        f"{times[worst]:.2g} s, which is an error of {2.0 * math.sin(min(errors[worst], math.pi) / 2.0):.0%} of the amplitude"
     )
     hint = f"`substeps: {needed}` reduces the error to {AIM:.0%}"
     yield Problem(message, key=names[int(np.argmax(share))], hint=hint, code="resonance")
 
 
 def _system(drives: Sequence[SteppedJoint], masses: Array, stiffness: Sequence[float]) -> tuple[Array, list[str]]:
-    """Matrix of the linear system of positions and velocities of links and motors at the start, and the joints' names.
+    """Matrix of the system, linearised at the initial state, of the positions and velocities of links and motors; and the names
+    of the joints.
 
     Each motor of a joint has an equal part of the joint's stiffness.
     """

@@ -1,4 +1,5 @@
-"""Records of the joints at the start of a run, and the tables S, P and K that contain them; see `asrsim.simulation.fields`."""
+"""Records of the joints at the start of a run, and the tables S, P and K that contain the records; see
+`asrsim.simulation.fields`."""
 
 from __future__ import annotations
 

@@ -67,11 +67,11 @@ def simulate(
         scenario: The scenario, or an examined or prepared scenario, which is not examined again.
         robot: Robot in place of the scenario's robot.
         sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
-        keep: Collect all samples in the result.
-        progress: Called with the simulated time and its fraction.
-        stop: Called every few thousand substeps; the run ends when it returns True.
+        keep: Whether all samples are collected in the result.
+        progress: Function that is called with the simulated time in s and the completed fraction of the run.
+        stop: Function that is called every few thousand substeps. The run ends when the function returns True.
         commands: References and wrenches that are set during the run, in the order of time.
-        duration: Duration in s, instead of the scenario's.
+        duration: Duration in s, instead of the scenario's duration.
         alike: Number of similar runs, including this run. The loop is compiled if this saves time over all these runs.
 
     Raises:
@@ -79,12 +79,12 @@ def simulate(
         DivergenceError: The motion diverged; the run up to the divergence is in `.run`.
     """
     prepared = prepare(scenario, robot)
-    # By default the C library returns freed large blocks of memory to the system, and each page causes a page fault when the
-    # memory is needed again. So free a block just below 32 MB once: from then on, the library keeps freed blocks up to this
-    # size.
+    # By default the C library returns large freed blocks of memory to the system. When the memory is needed again, each page
+    # causes a page fault. Therefore free a block of slightly less than 32 MB once. Afterwards the library keeps freed blocks up
+    # to this size.
     np.empty((1 << 22) - (1 << 10))
-    # A live run of unknown length chooses its loop as for a long run. Its repetition, which states a duration, must use the
-    # same loop.
+    # Choose the loop (Python or compiled) of a live run of unknown duration as for a long run. The repetition of this run
+    # states a duration, and must use the same loop.
     steps = prepared.scenario.steps * alike if duration is None else 10**6
     expected = steps * prepared.resolution.substeps
     with Simulation(prepared, sinks=sinks, record=keep, duration=duration, expected_substeps=expected) as simulation:
@@ -123,7 +123,7 @@ def run_to_end(
 
 
 def _clock() -> float:
-    """Time in s, which stands still while functions are compiled."""
+    """Time in s on a clock that stops while functions are compiled."""
     return clock.perf_counter() - time_spent()
 
 
@@ -171,17 +171,17 @@ def make_run(prepared: Prepared, counts: Counts, status: str, *, slow_because: s
 def _slow(reason: str) -> Iterator[Problem]:
     """A warning if the loop ran in Python although a compiled loop would have been faster."""
     if reason:
-        message = f"the loop ran in plain Python, several times slower than compiled: {reason}"
+        message = f"the loop ran in plain Python, several times slower than compiled code: {reason}"
         yield Problem(message, hint="" if numba_available() else "pip install numba", code="slow-loop")
 
 
 def _stiffer_than_foreseen(prepared: Prepared, counts: Counts) -> Iterator[Problem]:
-    """Warnings for springs that became so much stiffer than expected that the substeps no longer resolve them well."""
+    """Warnings for springs that became so much stiffer than expected that the substeps no longer resolve the springs well."""
     resolution = prepared.resolution
     if prepared.stepping.released and resolution.omega_h >= UNSTABLE:
         message = (
-            f"toolbox stepping does not resolve the stiffest spring (omega h = {resolution.omega_h:.2g}, unstable from "
-            f"{UNSTABLE:g} on): the motion is not physical"
+            f"toolbox stepping does not resolve the stiffest spring (omega h = {resolution.omega_h:.2g}, unstable at "
+            f"{UNSTABLE:g} and above): the motion is not physical"
         )
         hint = "Lower the step, or use stepping leapfrog, which chooses substeps."
         yield Problem(message, key="stepping", hint=hint, code="unresolved-spring")

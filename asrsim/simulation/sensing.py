@@ -41,8 +41,8 @@ def read_sensors(
     also noisy and quantised.
 
     since, until: times at which the piece begins and ends, in substeps after the time of the substep. Sensors with ticks take
-    samples at the beginning of a piece and hold them. Other sensors measure in the middle of the piece, or, if they are
-    quantised, the mean over the piece.
+    samples at the beginning of a piece and hold them. Other sensors measure the value in the middle of the piece. If they are
+    quantised, they measure the mean over the piece.
     """
     middle, size, delay, memory = 0.5 * (since + until), _ring_size(link), link.delay, memory_of(joint, kind)
     for i in range(kind.controllers):
@@ -67,7 +67,8 @@ def read_sensors(
 
 
 def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float) -> float:
-    """Position in rad at a time in substeps after the present one, on straight lines between the stored positions."""
+    """Position in rad at a time, interpolated linearly between the stored positions. time: time of the position, in substeps
+    after the present substep."""
     newest = int(memory[ring + 2 * size])
     if time >= 0.0:
         return float(memory[ring + 2 * newest] + time * scheme.step * memory[ring + 2 * newest + 1])
@@ -77,8 +78,8 @@ def _position_at(memory: Any, scheme: Scheme, ring: int, size: int, time: float)
 
 
 def _velocity_at(memory: Any, ring: int, size: int, lag: float, time: float) -> float:
-    """Velocity in rad/s at a time in substeps after the present one, interpolated linearly. A velocity is valid `lag` substeps
-    before the position that is stored with it.
+    """Velocity in rad/s at a time, interpolated linearly. time: time of the velocity, in substeps after the present substep. A
+    velocity is valid `lag` substeps before the position that is stored with it.
     """
     newest = int(memory[ring + 2 * size])
     back = int(max(-time - lag, 0.0))
@@ -95,5 +96,5 @@ def _quantised(first: float, last: float, quantum: float) -> float:
     steps = math.floor(end) - lowest
     if steps == 0:
         return quantum * lowest
-    # The integral of the staircase math.floor(x) from 0 to x is steps (x - (steps + 1) / 2).
+    # The integral of the staircase floor(x) from 0 to x is steps (x - (steps + 1) / 2), with steps = floor(x).
     return quantum * (lowest + steps * (end - lowest - 0.5 * (steps + 1)) / (end - start))

@@ -1,4 +1,5 @@
-"""Setups of worlds: parameters, start and input signals. Worlds with equal parameters, start and signals share a setup."""
+"""Setups of worlds: parameters, initial state and input signals. Worlds with equal parameters, initial states and signals share
+a setup."""
 
 from __future__ import annotations
 
@@ -11,18 +12,19 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.simulation.start import Start
 
 VARIANTS_KEPT = 256
-"""Number of cached parameter sets with their robots, since the same parameters often return with other references."""
+"""Number of cached sets of parameters with their robots. They are cached, since callers often use the same parameters again
+with other references."""
 
 
 class WorldSetup(NamedTuple):
-    """Parameters, start and input signals of a world."""
+    """Parameters, initial state and input signals of a world."""
 
     start: Start
     prepared: Prepared
     """The scenario with the world's parameters."""
     inputs: Inputs
     started: Prepared
-    """`prepared` with the start of the world."""
+    """`prepared` with the initial state of the world."""
 
 
 class Setups:
@@ -34,12 +36,12 @@ class Setups:
         self.home = WorldSetup(Start(), prepared, self._inputs_of(prepared), prepared)
         """Setup of a world that starts as the scenario states."""
         self._signals: tuple[dict[tuple[str, str], Signal], Inputs] = {}, self.home.inputs
-        """Latest signals of worlds by joint and reference, and the inputs made from them."""
+        """Latest signals of worlds by joint and reference, and the inputs that were made from these signals."""
         self._variants: dict[tuple[tuple[str, str, float], ...], Prepared] = {}
         """Prepared scenarios, by the parameters of the worlds."""
 
     def of(self, start: Start) -> WorldSetup:
-        """Parameters, inputs and state of a start. Raises InputError, RobotError, and ScenarioError for an arm without
+        """Parameters, inputs and initial state for `start`. Raises InputError, RobotError, and ScenarioError for an arm without
         equilibrium.
         """
         key = tuple((owner, *row) for owner, table in sorted(start.parameters.items()) for row in sorted(table.items()))
@@ -51,7 +53,7 @@ class Setups:
             self._variants[key] = prepared
         inputs, started = self.home.inputs, prepared
         if prepared is not self._prepared and command_delays(prepared.drives) != command_delays(self._prepared.drives):
-            # Make new inputs, since the commands of this world have other delays than those of the scenario.
+            # Make new inputs, since the command delays of this world differ from the delays of the scenario.
             started = prepared.with_references(start.references) if start.references else prepared
             inputs = self._inputs_of(started)
         elif start.references:

@@ -15,7 +15,8 @@ from asrsim.simulation.layout import GOALS
 
 @dataclass(frozen=True)
 class RowShape:
-    """Sizes of those parts of a row in S and P whose length depends on the robot. They are equal for all joints of a robot."""
+    """Sizes of the parts of a row in S and P whose length depends on the robot. These sizes are equal for all joints of a
+    robot."""
 
     motors: int
     """Number of motors in every row."""
@@ -64,8 +65,8 @@ class RowShape:
 
 
 def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> RowShape:
-    """Sizes of the rows that these joints need. before: sizes of the rows of joints with other parameters, whose columns stay
-    where they are.
+    """Sizes of the rows that these joints need. before: sizes of the rows of joints with other parameters. The columns of these
+    rows keep their places.
     """
     stages = [drive.stages for drive in drives]
     kept = tuple(dict.fromkeys(stage for own in stages for stage in own))
@@ -75,8 +76,8 @@ def shape_of(drives: Sequence[SteppedJoint], before: RowShape | None = None) -> 
     ring = max((2 * drive.sensor.memory + 3 for drive in drives if drive.sensor), default=0)
     shape = RowShape(
         motors=max(drive.positions for drive in drives),
-        # Keep the earlier size of the ring: with the new parameters a sensor's delay may be shorter, but the columns must stay
-        # where they are.
+        # Keep the earlier size of the ring. With the new parameters the delay of a sensor may be shorter, but the columns must
+        # not move.
         ring=ring if before is None else before.ring,
         stages=tuple(stages),
         kept=kept,

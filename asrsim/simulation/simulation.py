@@ -30,16 +30,16 @@ ONE = np.zeros(1, dtype=np.int64)
 
 
 class Simulation:
-    """Simulation of a scenario that the caller steps; a context manager that releases the engine.
+    """Simulation of a scenario that the caller steps. It is a context manager, which releases the engine.
 
         with asrsim.Simulation("arm.yaml", variant="soft") as simulation:
             simulation.set_reference("joint_1", "equilibrium_position", 0.3)
             simulation.advance(20)
             simulation.observe().link_position
 
-    The results do not depend on how the steps are grouped into calls. References follow the scenario's signals until the
-    caller sets them; a value that is set acts from the next step on. Raises the errors of `prepare`, and DivergenceError if
-    the motion is not finite or the energy balance is violated.
+    The results do not depend on how the steps are grouped into calls. References follow the scenario's signals until the caller
+    sets them; a value that is set acts in the next step and later. Raises the errors of `prepare`, and DivergenceError if the
+    motion is not finite or the energy balance is violated.
     """
 
     def __init__(
@@ -64,13 +64,13 @@ class Simulation:
             variant, overrides, plugins: As in `prepare`; ignored for a prepared scenario. Declare `reference_ranges` for
                 references that you will set: the number of substeps is chosen for these ranges, and values are clamped to them.
             sinks: Objects that receive chunks of samples, or a function of the run's description that returns them.
-            record: Keep the logged samples, as `samples`.
+            record: Whether the logged samples are kept, as `samples`.
             names: Quantities that are recorded; None: all.
-            compiled: Whether the loop is compiled; None: the scenario's choice, else whether Numba is installed and
-                `expected_substeps` is large.
+            compiled: Whether the loop is compiled; None: as the scenario states; if the scenario states nothing, the loop is
+                compiled if Numba is installed and `expected_substeps` is large.
             expected_substeps: Number of substeps that the caller will take.
-            duration: Recorded duration in s, instead of the scenario's.
-            chunk: Largest number of substeps between chunks of samples.
+            duration: Recorded duration in s, instead of the scenario's duration.
+            chunk: Largest number of substeps in a chunk of samples.
         """
         prepared = self.prepared = prepare(scenario, variant=variant, overrides=overrides, plugins=plugins)
         self.scenario, self.substeps = prepared.scenario, prepared.resolution.substeps
@@ -94,13 +94,13 @@ class Simulation:
         self._held: dict[str, HeldWrench] = {}
         """Wrenches that the caller has set on bodies, by name of the body."""
         self._holding = self.engine
-        """The engine to which these wrenches have been passed."""
+        """Engine to which the wrenches on bodies have been passed."""
         self._numbers: Numbers = {}
-        """Parameters that all resets so far have set; each reset replaces those that it names."""
+        """Parameters that all resets so far have set. Each reset replaces the parameters that it names."""
         self.recording = self._new_recording(prepared)
 
     def _new_recording(self, started: Prepared) -> RunRecording:
-        """A recording of a run that begins at this start."""
+        """A recording of a run that begins at the initial state of `started`."""
         sinks, record = self._output
         return RunRecording(started, self.engine, self._world.columns, last=self.last, sinks=sinks, keep=record)
 
@@ -113,7 +113,7 @@ class Simulation:
 
     @property
     def substep(self) -> int:
-        """Number of substeps done."""
+        """Number of completed substeps."""
         return int(self._core.done[0])
 
     @property
@@ -128,7 +128,7 @@ class Simulation:
         self.advance_to(self.substep + count_of(steps) * self.substeps)
 
     def advance_to(self, end: int) -> None:
-        """Advance until `end` substeps are done."""
+        """Advance until `end` substeps are completed."""
         self._world.check_open()
         while self.substep < end:
             before = self.substep
@@ -158,10 +158,10 @@ class Simulation:
         self.recording.flush(self.substep, core.joint_states[0], check=False)
         (kind, joint), what = core.fault[0], "its law has no finite value"
         if kind != HEALTH.no_value:
-            # The fastest joint is reported as the cause; a velocity of NaN counts as the fastest.
+            # Report the fastest joint as the cause. A velocity of NaN counts as the fastest.
             joint = np.nan_to_num(np.abs(core.joint_states[0, :, JOINT["engine_velocity"]]), nan=np.inf).argmax()
             what = "its motion is no longer finite, or impossibly fast"
-        raise runaway(self.joints[joint], self.substep * prepared.substep, what, prepared.resolution.omega_h)
+        raise runaway(prepared, self.joints[joint], self.substep * prepared.substep, what)
 
     def flush(self) -> None:
         """Pass the recorded samples to the sinks; raises DivergenceError if the energy balance is violated."""
@@ -182,7 +182,8 @@ class Simulation:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, value: float | None) -> float | None:
-        """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the value set.
+        """Set a reference (by its name in the joint's mode) or `external_torque`; the value acts in the next step and later.
+        Returns the value that is set.
 
         value: new value, which is clamped to the declared range; None: the scenario's signal acts again. Raises InputError for
         unknown names and values that are not finite.
@@ -198,7 +199,7 @@ class Simulation:
         torque: Sequence[float] = (0.0, 0.0, 0.0),
         point: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Let a force and a torque act on a link or a movable object of the world from the next substep on, until the next call
+        """Let a force and a torque act on a link or a movable object of the world, from the next substep until the next call
         for this body.
 
         Args:
@@ -237,8 +238,8 @@ class Simulation:
     def read(self, names: Sequence[str]) -> dict[str, Array]:
         """Quantities at the last completed step by name; arrays (n,) in the order of the joints.
 
-        At the start, the quantities are those of the first step. NaN where a joint does not record a quantity. Raises
-        InputError for a name that no joint records.
+        Before the first step, the method returns the quantities of the first step. NaN where a joint does not record a
+        quantity. Raises InputError for a name that no joint records.
         """
         return {name: found[0] for name, found in self._world.read(names).items()}
 
@@ -263,7 +264,8 @@ class Simulation:
     def restore(self, snapshot: Snapshot) -> None:
         """Continue from a snapshot of this simulation. Samples that the sinks have already received are not withdrawn.
 
-        Raises InputError for a snapshot of another simulation, or from before a reset with other parameters.
+        Raises InputError for a snapshot of another simulation, or for a snapshot that was taken before a reset with other
+        parameters.
         """
         self._world.restore(snapshot)
         self._hold(snapshot.wrenches)
@@ -277,13 +279,13 @@ class Simulation:
         motors: Mapping[str, Sequence[float]] | None = None,
         parameters: Numbers | None = None,
     ) -> None:
-        """Reset to the start. The simulation gives bitwise the same results as a new simulation, follows the scenario's
-        references again, and holds no wrenches.
+        """Reset to the initial state. The simulation then gives bitwise the same results as a new simulation, follows the
+        scenario's references again, and holds no wrenches.
 
         Args:
-            initial: Start positions (rad, m) by joint, instead of the scenario's.
-            velocities: Start velocities (rad/s, m/s) by joint.
-            motors: Start positions of the motors (rad) by joint; other motors start at their link's position.
+            initial: Initial positions (rad, m) by joint, instead of the scenario's positions.
+            velocities: Initial velocities (rad/s, m/s) by joint.
+            motors: Initial positions of the motors (rad) by joint. Other motors start at their link's position.
             parameters: Values by joint or link, and by name, as in `Prepared.vary`.
 
         The number of substeps is unchanged, and a recording starts anew. Raises InputError and RobotError for unknown names,
@@ -301,7 +303,7 @@ class Simulation:
         self.recording = self._new_recording(self.prepared.started(start))
 
     def close(self) -> None:
-        """Release the engine. Call `flush` first if the sinks are to receive the recorded samples."""
+        """Release the engine. Call `flush` first if the sinks must receive the recorded samples."""
         self._world.close()
 
     def __enter__(self) -> Simulation:

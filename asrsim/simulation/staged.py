@@ -1,9 +1,9 @@
 """Stages of actuators in the kernel: the values that the kernel stores for stages, and the composition of their laws to
 functions of a joint.
 
-The laws of a stage are functions of its memory and constants at one motor (`asrsim.actuators.stages`). `compose` nests them,
-stage in stage, into functions of the records of a joint, in which only the stages of this joint appear. Plain Python, compiled
-code and Warp compose the same source, with their own access to the records.
+The laws of a stage are functions of the stage's memory and constants at one motor (`asrsim.actuators.stages`). `compose` nests
+the laws, stage in stage, into functions of the records of a joint. Only the stages of this joint appear in these functions.
+Plain Python, compiled code and Warp compose the same source, with their own access to the records.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ springs.
 
 
 def begin_stages(joint: JointState, velocity: float, jumped: bool, first: bool) -> None:
-    """Store the values that the stages of a joint need in a kick. velocity: of the link at the kick, rad/s; jumped: whether an
-    input jumps in the kick; first: whether it is the first kick, which is half a kick.
+    """Store the values that the stages of a joint need in a kick. velocity: velocity of the link at the kick, rad/s; jumped:
+    whether an input jumps in the kick; first: whether this is the first kick, which is half a kick.
     """
     joint.kick_velocity = velocity
     joint.steady = 1.0 if first else 0.0 if jumped else min(joint.steady + 1.0, STEADY)
 
 
 def lead_stages(joint: JointState, kind: JointKind, scheme: Scheme, step: float) -> None:
-    """Store the length `step` in s of the next kick of the motors, and the speeds of motors without dynamics. While their
-    references jump, such motors keep their speed.
+    """Store the length `step` in s of the next kick of the motors, and the speeds of motors without dynamics. While its
+    reference jumps, such a motor keeps its speed.
     """
     joint.kick_lead = scheme.first_drift * step
     for i in range(kind.dynamic, kind.springs):
@@ -54,7 +54,7 @@ def note_kick(joint: JointState, kind: JointKind, step: float, noted: bool) -> N
 
 
 def end_stages(joint: JointState, kind: JointKind, scheme: Scheme) -> None:
-    """Store the length of the substep before the stages update their memories."""
+    """Store the length of the substep, before the stages update their memories."""
     joint.kick_lead = scheme.step
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
@@ -245,7 +245,7 @@ def _remembering(keep: Any) -> Any:
             motor = motor_of(joint, i)
             kick = motor.kick
             kick.motor_position, kick.motor_velocity = motor.kick_position, motor.mean_velocity
-            # No spring leads from a motor on the housing to the link.
+            # A motor on the housing has no spring to the link.
             kick.deflection = motor.kick_position - joint.position if i < kind.pulling else 0.0
             kick.velocity = motor.mean_velocity - joint.velocity if i < kind.pulling else 0.0
             kick.motor_torque, kick.elastic_torque, kick.step = motor.torque, motor.load, joint.kick_lead

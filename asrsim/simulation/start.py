@@ -1,4 +1,4 @@
-"""Start of a world: the values that differ from the scenario."""
+"""Initial state of a world: the values that differ from the scenario."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ Signals = Mapping[str, Mapping[str, Signal]]
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """Start of a world; values that are not given come from the scenario. If the scenario starts at equilibrium, a world starts
-    at the equilibrium for its own parameters and references.
+    """Initial state of a world. Values that are not given come from the scenario. If the scenario starts at equilibrium, a
+    world starts at the equilibrium for its own parameters and references.
     """
 
     parameters: Numbers = field(default_factory=dict)
@@ -38,8 +38,8 @@ class Start:
 
 
 def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[SteppedJoint, ...]:
-    """The joints with the positions, velocities and motors of a start; the same object if the start has none. Raises InputError
-    for wrong names and values.
+    """The joints with the positions, velocities and motors of `start`; the same object if `start` contains none. Raises
+    InputError for wrong names and values.
     """
     given = {
         "initial": start.positions,
@@ -71,7 +71,8 @@ def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[Step
 
 
 def _start_fault(drive: SteppedJoint | None, what: str, value: Any) -> str:
-    """Reason why a value cannot be the start of a joint; empty if it can. what: name of the value in messages."""
+    """Reason why a value cannot be an initial value of a joint; empty if the value is valid. what: name of the value in
+    messages."""
     if drive is None:
         return "the robot has no moving joint of this name"
     if what.startswith("motor"):

@@ -1,13 +1,14 @@
 """Strides of worlds, for `Worlds(..., adaptive=True)`: a world takes fewer substeps while its springs are soft enough.
 
 The number of substeps of a run resolves the stiffest spring that its references can reach. A stride takes several substeps at
-once; their number divides that in a step, so steps consist of whole strides. Each stride resolves springs up to a stiffness,
-by the rule of `asrsim.simulation.substeps`. At each whole step a world compares this stiffness with the stiffness that its
-springs can reach within the step, at the present speeds (`asrsim.simulation.kernel.stride_of`).
+once; the number of substeps in a step is a multiple of this number, so that a step consists of whole strides. Each stride
+resolves springs up to a certain stiffness, by the rule of `asrsim.simulation.substeps`. At each whole step a world compares
+this stiffness with the stiffness that its springs can reach within the step, at the present speeds
+(`asrsim.simulation.kernel.stride_of`).
 
 Positions belong to whole strides and velocities to their middles. The kick between two strides lasts from the middle of the
-first to the middle of the second stride; it uses the forces at the time between them: second order, as with equal strides
-(Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter VIII.3).
+first to the middle of the second stride; it uses the forces at the time between the two strides. The scheme is of second order,
+as with equal strides (Hairer, Lubich, Wanner, Geometric Numerical Integration, chapter VIII.3).
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def strides_of(prepared: Prepared) -> Strides:
     full, drives = prepared.resolution, prepared.drives
     sizes, deflections, stiffest = [1], [[np.inf] * len(drives)], [[np.inf] * len(drives)]
     for size in range(2, full.substeps + 1):
-        # The stiffness that a stride resolves, as a fraction of the stiffness that single substeps resolve.
+        # `share`: stiffness that a stride resolves, as a fraction of the stiffness that single substeps resolve.
         share = min((TARGET / (full.omega_h * size)) ** 2, 1.0) if full.omega_h else 1.0
         if full.substeps % size == 0 and _resolves(prepared, full.substeps // size, share):
             sizes.append(size)
@@ -82,7 +83,7 @@ def strides_of(prepared: Prepared) -> Strides:
 
 
 def _obstacles(prepared: Prepared) -> list[str]:
-    """Properties of the scenario with which worlds must take all substeps."""
+    """Reasons in the scenario why worlds must take all substeps."""
     drives, found = prepared.drives, []
     if prepared.scenario.engine != "mujoco":
         found.append("needs the engine mujoco")

@@ -1,7 +1,7 @@
 """Number of substeps that a run needs, from the mass matrix and the largest stiffness that the springs can reach.
 
 The coupled step is stable for omega h < 2 with omega = sqrt(lambda_max(M^-1 diag(stiffness))); the default substep h satisfies
-omega h <= 0.2, where the relative error of the frequency is (omega h)^2 / 24 = 0.17 %.
+omega h <= 0.2, for which the relative error of the frequency is at most (omega h)^2 / 24 = 0.17 %.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ CONFIGURATIONS = 8
 """Number of random joint positions, in addition to the initial positions, at which the mass matrix is computed."""
 
 TARGET = 0.2
-"""Largest omega h with the automatic number of substeps, chosen for accuracy; above 2 the step is unstable."""
+"""Largest omega h with the automatic number of substeps. The value is chosen for accuracy; above 2 the step is unstable."""
 MOTOR_TARGET = 0.3
 """Largest omega h of motor and spring with a fixed link, with the automatic number of motor substeps."""
 UNSTABLE = 2.0
-"""omega h above which a spring gains energy in every step."""
+"""Value of omega h above which a spring gains energy in every step."""
 DAMPED = 1.0
 """Product of damping rate and h above which an explicit damper gains energy in every step."""
 COARSE = 0.5
-"""omega h above which a spring is no longer resolved well."""
+"""Value of omega h above which a spring is no longer resolved well."""
 FADING = 0.1
 """Largest product of h and the rate of a torque that acts explicitly (friction that decreases with speed, dampers of stages)
 with the automatic number of substeps.
@@ -55,12 +55,12 @@ RINGING = 0.5
 step.
 """
 MOST_MOTOR_SUBSTEPS = 10_000
-"""Largest number of motor substeps in a substep. The motor of a real drive needs about ten."""
+"""Largest number of motor substeps in a substep. The motor of a real drive needs about ten motor substeps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Resolution:
-    """Numbers of substeps and the values from which they follow."""
+    """Numbers of substeps, and the values from which these numbers follow."""
 
     substeps: int
     motor_substeps: int
@@ -77,17 +77,17 @@ class Resolution:
 def resolution_of(
     scenario: Scenario, drives: Sequence[SteppedJoint], model: RobotModel | None, *, softer: float = 1.0
 ) -> Resolution:
-    """Numbers of substeps for a run of these joints; raises UnresolvedSpringError if the allowed number is not sufficient.
-    softer: the substeps need to resolve only this fraction of the largest stiffness that the springs can reach.
+    """Numbers of substeps for a run of these joints. Raises UnresolvedSpringError if the allowed number is not sufficient.
+    softer: fraction of the largest reachable stiffness of the springs that the substeps need to resolve.
     """
     sampled = sampled_signals(scenario, drives, np.linspace(0.0, scenario.duration, SAMPLES + 1))
     for j, drive in enumerate(drives):
         ranges = scenario.ranges_of(drive.name)
         for column, name in enumerate((EXTERNAL_TORQUE, *drive.references)):
             if name in ranges:
-                # Assume the largest changes: let the reference jump between its smallest and its largest value.
+                # Assume the largest changes, which are jumps of the reference between its smallest and its largest value.
                 sampled[column, j, 1::4], sampled[column, j, 3::4] = ranges[name]
-    # Without a model, the engine prescribes the motion of the links, so that springs need no substeps: assume huge masses.
+    # Without a model, the engine prescribes the motion of the links. Springs then need no substeps, so assume huge masses.
     masses, loads = 1e9 * np.eye(len(drives))[None], np.max(np.abs(sampled[EXTERNAL]), axis=1)
     couplings = uncoupled(len(drives)) if model is None else model.couplings
     places = couplings.expand(_configurations(drives))
@@ -96,7 +96,8 @@ def resolution_of(
         held = couplings.fold_sizes(loads, places) + np.abs(model.gravity_torques(places))
         loads = np.max(np.atleast_2d(held), axis=0)
     inertias = np.diagonal(masses, axis1=1, axis2=2).max(axis=0)
-    # The spring of a follower moves the whole inertia of its master; a follower that hardly moves carries only a part of it.
+    # The spring of a follower moves the inertia of its master, divided by the squared ratio. Limit the ratio of a follower that
+    # hardly moves.
     ratios = np.maximum(np.abs(np.atleast_2d(couplings.ratios(places))).max(axis=0), 1e-6)
     inertias, loads = inertias[couplings.master] / ratios**2, loads[couplings.master] / ratios
     reach = reachable_stiffness(drives, sampled[GOALS:].swapaxes(0, 1), loads, inertias, scenario.duration / SAMPLES)
@@ -106,7 +107,7 @@ def resolution_of(
 
 def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
     """Joint positions for which the mass matrix is computed: the initial positions, and random positions within the limits."""
-    # Use the standard library's generator: importing numpy.random takes longer than a short run.
+    # Use the random generator of the standard library, since importing numpy.random takes longer than a short run.
     generator = random.Random(0)
     pairs = [(max(low, -math.pi), min(high, math.pi)) for low, high in (drive.joint.stops for drive in drives)]
     initial = [drive.initial_position for drive in drives]
@@ -114,7 +115,7 @@ def _configurations(drives: Sequence[SteppedJoint]) -> list[list[float]]:
 
 
 def _bound(drive: SteppedJoint, law: str) -> float:
-    """Sum of the bounds of the joint's stages for all springs. law: name of the bound, such as `stiffness_bound`."""
+    """Sum over all springs of the bounds of the joint's stages. law: name of the bound, such as `stiffness_bound`."""
     total = 0.0
     for stage in drive.stages:
         for i in range(1, drive.motors + 1):
@@ -131,8 +132,8 @@ def _resolve(
     masses: Array,
     stiffness: Sequence[float],
 ) -> Resolution:
-    """Numbers of substeps. places: the relevant configurations (m, n); masses: mass matrices (m, n, n) there; stiffness: of
-    each joint in N m/rad.
+    """Numbers of substeps. places: the relevant joint positions (m, n); masses: mass matrices (m, n, n) at these positions;
+    stiffness: stiffness of each joint in N m/rad.
 
     The released code has no substeps, and also runs springs that the step does not resolve.
     """
@@ -159,14 +160,14 @@ def _resolve(
     if substeps is None:
         if needed > scenario.max_substeps:
             raise UnresolvedSpringError(
-                f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its "
+                f"the spring of joint '{stiffest}' can reach {stiffness[column]:.4g} N m/rad: its frequency of "
                 f"{frequency / math.tau:.4g} Hz cannot be resolved, since a step of {step:g} s would need {needed:.12g} "
                 f"substeps and `max_substeps` is {scenario.max_substeps}. Lower the step, raise this limit, soften the spring, "
                 "limit its deflection (max_deflection), or narrow the reference_ranges of a run whose references are set from "
                 "outside"
             )
-        # Friction that decreases with speed lets motions grow. This growth limits the step only for accuracy: since the
-        # friction is bounded, the step cannot become unstable.
+        # Friction that decreases with speed makes motions grow. This growth limits the step only for accuracy. The step cannot
+        # become unstable, since the friction is bounded.
         mobilities = np.diagonal(np.linalg.inv(masses), axis1=1, axis2=2).max(axis=0)
         mobilities = (mobilities[couplings.master] * np.atleast_2d(couplings.ratios(places) ** 2).max(axis=0)).tolist()
         joints = [drive.joint for drive in drives]
@@ -214,7 +215,7 @@ def _resolve(
         motor_frequency=max(frequencies),
         omega_h=frequency * h,
         stiffness=tuple(stiffness),
-        link_implicitness=_implicitness(decay, 0.0 if stepping.implicitness == 0.0 else 0.5),
+        link_implicitness=_implicitness(decay, stepping.implicitness),
     )
 
 
@@ -232,9 +233,9 @@ def link_damping(drive: SteppedJoint, stiffness: float) -> float:
 
 def _implicitness(decay: float, least: float) -> float:
     """Weight w of the new velocity in the velocity on which damping acts; at least `least`. With damping c, inertia I and
-    `decay` f = c h / I, a substep multiplies the velocity of a damped mode by (1 - (1 - w) f) / (1 + w f). The midpoint rule,
-    w = 1/2, has second order, but then a strongly damped velocity changes its sign in every step. So w is increased until this
-    factor is not below -`RINGING`.
+    `decay` f = c h / I, a substep multiplies the velocity of a damped mode by (1 - (1 - w) f) / (1 + w f). The midpoint rule, w
+    = 1/2, is of second order, but with this rule a strongly damped velocity changes its sign in every step. So w is increased
+    until this factor is not below -`RINGING`.
     """
     return max(least, (decay - 1.0 - RINGING) / (decay * (1.0 + RINGING))) if decay > 1.0 else least
 
@@ -250,9 +251,9 @@ def _fastest(masses: Array, gains: Array) -> tuple[float, Array]:
 
 
 def _motor_rates(drive: SteppedJoint, stiffness: float) -> tuple[float, float]:
-    """Largest natural frequency of the joint's motors in rad/s, from spring, controller and bristles, with a fixed link; and
-    the largest rate in 1/s of a torque on the motors that acts explicitly (friction that decreases with speed, stages): its
-    slope over the speed, divided by the inertia.
+    """Largest natural frequency of the joint's motors in rad/s, from spring, controller and bristles, with a fixed link, and
+    the largest rate in 1/s of a torque on the motors that acts explicitly (friction that decreases with speed, stages). This
+    rate is the slope of the torque over the speed, divided by the inertia.
     """
     own, frequency, growth = drive.drive, 0.0, 0.0
     damping = _bound(drive, "damping_bound") + _bound(drive, "ground_damping_bound")

@@ -83,7 +83,7 @@ class WarpCore(Core):
         self._changed = True
         """Whether state or parameters have changed in the host's memory since they were copied to the device."""
         self._given: Given | None = None
-        """Latest inputs that have been copied to the device."""
+        """Inputs that were last copied to the device."""
         self._graph: Any = None
         self._rows: Any = None
         self._loaded = False
@@ -95,7 +95,7 @@ class WarpCore(Core):
         return self._wp.array(numbers.ravel() if flat else numbers, dtype=kind, device=self._device)
 
     def _make_model(self, worlds: int) -> None:
-        """The model of the links, with separate inertials, loads and states for each world."""
+        """Make the model of the links, with separate inertials, loads and states for each world."""
         engine, wp = self._engine, self._wp
         room = engine.room
         model = self._model = copy.copy(engine.raw_model)
@@ -103,9 +103,10 @@ class WarpCore(Core):
         step = self._scheme.step
         model.opt.timestep = step
         if self.prepared.scenario.world.empty:
-            # Friction cones serve contacts only; without them the solver is cheaper.
+            # Use simple friction cones, with which the solver is faster. Elliptic cones are only needed for contacts.
             model.opt.cone, model.opt.impratio = load().mjtCone.mjCONE_PYRAMIDAL, 1.0
-        # Clear the flag against automatic resets, which MuJoCo Warp does not know: it never resets a world by itself.
+        # Clear the flag against automatic resets. MuJoCo Warp does not support this flag, and never resets a world
+        # automatically.
         model.opt.disableflags &= ~int(load().mjtDisableBit.mjDSBL_AUTORESET)
         model.dof_solimp[freedoms] = HARD
         model.dof_solref[freedoms] = (-1.0, -HARD[0] / step)
@@ -165,7 +166,7 @@ class WarpCore(Core):
         self._changed = True
 
     def start(self, world: int, prepared: Prepared) -> None:
-        """Put a world at the start of a run."""
+        """Set a world to the initial state of a run."""
         placed = self._start_engine(self._engine, prepared)
         rows = zip(prepared.drives, *placed, strict=True)
         self.joint_states[world] = [row_of_joint(start_of(drive, self.shape, q, v)) for drive, q, v in rows]
@@ -191,7 +192,7 @@ class WarpCore(Core):
         self._changed = True
 
     def engine_of(self, world: int) -> Engine:
-        """The engine that displays the worlds."""
+        """The engine that `look` sets to the state of a world. It does not move the worlds."""
         return self._engine
 
     def look(self, world: int) -> Engine:
@@ -275,7 +276,7 @@ class WarpCore(Core):
             for name, column in columns.items()
         }
         for one in found.values():
-            # Let each array refer to the state, so that the memory that both share stays alive.
+            # Let each array refer to the state, so that the memory that they share stays alive.
             one.state = self._s
         return found
 

@@ -35,14 +35,14 @@ from asrsim.warping.translate import Call, Translation
 from asrsim.warping.values import number_as
 
 LOAD, ARMATURE, FRICTION, FRACTION = range(4)
-"""Columns of the loads of a joint: torque in N m; inertia in kg m^2 that has the effect of implicit damping; friction in N m;
-length of the kick as a fraction of a substep.
+"""Columns of the loads of a joint. LOAD: torque in N m; ARMATURE: inertia in kg m^2 that has the effect of implicit damping;
+FRICTION: friction in N m; FRACTION: length of the kick as a fraction of a substep.
 """
 LOADS = 4
 
 
 def later(table: Any, at: int) -> Any:
-    """The part of a row from index `at` on."""
+    """The part of a row that begins at index `at`."""
     return table[at:]
 
 
@@ -50,8 +50,8 @@ def load(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, stride: int, lengths: Any, step: int,
     begin: int, end: int, on_time: int, first: bool, recorded: bool, loads: Any,
 ) -> None:  # fmt: skip
-    """Advance a joint by a kick, and store its loads. inputs: input rows of the joint, `stride` numbers apart; other arguments
-    as in `asrsim.simulation.joint.load_joint`.
+    """Advance a joint by a kick, and store its loads. inputs: input rows of the joint, which begin `stride` numbers apart;
+    other arguments as in `asrsim.simulation.joint.load_joint`.
     """
     loads[LOAD] = loads[ARMATURE] = loads[FRICTION] = loads[FRACTION] = 0.0
     load_joint(
@@ -59,7 +59,7 @@ def load(
         first, recorded,
     )  # fmt: skip
     fraction, damping = loads[FRACTION], loads[ARMATURE]
-    # Damping acts on a mean of the velocities before and after the kick.
+    # Apply damping to a mean of the velocities before and after the kick.
     loads[LOAD] = (loads[LOAD] - damping * joint.engine_velocity) / fraction
     loads[ARMATURE] = scheme.link_implicitness * scheme.step * damping
     loads[FRICTION] = loads[FRICTION] / fraction
@@ -75,7 +75,8 @@ def add_load(loads: Any, lengths: Any, piece: int, torque: float, damping: float
 
 
 def shortened(joint: JointState, scheme: Scheme, fraction: float, velocity: float) -> tuple[float, float]:
-    """Velocity and position of a link after a kick that was a fraction of the engine's kick to `velocity` (rad/s)."""
+    """Velocity and position of a link after a kick that is a fraction of the engine's kick. velocity: velocity of the link
+    after the engine's kick, rad/s."""
     after = joint.engine_velocity + fraction * (velocity - joint.engine_velocity)
     return after, joint.position + scheme.step * after
 
@@ -104,7 +105,7 @@ def program(drives: Iterable[SteppedJoint], shape: RowShape) -> tuple[WarpProgra
             laws.drive_of: _part(JointConstants, MotorConstants),
             laws.memory_of: _memory,
             laws.spring_law: _call_law,
-            # Steppings with a step of their own do not run on Warp.
+            # Warp does not support steppings with their own step function.
             laws.joint_step: _nothing,
             laws.inputs_of: _inputs,
             laws.put_load: _put_load,
@@ -178,7 +179,7 @@ def _law_text(made: WarpProgram, used: Sequence[JointLaw]) -> str:
 
 
 def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[Stage], ...], own: str) -> Iterator[str]:
-    """Lines that carry out a task of the laws of an actuator with stages. own: beginning of their names."""
+    """Lines of code that carry out a task of the laws of an actuator with stages. own: prefix of the names in these lines."""
     kinds = [*[FLOAT] * (1 + count), Row(FLOAT, len(actuator.parameters))]
     law = f"p_at + int(k[k_at + {columns(JointKind)['law']}])"
     staged = compose(stages, partial(_access, made, actuator, stages)) if stages else None
@@ -233,7 +234,7 @@ def _lines_of(made: WarpProgram, actuator: Any, count: int, stages: tuple[type[S
 
 
 SLOPE_ON_WARP = 1e-3
-"""As `asrsim.simulation.staged.SLOPE`, for single precision."""
+"""Distance as in `asrsim.simulation.staged.SLOPE`, for single precision."""
 JOINT_ROWS = STATE, CONSTANTS, KIND
 
 

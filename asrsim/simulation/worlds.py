@@ -41,15 +41,15 @@ class Observer:
     """Corrections of simulated positions and velocities by measured positions, for several worlds."""
 
     measured: Array
-    """Positions of links and motors at whole steps from 0 on, (worlds, steps, joints, 1 + motors); NaN: not measured. After a
-    rollout, the errors before the corrections: measured minus simulated.
+    """Positions of links and motors at the whole steps 0, 1, ..., (worlds, steps, joints, 1 + motors); NaN: not measured. After
+    a rollout, this array contains the errors before the corrections: measured minus simulated positions.
     """
     gains: tuple[float, float]
     """Change of the position, and of the velocity in 1/s, per error."""
 
 
 class Worlds:
-    """N simulated worlds of one scenario, which the caller steps; a context manager that releases the engines.
+    """N simulated worlds of one scenario, which the caller steps. The object is a context manager, which releases the engines.
 
         with asrsim.Worlds("arm.yaml", 64) as worlds:
             worlds.set_reference("joint_1", "equilibrium_position", targets)
@@ -57,8 +57,8 @@ class Worlds:
             worlds.observe().link_position
 
     Each world gives bitwise the same results as a separate `asrsim.Simulation`, in any order and on any number of threads. A
-    world that diverges stops until its next reset; see `healthy`. The number of substeps is that of the scenario and does not
-    depend on the parameters of the worlds. Raises the errors of `asrsim.prepare`.
+    world that diverges stops until its next reset; see `healthy`. The number of substeps is chosen for the scenario, and does
+    not depend on the parameters of the worlds. Raises the errors of `asrsim.prepare`.
     """
 
     def __init__(
@@ -85,20 +85,22 @@ class Worlds:
         Args:
             scenario: As in `asrsim.Simulation`, which also explains variant, overrides, plugins and compiled.
             count: Number of worlds.
-            names: Quantities that `read` and `rollout` return; None: all quantities that the joints record, with `adaptive`
-                without energies and stiffness.
-            watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Without them, runs are
-                a fifth faster.
-            expected_substeps: Number of substeps that each world will take, from which the loop is chosen.
-            threads: Number of threads that step the worlds, if the engine has a compiled step.
+            names: Quantities that `read` and `rollout` return; None: all quantities that the joints record; with `adaptive`,
+                energies and stiffness are left out.
+            watched: Whether energies and limits are computed in each step, for `counts` and `sane`. Runs without energies and
+                limits are a fifth faster.
+            expected_substeps: Number of substeps that each world will take, by which a Python loop or a compiled loop is
+                chosen.
+            threads: Number of threads that step the worlds. It has an effect if the engine has a compiled step.
             chunk: Largest number of substeps whose inputs are sampled in one call.
-            watch: Called before each step of the engine.
-            engine: Name of the engine; None: the scenario's, or MuJoCo if the scenario states no engine. With "mujoco_warp",
-                MuJoCo Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies and limits are
-                not computed. This engine is made for thousands of worlds: one world takes as long as hundreds.
+            watch: Function that is called before each step of the engine.
+            engine: Name of the engine; None: the scenario's engine, or MuJoCo if the scenario states no engine. With
+                "mujoco_warp", MuJoCo Warp moves the links, and Warp runs asrsim's own laws in single precision; then energies
+                and limits are not computed. This engine is made for thousands of worlds, since one world takes as long as
+                hundreds of worlds.
             device: Device of Warp, such as "cpu" or "cuda".
-            adaptive: Whether each world takes fewer substeps while its springs are soft enough
-                (`asrsim.simulation.strides`), unless its signals jump. Needs a compiled loop in MuJoCo; excludes contacts,
+            adaptive: Whether each world takes fewer substeps while its springs are soft enough (`asrsim.simulation.strides`). A
+                world whose signals jump takes all substeps. `adaptive` needs a compiled loop in MuJoCo, and excludes contacts,
                 imperfect sensors, stages, energies (`watched`) and stiffness.
         """
         for key, value in (("count", count), ("threads", threads)):
@@ -149,7 +151,7 @@ class Worlds:
             """Object that advances the worlds through blocks of their inputs."""
             self._everyone = np.arange(count)
             self._slots: dict[tuple[str, str], tuple[int, int, float, float]] = {}
-            """Joint, column and range of the references that were set, by joint and reference."""
+            """Index of the joint, column and range of each reference that was set, by joint and reference."""
             self._sizes = np.array(strides.sizes)
             """Lengths of the strides in substeps."""
             self.closed = False
@@ -175,7 +177,7 @@ class Worlds:
     @property
     def time(self) -> Array:
         """Simulated time of each world (N,) in s."""
-        # Write out the formula of numpy.round: the function takes four times as long for a few numbers.
+        # Write out the formula of numpy.round, since the function takes four times as long for a few numbers.
         found: Array = np.rint(self.core.done * self.prepared.substep * 1e12) / 1e12
         return found
 
@@ -198,7 +200,8 @@ class Worlds:
     # -- from outside -----------------------------------------------------------------------------------------------
 
     def set_reference(self, joint: str, reference: str, values: Any, *, worlds: Any = None) -> Array:
-        """Set a reference (by its name in the joint's mode) or `external_torque` from the next step on. Returns the values set.
+        """Set a reference (by its name in the joint's mode) or `external_torque`; the values act in the next step and later.
+        Returns the values that are set.
 
         values: one value for all worlds, or a value for each world; values are clamped to the declared range. None: the
         scenario's signal acts again. Raises InputError.
@@ -212,7 +215,7 @@ class Worlds:
         j, slot, low, high = known
         held: Any = np.nan
         if isinstance(values, float):
-            # A single number, which controllers set in every step, is handled without arrays, since this is faster.
+            # Process a single number without arrays, since controllers set single numbers in every step and this is faster.
             held, finite = min(max(values, low), high), math.isfinite(values)
         elif values is not None:
             given = _spread(values, (len(numbers),), reference)
@@ -227,8 +230,8 @@ class Worlds:
         return np.array(self.core.held[which, j, slot])
 
     def push(self, torques: Array) -> None:
-        """Set the external torques (N, n) in N m on all links of all worlds from the next step on; declared ranges do not
-        apply. Raises InputError for values that are not finite.
+        """Set the external torques (N, n) in N m on all links of all worlds; the torques act in the next step and later.
+        Declared ranges do not apply. Raises InputError for values that are not finite.
         """
         self.check_open()
         if not np.isfinite(torques).all():
@@ -264,7 +267,7 @@ class Worlds:
         self.check_open()
         if np.count_nonzero(self.core.done) == self.count:
             return np.where(self._absent, np.nan, self.core.rows)
-        # Worlds at their start have no step yet: they show the values of their first step.
+        # Worlds at their start have taken no step, so show the values of their first step.
         fresh = np.flatnonzero((self.core.done == 0) & self.healthy)
         states = [self.core.state(world) for world in fresh.tolist()]
         if len(fresh):
@@ -281,7 +284,8 @@ class Worlds:
         return self.prepared.model
 
     def counts(self, world: int) -> Counts:
-        """Number of substeps in which each limit of a world acted since its start. Raises SimulationError if not watched."""
+        """Number of substeps in which each limit of a world acted since the last reset. Raises SimulationError if the worlds
+        are not watched."""
         self._check_watched()
         self._numbers(world)
         return counts_of(self.core.joint_states[world], int(self.core.done[world]))
@@ -304,18 +308,18 @@ class Worlds:
         self.blocks.discard()
 
     def reset(self, start: Start | Sequence[Start] | None = None, *, worlds: Any = None) -> None:
-        """Reset worlds to a start. The worlds then give bitwise the same results as new worlds, and follow the references of
-        the scenario or of `start`.
+        """Reset worlds to an initial state. The worlds then give bitwise the same results as new worlds, and follow the
+        references of the scenario or of `start`.
 
-        start: one start for all worlds, or a start for each world. Raises InputError and RobotError for unknown names, and for
-        values that are not finite or beyond limits; then no world has changed.
+        start: one `Start` for all worlds, or a `Start` for each world; None: the scenario's initial state. Raises InputError
+        and RobotError for unknown names, and for values that are not finite or beyond limits; then no world has changed.
         """
         self.check_open()
         numbers = self._numbers(worlds).tolist()
         given = Start() if start is None else start
         starts = [given] * len(numbers) if isinstance(given, Start) else list(given)
         if len(starts) != len(numbers):
-            message = f"needs one start for each world: {len(numbers)}"
+            message = f"needs one `Start` for each world: {len(numbers)}"
             raise InputError(message, key="start", value=len(starts), code="worlds")
         for number, world in zip(numbers, list(map(self._setups.of, starts)), strict=True):
             if world.prepared is not self._worlds[number].prepared:
@@ -334,8 +338,9 @@ class Worlds:
     ) -> None:
         """Reset worlds to positions (rad, m) and velocities (rad/s, m/s) of the links and positions (rad) of the motors.
 
-        All tables are by joint, with one number for all worlds or a number for each world; for joints with several motors, a
-        number for each motor, or (worlds, motors). Parameters are unchanged. Raises InputError.
+        Each mapping has an entry by joint: one number for all worlds, or a number for each world. For a joint with several
+        motors, the entry of `motors` has a number for each motor, or the shape (worlds, motors). Parameters are unchanged.
+        Raises InputError.
         """
         self.check_open()
         numbers = self._numbers(worlds)
@@ -360,7 +365,7 @@ class Worlds:
         self.reset(starts, worlds=numbers)
 
     def _note(self, number: int, world: WorldSetup) -> None:
-        """Store parameters, inputs and start of a world."""
+        """Store parameters, inputs and initial state of a world."""
         if world.prepared is not self._worlds[number].prepared:
             self._absent[number] = self.columns.absent(world.prepared.drives)
         self._worlds[number] = world
@@ -390,14 +395,15 @@ class Worlds:
         steps: int | None = None,
         observer: Observer | None = None,
     ) -> dict[str, Array]:
-        """Run worlds from their start. Returns quantities by name, (worlds, steps + 1, n), at all steps from 0 on.
+        """Run worlds from their initial states. Returns quantities by name, (worlds, steps + 1, n), at the steps 0, 1, ...
 
         Values are NaN where a joint does not record a quantity, and after a world has diverged.
 
         Args:
             names: Quantities to return.
-            start: Start of one world, or of several worlds, at most N; None: one world that starts as the scenario states.
-            steps: Number of steps; None: those of the scenario.
+            start: Initial state of one world, or of several worlds (at most N); None: one world that starts as the scenario
+                states.
+            steps: Number of steps; None: the number of steps of the scenario.
             observer: Observer that corrects the worlds by measured positions; see `observes`.
 
         Raises:
@@ -415,7 +421,7 @@ class Worlds:
         engine = self.core.engine_of(0)
         if not (self.core.native and isinstance(engine, RigidEngine)):
             raise SimulationError("an observer needs an engine without contacts and with a compiled step")
-        # Do not correct the followers: each follows the corrected position of its master.
+        # Do not correct the followers, since each follows the corrected position of its master.
         followers = [drive.name in self.prepared.robot.followers for drive in self.prepared.drives]
         observer.measured[:, :, followers, 0] = np.nan
         self.core.corrections = Corrections(observer.measured, np.array(observer.gains), engine.coordinates)
@@ -425,7 +431,7 @@ class Worlds:
             self.core.corrections = UNOBSERVED
 
     def record(self, names: Sequence[str], *, steps: int | None = None, worlds: Any = None) -> dict[str, Array]:
-        """Quantities of a run of the worlds from their start; see `rollout`."""
+        """Quantities of a run of the worlds from their initial states; see `rollout`."""
         self.columns.check(names)
         numbers = self._numbers(worlds)
         total = self.prepared.scenario.steps if steps is None else count_of(steps)
@@ -439,8 +445,9 @@ class Worlds:
         """Present state of worlds on a device of Warp, without a copy: arrays of Warp (N, n) in single precision by name
         (`link_position` in rad or m, `link_velocity`, `motor_1_velocity`, ...).
 
-        The arrays stay valid, and change with every `advance`; after `reset` or `restore`, call this again. `warp.to_torch`,
-        `torch.from_dlpack` and `numpy.from_dlpack` (CPU) take them without a copy. Raises InputError without Warp.
+        The arrays stay valid, and change with every `advance`; after `reset` or `restore`, call this method again.
+        `warp.to_torch`, `torch.from_dlpack` and `numpy.from_dlpack` (CPU) take them without a copy. Raises InputError without
+        Warp.
         """
         self.check_open()
         if not self.on_warp:
@@ -450,8 +457,8 @@ class Worlds:
         return found
 
     def sane(self, world: int) -> bool:
-        """Whether the world's motion is finite and its energy balance has been correct since its start. Raises SimulationError
-        if the worlds are not watched.
+        """Whether the world's motion is finite and its energy balance has been correct since the last reset. Raises
+        SimulationError if the worlds are not watched.
         """
         self._check_watched()
         self._numbers(world)

@@ -1,6 +1,6 @@
 """Makes a scenario that plays a recording's commands and compares the simulated motion with the recorded motion.
 
-Writes the files that the scenario needs, and a fit file for `asrsim identify`.
+Also writes the files that the scenario needs, and a fit file for `asrsim identify`.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ class Written:
     files: tuple[Path, ...]
     recording: Recording
     remarks: tuple[str, ...]
-    """Assumptions made, as text."""
+    """Assumptions that were made, as text."""
     fit: Path | None = None
-    """File for `asrsim identify`; None where no recorded motion is compared."""
+    """File for `asrsim identify`; None if no recorded motion is compared."""
 
 
 def write_from_recording(
@@ -78,11 +78,11 @@ def write_from_recording(
     Further files beside the scenario: the commands in SI units (`NAME_commands.csv`), the file for `asrsim identify`
     (`NAME.fit.yaml`), and a reading document (such as `lab.csv.yaml`) unless one exists.
 
-    `mapping` and `rate` are those of `asrsim.recordings.read_recording`. `plugins` are written into the fit file. Without
-    `mode`, actuators use the mode of the recorded command. The other arguments are those of
-    `asrsim.starter.robot.write_starter`.
+    `mapping` and `rate` are as in `asrsim.recordings.read_recording`. `plugins` are written into the fit file. Without `mode`,
+    actuators use the mode of the recorded command. The other arguments are as in `asrsim.starter.robot.write_starter`.
 
-    Raises RobotError, RecordingError (unreadable, no common joint, no command), ScenarioError (unknown actuator), OutputError.
+    Raises RobotError; RecordingError if the recording cannot be read, or has no joint of the robot or no command; ScenarioError
+    for an unknown actuator; and OutputError.
     """
     from asrsim.statics.sizing import sizing
 
@@ -94,7 +94,7 @@ def write_from_recording(
     loaded = with_actuators(loaded, {joint: (name, MOUNTED_MODE) for joint, name in given.items()}, {})
     plan = make_plan(loaded if mode is None else with_overrides(loaded, modes={"*": mode}), recording, step=STEP)
     folder, called = out.parent, relative_path(experiment, out.parent)
-    # Items of `map` cannot state all that a document states, so the complete document is stored beside the recording.
+    # Items of `map` cannot state everything that a document states, so store the complete document in the recording's folder.
     documented = any(map(is_document, mapping))
     files = Files(
         scenario=out.name,
@@ -272,7 +272,7 @@ def recording_data(
 
 
 def _limit(plan: RecordingPlan, joint: str, column: Column) -> float:
-    """Largest RMSE that a claim about the column allows; 0: nothing to compare."""
+    """Largest RMSE that a claim about the column allows; 0 if there is nothing to compare."""
     quantity = str(column.quantity)
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     simulated = is_comparable(quantity) and _is_simulated(quantity, modes.get(joint))
@@ -362,7 +362,7 @@ def _free_of_actuator(plan: RecordingPlan, block: ActuatorBlock) -> Iterator[str
             yield f"{block.joint}.{parameter.name}"
     if mode.motor and block.joint not in _twins(plan.robot):
         yield from (f"{block.joint}.motor_1_{name}" for name in ("inertia", "damping", "friction_torque"))
-    # The gains of a rigid servo are seldom known; the gains of motors are known if the robot's file states them.
+    # The gains of a rigid servo are seldom known. The gains of motors are known if the robot file states them.
     if mode.controller and not (mode.motor and any(value.origin == "tag" for value in block.parameters.values())):
         yield f"{block.joint}.controller_1_proportional"
 
@@ -379,7 +379,7 @@ def _delays(plan: RecordingPlan) -> list[str]:
 
 def _zeros(plan: RecordingPlan) -> Iterator[str]:
     """Keys for the zeros of torques, voltages and currents. Each amplifier has an unknown zero. If no spring or controller
-    holds the joint, its effect on the position grows with the square of the time.
+    holds the joint, the effect of this zero on the position grows with the square of the time.
     """
     modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
     for one in plan.played:
@@ -388,7 +388,8 @@ def _zeros(plan: RecordingPlan) -> Iterator[str]:
 
 
 def _twins(robot: Robot) -> dict[str, str]:
-    """Map from a joint to an earlier joint whose motors have equal parameters in the robot's file, and so are of one type."""
+    """Map from a joint to an earlier joint whose motors have equal parameters in the robot's file, and are therefore of one
+    type."""
     first: dict[object, str] = {}
     twins = {}
     for block in robot.actuators:
@@ -400,7 +401,8 @@ def _twins(robot: Robot) -> dict[str, str]:
 
 
 def _ties(plan: RecordingPlan) -> Iterator[tuple[str, str]]:
-    """Pairs (key, equal key) for both springs of an antagonistic actuator, motors of one type, and the delays of commands."""
+    """Pairs (key, equal key) for the two springs of an antagonistic actuator, motors of one type, and the delays of
+    commands."""
     twins = _twins(plan.robot)
     for block in plan.robot.actuators:
         actuator, mode = ACTUATORS.get(block.actuator), MODES[block.mode]

@@ -36,7 +36,7 @@ PRISMATIC_STEP = 0.05
 TORQUE = 0.1
 """Step of torque references, N m, and of voltages and currents, V and A."""
 SOFT = 1.5
-"""Preset of the soft variant, as a multiple of the typical preset: softer springs let most arms sag."""
+"""Preset of the soft variant, as a multiple of the typical preset. Softer springs would let most arms sag."""
 STEP_TIME = 0.1
 """Time of the step, s."""
 LARGEST_SHARE = 0.4
@@ -70,7 +70,7 @@ def yaml_text(data: Mapping[str, Any], comments: Mapping[tuple[str, ...], str], 
 
     tag = "tag:yaml.org,2002:"
     Dumper.add_representer(Lines, lambda dumper, items: dumper.represent_mapping(f"{tag}map", items.items(), flow_style=False))
-    # Text that our reader (YAML 1.2) would take for a number needs quotes.
+    # Write quotes around text that our reader (YAML 1.2) would interpret as a number.
     Dumper.add_representer(
         str, lambda dumper, text: dumper.represent_scalar(f"{tag}str", text, style=None if plain_scalar(text) == text else '"')
     )
@@ -112,7 +112,8 @@ class StarterJoint:
         values = self.block.values()
         highest = 0.6 * values["lever_length"] if "lever_length" in values else 0.75 * values.get("max_deflection", 4.0 * soft)
         stiff = min(3.0 * soft, highest)
-        # Antagonistic springs load their motors at rest too; half of the motors' torque remains for motion.
+        # Antagonistic springs also load their motors at rest. Choose the stiffness so that half of the motors' torque remains
+        # for motion.
         while mode.motor and self._load(stiff) > 0.5:
             stiff *= 0.9
         return _rounded(min(SOFT * soft, 0.7 * stiff), 2), _rounded(stiff, 2)
@@ -170,7 +171,7 @@ def starter_joint(robot: Robot, block: ActuatorBlock) -> StarterJoint:
     margin = min(size, 0.25 * (high - low))
     start = min(max(0.0, low + margin), high - margin)
     start = _rounded(start, 3) if low < _rounded(start, 3) < high else start
-    # A soft joint without damping swings to twice its step, which must not reach a stop.
+    # A soft joint without damping moves up to twice its step, and must not reach a stop.
     up, down = high - start, start - low
     step = min(size, LARGEST_SHARE * max(up, down))
     target = min(max(_rounded(start + (step if up > 2.0 * size or up >= down else -step)), low), high)
@@ -286,12 +287,12 @@ def write_starter(
 ) -> tuple[tuple[Path, ...], tuple[Problem, ...]]:
     """Write a starter scenario for the robot to `out`, and the JSON Schema beside it.
 
-    mode: replaces the robot file's modes. actuators: joint or `"*"` -> actuator that the scenario puts there, with
-    parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
+    mode: mode that replaces the modes in the robot file. actuators: joint or `"*"` -> actuator that the scenario puts there,
+    with parameters that hold the arm's own weight. arguments, packages: xacro arguments and folders of ROS packages.
 
-    Returns the files written, and warnings about joints that sag, fall, oscillate or have no actuator.
-    Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError where a
-    file exists or cannot be written.
+    Returns the written files, and warnings about joints that sag, fall, oscillate or have no actuator.
+    Raises RobotError for a robot that cannot be read, ScenarioError for an unknown actuator or joint, OutputError if a file
+    exists or cannot be written.
     """
     loaded = moving_robot(robot, arguments, packages)
     chosen = {joint: (name, MOUNTED_MODE if mode is None else mode) for joint, name in (actuators or {}).items()}
@@ -310,7 +311,7 @@ def write_starter(
             starter, notes = _finished(bare, loaded, out.parent, fastest)
             break
         except UnresolvedSpringError:
-            # Softer springs of the given actuators need fewer substeps.
+            # Try again with softer springs of the given actuators, which need fewer substeps.
             if not given or fastest == FASTEST[-1]:
                 raise
     schema = out.parent / SCHEMA_FILE
@@ -331,12 +332,13 @@ def _rotors(starter: Starter) -> dict[str, dict[str, float]]:
 
 
 def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> tuple[Starter, list[Problem]]:
-    """Starter with parameters, damping and start, and its warnings. Raises the errors of a run.
+    """Starter with parameters, damping and initial state, and its warnings. Raises the errors of a run.
 
     loaded: the robot of the file. fastest: highest natural frequency of joints that springs carry, rad/s.
     """
     for _ in range(ROUNDS if starter.given else 0):
-        # Presets depend on the parameters, so both are computed repeatedly until they are consistent.
+        # Presets depend on the parameters, and parameters depend on presets, so compute the two repeatedly until they are
+        # consistent.
         starter = _sized(starter, strengthened(starter.scenario(folder), starter.robot, fastest=fastest))
     found = sizing(starter.scenario(folder), starter.robot)
     notes = [*warnings_of(loaded), *problems_of_weight(found, starter.robot)]
@@ -399,7 +401,7 @@ def scenario_of(data: Mapping[str, Any], robot: Robot, folder: Path, files: Mapp
 
 
 def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: bool) -> None:
-    """Write all text files, and the JSON Schema of scenarios, or none of them; creates their folders.
+    """Write all text files, and the JSON Schema of scenarios, or none of them. Missing folders are created.
 
     Raises OutputError if a file exists (unless `force`) or cannot be written.
     """
@@ -408,7 +410,7 @@ def write_new(files: Mapping[Path, str], schema: Path | None = None, *, force: b
         verb, them = ("exists", "it") if len(present) == 1 else ("exist", "them")
         raise OutputError(f"{listed(present, 3)} {verb}: use --overwrite to replace {them}, or --out to choose another file")
     with ExitStack() as stack:
-        # The files replace older files when the block ends, so no file is replaced if one cannot be written.
+        # The files replace older files when the block ends, so that no file is replaced if one of them cannot be written.
         for path, text in files.items():
             make_folder(path.parent)
             stack.enter_context(written(path, "schema", replace=force)).write(text.encode())

@@ -25,8 +25,8 @@ Loads = Callable[[Array], tuple[Array, Array]]
 
 def by_differences(loads: Callable[[Array], Array], movable: NDArray[np.bool_]) -> Loads:
     """Loads whose slopes are finite differences. loads: function from positions (m, k, n) to torques (m, k, n); movable: mask
-    (n,) of the joints whose displacements matter."""
-    # The first row has the positions themselves; each further row has one of the movable joints displaced.
+    (n,) of the joints for which slopes are computed."""
+    # The first row contains the positions. In each further row, one of the movable joints is displaced.
     nudges = NUDGE * np.vstack([np.zeros(len(movable)), np.eye(len(movable))[movable]])
 
     def sloped(positions: Array) -> tuple[Array, Array]:
@@ -69,8 +69,8 @@ def balanced(
 
     Newton's method minimises the potential energy, beginning at `start` (m, n). A joint that is pressed onto its stop rests
     there. low, high: stops (n,), rad (m). movable: mask (n,) of the joints that may move. close: distance from the balance at
-    which the search ends, rad (m); 0: it ends when the torques balance. shove: displacement by which the search leaves an
-    unstable equilibrium, rad (m).
+    which the search ends, rad (m); 0: the search ends when the torques balance. shove: displacement by which the search leaves
+    an unstable equilibrium, rad (m).
     """
     q, count = start.copy(), start.shape[1]
     residual, before, share = np.zeros_like(q), np.zeros_like(q), np.ones((len(q), 1))
@@ -80,7 +80,7 @@ def balanced(
         left = values + pulls
         slopes[:, movable] = (changes + own[:, None] * np.eye(count))[:, movable]
         pressed = (q <= low) & (left < 0.0) | (q >= high) & (left > 0.0)
-        # Leave a robot with infinite torques where it is: its Newton step is undefined.
+        # Do not move a robot with infinite torques, since its Newton step is undefined.
         finite = np.isfinite(slopes.sum(axis=(1, 2)))[:, None]
         free = movable & ~pressed & finite
         residual = np.where(free, left, 0.0)
@@ -90,12 +90,12 @@ def balanced(
         unstable = stiffness[:, :1] < -FLAT
         if (still & ~unstable).all():
             break
-        # With negative stiffness, as for an upright link, the step follows the direction of the torque.
+        # If the stiffness is negative, as for an upright link, step in the direction of the torque.
         along = np.einsum("mji,mj->mi", ways, residual) / np.maximum(np.abs(stiffness), FLAT)
         step = np.where(still, shove * unstable * ways[:, :, 0], np.einsum("mij,mj->mi", ways, along))
         step *= np.minimum(1.0, LONGEST / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-300))
-        # At a corner of a spring law, steps could jump from side to side for ever: shorten the step after one that reverses the
-        # motion.
+        # Shorten a step after a step that reverses the motion. Otherwise steps could alternate between the two sides of a
+        # corner of a spring law for ever.
         turned = np.sum(step * before, axis=1, keepdims=True) < 0.0
         share, before = np.where(turned, 0.5 * share, np.minimum(2.0 * share, 1.0)), step
         q = np.where(free, np.clip(q + share * step, low, high), q)

@@ -1,4 +1,5 @@
-"""Sag of an arm under its own weight: where springs, motors and gravity balance at the references of a scenario.
+"""Sag of an arm under its own weight, from the positions at which springs, motors and gravity balance at the references of a
+scenario.
 
 The motors stand at their references minus the steady-state error of their controllers under load. Motor torques are limited to
 the largest torque at rest, and joint torques to the effort limit. The friction of the motors is neglected.
@@ -37,12 +38,13 @@ OFF = 0.1
 INSTANTS = 8
 """Largest number of instants of a run that are checked."""
 CLOSE = 1e-3
-"""Distance from the position of rest at which its search ends, rad (m); sags are printed with two digits."""
+"""Distance from the position of rest at which the search for this position ends, rad (m); sags are printed with two digits."""
 SHOVE = 0.1
-"""Displacement by which the search leaves an unstable equilibrium, rad (m). It is large, since an arm falls far from there."""
+"""Displacement by which the search leaves an unstable equilibrium, rad (m). It is large, since an arm falls far from an
+unstable equilibrium."""
 SAG = 0.3
-"""Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad:
-fraction of the joint's scale (see `Holding.scale`)."""
+"""Sag above which a joint gets a warning, rad; every soft arm sags a little. For a prismatic joint, or a travel below 1 rad,
+the value is a fraction of the joint's scale (see `Holding.scale`)."""
 SHORT = 0.01
 """Travel below which a joint counts as fixed, as a fraction of the usual scale: 1 rad, or `SLIDING` for a prismatic joint."""
 
@@ -65,7 +67,7 @@ class Holding:
     time: float
     """Instant of the largest sag, s."""
     scale: float
-    """Scale for the sag of this joint, rad or m: 1 rad, `SLIDING`, or the joint's travel if that is shorter."""
+    """Scale for the sag of this joint, rad or m: 1 rad, `SLIDING`, or the joint's travel if the travel is shorter."""
     droop: float
     """Part of the sag that the steady-state error of the motor controllers causes, rad or m."""
 
@@ -82,7 +84,8 @@ class Holding:
 
 @np.errstate(all="ignore")
 def holdings(scenario: Scenario, robot: Robot, model: RobotModel) -> tuple[Holding, ...]:
-    """Largest sag over time of each joint with a spring, from the position of its references to the position of rest.
+    """Largest sag over time of each joint with a spring. The sag is the distance from the commanded position to the position of
+    rest.
 
     robot: the robot with the scenario's modes and parameters; model: its model. Floating bases, modes without springs, torque,
     voltage and current references are left out, and so are references that already account for the weight (of a task, of
@@ -148,7 +151,8 @@ class _Statics:
             (group, MotorsAtRest([rows[i][1] for i in group], np.stack([rows[i][2] for i in group], axis=1)))
             for group in alike([drive for _, drive, _ in rows])
         ]
-        """A pair for each kind of drive: indices of its joints among those of `drives`, and their motors at rest."""
+        """A pair for each kind of drive: indices of its joints among the joints of `drives`, and the motors of these joints at
+        rest."""
 
     def weights(self, movable: NDArray[np.bool_]) -> Loads:
         """Torques of gravity on the links in N m. movable: joints that may move."""
@@ -218,7 +222,8 @@ def sprung(robot: Robot) -> list[ActuatorBlock]:
 
 
 def scale_of(joint: Joint) -> float:
-    """Scale for the sag of a joint, rad or m. The travel counts unless it is so short that the joint cannot sag."""
+    """Scale for the sag of a joint, rad or m. The travel of the joint limits the scale, unless the travel is so short that the
+    joint cannot sag."""
     low, high = joint.stops
     usual = SLIDING if joint.kind == "prismatic" else 1.0
     return min(usual, high - low) if high - low > SHORT * usual else usual

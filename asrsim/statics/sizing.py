@@ -39,8 +39,8 @@ SLOWEST = 5.0
 """Lowest natural frequency of a joint with proposed parameters, rad/s. A slower joint does not reach its reference in a run of
 a few seconds, even with good damping."""
 CARRYING = 3.0
-"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry
-none.
+"""Largest natural frequency of a joint that carries weight, as a multiple of the highest frequency of the joints that carry no
+weight.
 """
 LONGEST_DECAY = 8.0
 """Settling time (to 5 %) with the damping of the robot file above which a warning is given, s."""
@@ -66,14 +66,15 @@ class Sizing:
 
 
 def sizing(scenario: Scenario, robot: Robot) -> Sizing:
-    """Sag of the joints at the references of a scenario, and parameters that would hold them; arguments as for `holdings`."""
+    """Sag of the joints at the references of a scenario, and parameters that would hold the joints; arguments as for
+    `holdings`."""
     return _sized(scenario, robot, robot_model(scenario, robot), propose=True)
 
 
 def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool = False) -> tuple[Problem, ...]:
     """Warnings about joints that sag or fall in a valid scenario; see `holdings`. A robot with closed chains is not checked.
 
-    propose: propose parameters for the weak joints, which takes some time.
+    propose: whether parameters are proposed for the weak joints, which takes some time.
     """
     if robot.loops:
         return ()
@@ -81,22 +82,22 @@ def weight_warnings(scenario: Scenario, robot: Robot, model: RobotModel, *, prop
 
 
 def _sized(scenario: Scenario, robot: Robot, model: RobotModel, *, propose: bool) -> Sizing:
-    """Sag of the joints; with a proposal for the weak joints, if it is asked for."""
+    """Sag of the joints, with a proposal for the weak joints if `propose` is set."""
     found = Sizing(joints=holdings(scenario, robot, model))
     return replace(found, proposal=_proposal(scenario, robot, model)) if propose and found.weak else found
 
 
 def _proposal(scenario: Scenario, robot: Robot, model: RobotModel) -> dict[str, dict[str, float]]:
-    """Values of parameters, by joint and parameter, with which no joint sags too much; empty if there are none."""
+    """Values of parameters, by joint and parameter, with which no joint sags too much; empty if no such values were found."""
 
     def weak(robot: Robot) -> list[str]:
         return [one.joint for one in holdings(scenario, robot, model) if one.weak]
 
-    # No parameter changes an effort limit: a joint with too low a limit gets its own warning.
+    # Ignore effort limits, since no parameter changes them. A joint whose effort limit is too low gets a separate warning.
     endless = replace(robot, joints=tuple(replace(joint, effort=None) for joint in robot.joints))
     left, proposal = weak(endless), dict[str, dict[str, float]]()
     stronger = strengthened(scenario, robot) if left else {}
-    # Joints with stronger motors and springs may load other joints, which then sag: check the proposal.
+    # Check the proposal, since joints with stronger motors and springs may load other joints, which then sag.
     while any(joint in stronger for joint in left):
         proposal |= {joint: stronger.pop(joint) for joint in left if joint in stronger}
         left = weak(with_overrides(endless, parameters=proposal))
@@ -124,7 +125,7 @@ def problems_of_weight(found: Sizing, robot: Robot, file: Path | None = None) ->
         else:
             soft = "the controllers of its motors" if one.droop > 0.5 * one.sag else "its springs"
             why = "its motors are too weak" if one.limited else f"{soft} are too soft"
-            # Give the hint only with the first warning: it proposes parameters for all joints.
+            # Give the hint only with the first warning, since it proposes parameters for all joints.
             message_hint, hint = hint, None
         message = f"{what} under the arm's own weight, {abs(one.load):.3g} {force} at {one.time:g} s: {why}"
         code = "falls" if one.falls else "sags"
@@ -143,19 +144,19 @@ def strengthened(scenario: Scenario, robot: Robot, *, fastest: float = math.inf)
         drive, weight = drive_of(block), weights[block.joint]
         present, pretension, step = _springs(scenario, block)
         moving = SLOWEST**2 * inertia[block.joint]
-        # Springs take two thirds of the largest sag. Controllers, which are twice as stiff, take the rest.
+        # Allow two thirds of the largest sag for the springs. The controllers, which are twice as stiff, cause the rest.
         stiffness = max(1.5 * weight / (ENOUGH * scale_of(robot.joint(block.joint))), moving)
         resolved = fastest**2 * lightest[block.joint] / max(present, 1e-9)
-        # The weight may require a faster joint, up to the highest frequency that a run resolves.
+        # Let the weight require a higher natural frequency of the joint, up to the highest frequency that a run resolves.
         spring = min(max(stiffness / max(present, 1e-9), min(resolved, 1.0)), CARRYING**2 * resolved)
         gain = 2.0 * stiffness / max(sum(drive.proportional), 1e-9) if drive.mode.controller else 1.0
-        # The last term accelerates the link for a step of its reference at the lowest frequency.
+        # The last term of the torque accelerates the link for a step of its reference at the lowest frequency.
         torque = (spring * pretension + weight + moving * step) / MOTOR_SHARE
         values = block.values()
         factors = dict.fromkeys(linear_parameters(drive.actuator, values), spring)
         factors |= {name: gain for name in values if name.endswith("_proportional")}
         factors |= dict.fromkeys(motor_limits(values), torque / min(drive.max_torque, default=math.inf))
-        # Factors just above 1 are left out: they come from the rounding of an earlier proposal.
+        # Leave out factors close to 1, which are due to the rounding of an earlier proposal.
         softer = spring < 1.0 / 1.05
         springs = linear_parameters(drive.actuator, values) if softer else ()
         if given := {

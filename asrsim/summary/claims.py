@@ -70,7 +70,8 @@ class Claims:
     def __init__(
         self, claims: Sequence[Expectation], joints: Sequence[JointInfo], *, file: Path | None = None, checked: bool = False
     ) -> None:
-        """file: path of the scenario, for error messages; checked: skip `claim_problems`, which has found no problem before."""
+        """file: path of the scenario, for error messages; checked: whether `claim_problems` is skipped, since it has already
+        found no problem."""
         self._joints, self._file, self._checked = tuple(joints), file, checked
         self._single = [
             (claim if joint is None else replace(claim, joint=joint.name), joint, _needed(claim, joint) if joint else ((), ()))
@@ -111,7 +112,8 @@ class Claims:
                 measured[subject] = replace(evaluate_expectation(claim, time, columns, **how), reading=reading)
                 results.append(measured[subject])
             except InputError as error:
-                raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in error.problems]) from error
+                placed = [_placed(fault, claim) if claim.against is not None else fault for fault in error.problems]
+                raise ScenarioError([replace(fault, file=fault.file or self._file) for fault in placed]) from error
         return tuple(results)
 
 
@@ -131,7 +133,7 @@ def _placed(problem: Problem, claim: Expectation) -> Problem:
     if problem.line is not None:
         return problem
     message = problem.message if problem.file is None else f"{problem.file.name}: {problem.message}"
-    return replace(problem, message=message, file=None, line=claim.line)
+    return replace(problem, message=message, file=None, line=claim.line, key=problem.key or "expect")
 
 
 def _joints_of(claim: Expectation, joints: Sequence[JointInfo]) -> list[JointInfo]:
@@ -152,7 +154,8 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
 
 
 def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tuple[tuple[tuple[str, str], ...], bool]:
-    """Series that `claim_results` reads from a run, each as (quantity, joint), and whether it reads bodies and contacts."""
+    """Series that `claim_results` reads from a run, each as (quantity, joint), and whether `claim_results` reads bodies and
+    contacts."""
     wanted: dict[tuple[str, str], None] = {}
     for claim in claims:
         for joint in _joints_of(claim, joints):
@@ -160,7 +163,7 @@ def needs_of(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> tupl
         if claim.against is not None:
             from asrsim.recordings.align import ALIGN_ON, simulated_sources
 
-            # The recording may be aligned by any quantity that varies in run and recording, of any joint that is recorded.
+            # The recording may be aligned by any quantity that varies in run and recording, and by any joint that is recorded.
             names = (*ALIGN_ON, claim.quantity)
             wanted |= dict.fromkeys((name, joint.name) for joint in joints for name in simulated_sources(names, [joint]))
     return tuple(wanted), any(claim.body is not None for claim in claims)
@@ -171,8 +174,8 @@ def _needed(claim: Expectation, joint: JointInfo) -> tuple[tuple[str, ...], tupl
 
 
 def _derived(claim: Expectation) -> tuple[str, ...]:
-    """Derived quantities that a claim needs: its own quantity if this is derived, and `position_error` if the claim may use the
-    reference of its joint.
+    """Derived quantities that a claim needs: its own quantity if this quantity is derived, and `position_error` if the claim
+    may use the reference of its joint.
     """
     own = claim.quantity == "link_position" and claim.against is None and claim.reference is None
     compared = own and MEASURES.get(claim.measure).needs != "series"

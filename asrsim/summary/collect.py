@@ -1,4 +1,4 @@
-"""Collects the data for a run's summary and claims during the run, so that its log need not be read."""
+"""Collects the data for a run's summary and claims during the run, so that the log of the run need not be read."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 KEPT = 1_000_000
 """Largest number of positions, of all joints together, that are kept for the summary. The positions of a longer run are thinned
-evenly; its peaks are still exact.
+evenly; the peaks are still exact.
 """
 SHAKEN = 10.0
 """Overshoot, as a fraction of the reference's step, above which a motion counts as shaking and not as a step response."""
@@ -40,16 +40,17 @@ class Seen:
 
 
 class Collector:
-    """Receiver of a run's samples. It stores the positions of all joints, and without thinning the series that claims use."""
+    """Receiver of a run's samples. It stores the positions of all joints. It also stores the series that claims use, which are
+    not thinned."""
 
     full_rate = True
-    """Tells the run that this receiver needs the samples of every step, also if fewer samples are logged."""
+    """Whether this receiver needs the samples of every step, also if fewer samples are logged."""
 
     def __init__(
         self, joints: Sequence[JointInfo], *, samples: int, needs: tuple[Sequence[tuple[str, str]], bool] = ((), False)
     ) -> None:
-        """joints: joints in the description of the run; samples: largest number of samples that the run may have; needs: what
-        the claims need, from `asrsim.summary.claims.needs_of`.
+        """joints: joints in the description of the run; samples: largest number of samples that the run may have; needs: series
+        that the claims need, from `asrsim.summary.claims.needs_of`.
         """
         self._joints = tuple(joints)
         self._stride = max(1, -(-samples * len(joints) // KEPT))
@@ -134,7 +135,7 @@ class Collector:
             name: [self._whole[name, joint].values if (name, joint) in self._whole else empty for joint in joints]
             for name in quantities
         }
-        # Do not copy a single column, because long runs with a claim about one joint are usual.
+        # Do not copy a single column, since long runs with a claim about one joint are usual.
         tables = {name: parts[0][:, None] if len(parts) == 1 else np.column_stack(parts) for name, parts in columns.items()}
         return Samples(time=self._whole_time.values, joints=tuple(joints), values=tables)
 

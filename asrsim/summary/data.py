@@ -68,7 +68,7 @@ class RunSummary:
     robot: str
     robot_path: str
     status: str
-    """How the run ended: complete, interrupted or diverged."""
+    """State in which the run ended: complete, interrupted or diverged."""
     message: str
     """Reason why the run diverged; empty for other runs."""
     duration: float
@@ -85,13 +85,13 @@ class RunSummary:
     motor_substeps: int
     """Number of motor-and-spring substeps per world substep."""
     total_substeps: int
-    """Number of substeps in the whole run; the reports on the joints count those of them at each limit."""
+    """Number of substeps in the whole run. The reports on the joints count how many of these substeps were at each limit."""
     samples: int
     """Number of logged samples per joint."""
     stepping: str
     engine: str
     loop: str
-    """Which simulation loop the run used: compiled or plain."""
+    """Simulation loop that the run used: compiled or plain."""
     seed: int
     joints: tuple[JointReport, ...]
     claims: tuple[ExpectationResult, ...] = ()

@@ -1,4 +1,4 @@
-"""Makes the summary of a run from the run and the data that were collected during it."""
+"""Makes the summary of a run from the run and the data that were collected during the run."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NEAR = 1e-2
 """Distance up to which a joint counts as resting on a stop or at its reference, rad or m. For a joint whose stops are less than
-1 rad or m apart: the same fraction of this range.
+1 rad or m apart, this number is a fraction of this range.
 """
 STILL = 1e-6
 """Range of a joint's motion below which the joint counts as stuck, rad or m."""
@@ -35,8 +35,8 @@ def make_summary(
 ) -> RunSummary:
     """Summary of a run. seen: data collected during the run; samples: number of logged samples."""
     scenario, info, counts = run.scenario, run.info, run.counts
-    # Find each joint's counts by its name: they are in the order of the robot's moving joints, and the joints in the run's
-    # description are in the order of the samples.
+    # Find the counts of each joint by its name. The counts are in the order of the robot's moving joints, but the joints in the
+    # run's description are in the order of the samples.
     index = {joint.name: position for position, joint in enumerate(run.robot.moving_joints)}
     joints = tuple(
         JointReport(

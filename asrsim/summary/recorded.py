@@ -1,4 +1,5 @@
-"""Reads recordings for claims that compare a run with a recording. They are read, mapped and aligned as by `asrsim plot`."""
+"""Reads recordings for claims that compare a run with a recording. The recordings are read, mapped and aligned as in `asrsim
+plot`."""
 
 from __future__ import annotations
 
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
 
 
+NO_OVERLAP = "`options: {lag: start}` of the claim aligns the first samples; `options: {lag: SECONDS}` states the lag"
+"""Hint for a claim whose recording and run have no time in common."""
+
+
 class RecordedSeries:
     """Recordings to which the claims about a run refer. A recording is aligned once for all claims with the same options."""
 
@@ -30,7 +35,7 @@ class RecordedSeries:
 
     def series(self, claim: Expectation, joint: JointInfo) -> Series:
         """Series of the claim's quantity for a joint, in the run and in the recording, aligned by the claim's option `lag`. The
-        text `reading` of the series ends with what is doubtful in the recording.
+        text `reading` of the series ends with the doubts about the recording.
 
         Raises RecordingError if the file cannot be read, lacks the quantity, or does not overlap in time.
         """
@@ -41,17 +46,22 @@ class RecordedSeries:
             lag = options.get("lag", "auto")
             self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
         samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
-        found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
+        try:
+            found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
+        except RecordingError as error:
+            raise RecordingError(
+                replace(one, hint=NO_OVERLAP) if one.code == "no-overlap" else one for one in error.problems
+            ) from None
         return replace(found.series[0], reading="; ".join((found.series[0].reading, *recording.doubts)))
 
 
 def require_columns(
     claim: Expectation, infos: Sequence[JointInfo], about: Sequence[JointInfo]
 ) -> tuple[Recording, Mapping[str, str]]:
-    """Recording that the claim's `against` names, and the run's joints to which its joints belong.
+    """Recording that the claim's `against` names, and the joint of the run for each joint of the recording.
 
-    The claim's options `map` and `rate` apply. Raises RecordingError where the file cannot be read, or lacks the claim's
-    quantity for one of the joints in `about`.
+    The claim's options `map` and `rate` apply. Raises RecordingError if the file cannot be read, or lacks the claim's quantity
+    for one of the joints in `about`.
     """
     path = Path(str(claim.against))
     joints, given = tuple(info.name for info in infos), claim.options.get("map", ())

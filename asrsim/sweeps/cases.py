@@ -142,8 +142,8 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
     """Prepared scenario of the first run that can be prepared, and the numbers of substeps that all runs use.
 
     `substeps` and `motor_substeps` are the largest numbers that any run with an extreme value of a varied key needs. With these
-    numbers, `asrsim run` repeats every run of the study bit for bit. If each run determines its own numbers, none are returned.
-    If no run can be prepared, raises the error of the first run.
+    numbers, `asrsim run` repeats every run of the study bit for bit. If each run determines its own numbers of substeps, no
+    numbers are returned. If no run can be prepared, raises the error of the first run.
     """
     found: Prepared | None = None
     first: AsrsimError | None = None
@@ -152,7 +152,7 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
         try:
             prepared = case.prepared(study.point(run)[1])
         except AsrsimError as error:
-            # Continue with the next run: the row of this run will report the error.
+            # Continue with the next run, since the row of this run will report the error.
             first = first or error
             continue
         prepared.make_engine().close()
@@ -169,7 +169,8 @@ def _probe(study: Study, case: Case) -> tuple[Prepared, dict[str, int]]:
 def extreme_runs(study: Study, variant: str) -> list[int]:
     """Indices of a variant's runs with the smallest or largest value of a varied key, and of a few runs in between.
 
-    For a key whose values are not all numbers: runs with up to 20 different values. At most `PROBES` runs are searched.
+    For a key whose values are not all numbers, the result contains runs with up to 20 different values. At most `PROBES` runs
+    are searched.
     """
     per = len(study) // max(1, len(study.variants))
     first = per * study.variants.index(variant)
@@ -208,7 +209,7 @@ def _columns(
 
 def _unit(key: str, case: Case) -> str:
     """Unit of a varied key, which sets a number of the robot or a number in the scenario."""
-    # Import `parameters_of` here and not at the top: workers import this module and do not call `_unit`.
+    # Import `parameters_of` here and not at the top, since workers import this module and do not call `_unit`.
     from asrsim.identification.parameters import parameters_of
 
     numbers = parameters_of(case.robot, (), {})

@@ -39,7 +39,7 @@ class JointDistribution:
     root: Array
     """Matrix root (n, n) of the covariance: root root' = covariance."""
     logarithmic: Array
-    """Whether each key (n,) is logarithmic: its mean and covariance are then those of the logarithm of its value."""
+    """Whether each key (n,) is logarithmic, so that its mean and covariance refer to the logarithm of its value."""
     low: Array
     high: Array
     """Bounds (n,) of each key's value; a drawn value beyond a bound is moved to the bound."""
@@ -70,7 +70,7 @@ class JointDistribution:
         return np.clip(values, self.low, self.high)
 
     def assign(self, row: Array) -> dict[str, float]:
-        """Value of each key, tied keys included, from the values (n,) of the drawn keys."""
+        """Value of each key, including tied keys, from the values (n,) of the drawn keys."""
         values = dict(zip(self.keys, map(float, row), strict=True))
         return values | {key: factor * values[to] for key, to, factor in self.ties}
 

@@ -1,4 +1,5 @@
-"""Plans how each varied key of a study is applied: set a number in a prepared scenario, or read the scenario again."""
+"""Plans how each varied key of a study is applied, by setting a number in a prepared scenario, or by reading the scenario
+again."""
 
 from __future__ import annotations
 
@@ -16,7 +17,7 @@ from asrsim.scenario.names import shadowed
 from asrsim.scenario.overrides import split_path
 
 OWN_RESOLUTION = ("step", "substeps", "motor_substeps", "max_substeps", "stepping", "engine")
-"""Scenario keys: if one of them varies, each run determines its own numbers of substeps."""
+"""Scenario keys. If one of these keys varies, each run determines its own numbers of substeps."""
 _OF_ACTUATORS = ("references", "reference_ranges", "parameters", "modes", "imperfections")
 """Scenario keys whose entries belong to joints with an actuator."""
 Places = tuple[tuple[str, str], ...]
@@ -28,20 +29,20 @@ class KeyPlan:
     """Varied keys of one variant, grouped by how their values are set."""
 
     numbers: Mapping[str, Places]
-    """By key: numbers of the robot that the key sets. `asrsim.Start` accepts these numbers as `parameters`."""
+    """Numbers of the robot that each key sets, by key. `asrsim.Start` accepts these numbers as `parameters`."""
     references: Mapping[str, Places]
-    """By key: references that the key sets. They are constant during a run."""
+    """References that each key sets, by key. They are constant during a run."""
     signals: frozenset[str]
     """Keys inside the signals of references and external torques."""
     texts: Mapping[str, tuple[str, ...]]
-    """By varied key: the keys for `--set` that have the same effect. A key is missing if it sets numbers that stand only in the
-    robot's file.
+    """Keys for `--set` that have the same effect as each varied key, by varied key. A varied key is missing if it sets numbers
+    that stand only in the robot's file.
     """
     own_resolution: bool
     """Whether each run determines its own numbers of substeps."""
     still: bool
-    """Whether numbers of a prepared scenario may be changed. They may not if a start at equilibrium, planned references or
-    substeps would have to be computed again.
+    """Whether numbers of a prepared scenario may be changed. They may not be changed if an initial state at equilibrium,
+    planned references or substeps would have to be computed again.
     """
 
     @property
@@ -51,7 +52,7 @@ class KeyPlan:
 
     @property
     def reads_robot(self) -> bool:
-        """Whether a varied key belongs to the scenario's `robot`, so that each run reads a robot file of its own."""
+        """Whether a varied key belongs to the scenario's `robot`, so that each run reads a separate robot file."""
         return any(text.partition(".")[0] == "robot" for texts in self.texts.values() for text in texts)
 
     @property
@@ -63,7 +64,7 @@ class KeyPlan:
         """Robot's numbers for a run, by joint or link and by the number's name. A key of one joint takes precedence over a key
         of all joints (`*`).
 
-        values: of a run, by varied key; robot_only: omit the keys that `--set` accepts.
+        values: values of a run, by varied key; robot_only: whether the keys that `--set` accepts are omitted.
         """
         found: dict[str, dict[str, float]] = {}
         for key in _in_order(self.numbers):
@@ -93,7 +94,8 @@ def _in_order(keys: Iterable[str]) -> list[str]:
 
 
 def _is_pattern(part: str) -> bool:
-    """Whether a part of a key is a pattern of joint names, such as `arm_*`. A part `*` is none: scenarios have keys with it."""
+    """Whether a part of a key is a pattern of joint names, such as `arm_*`. The part `*` is not a pattern, since scenarios have
+    keys with this part."""
     return part != "*" and ("*" in part or "?" in part)
 
 
@@ -118,7 +120,8 @@ def plan_keys(keys: Sequence[str], numeric: Mapping[str, bool], scenario: Scenar
         else:
             problems.append(Problem("accepts only numbers", key=key, code="sweep-values"))
     own_resolution = any(text.partition(".")[0] in OWN_RESOLUTION for own in texts.values() for text in own)
-    # Equilibrium, planned references and substeps depend on all numbers of the robot. Each run prepares such a scenario anew.
+    # Equilibrium, planned references and substeps depend on all numbers of the robot, so each run prepares such a scenario
+    # again.
     planned = scenario.task is not None or any(scenario.inverse_dynamics.values())
     still = not (scenario.initial_equilibrium or planned or own_resolution)
     references: dict[str, Places] = {}

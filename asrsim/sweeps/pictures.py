@@ -15,7 +15,7 @@ from asrsim.sweeps.show import chosen_results, varying
 from asrsim.sweeps.table import Table
 
 MOST = 6
-"""Largest number of results in a picture, one chart each."""
+"""Largest number of results in a picture. Each result has one chart."""
 LINES = 8
 """Largest number of lines in a chart."""
 POINTS = 5000
@@ -25,7 +25,7 @@ KEYS = 10
 
 
 def draw_sweep(table: Table, *, results: Sequence[str] = ()) -> list[Path]:
-    """Write pictures of the named results (default: the first that vary) into the study's folder, and return the files.
+    """Write pictures of the named results (default: the first results that vary) into the study's folder, and return the files.
     Raises OutputError, InputError.
     """
     chosen = chosen_results(table, results, MOST)
@@ -43,7 +43,7 @@ def in_rows(charts: Sequence[Chart]) -> list[Sequence[Chart]]:
 
 
 def study_title(table: Table, results: Sequence[str]) -> str:
-    """Title of the pictures: name of the study, and how many of its results the pictures show."""
+    """Title of the pictures: name of the study, and number of its results that the pictures show."""
     every = len(varying(table))
     left = f" · {len(results)} of {every} results (others: --result)" if len(results) == MOST < every else ""
     return f"{table.study.name}{left}"
@@ -62,6 +62,12 @@ def study_charts(table: Table, results: Sequence[str]) -> dict[str, list[Chart]]
 def unit_of(table: Table, name: str) -> str:
     """Unit of a key or result, as the pictures show it."""
     return table.unit(name).removeprefix("1")
+
+
+def in_words(table: Table, result: str) -> str:
+    """Result in words; the measured value of a claim as the joint, quantity and measure of the claim."""
+    claim = table.label(result).removeprefix(result)
+    return claim.strip(" ()") or style.in_words(result)
 
 
 def over_key(table: Table, result: str) -> Chart:
@@ -98,11 +104,11 @@ def over_key(table: Table, result: str) -> Chart:
         )
     if len(names) > LINES:
         lines.append(Line(label=f"({LINES} of {len(names)} lines)", x=np.empty(0), y=np.empty(0), colour="none"))
-    # All charts over this key get the same axis: it also covers values of the key for which no run has the result.
+    # Give all charts over this key the same axis. It also covers values of the key for which no run has the result.
     low, high = float(table[key].min()), float(table[key].max())
     room = 0.03 * (high - low)
     return Chart(
-        words=style.in_words(result),
+        words=in_words(table, result),
         unit=unit_of(table, result),
         across=style.in_words(key),
         across_unit=unit_of(table, key),
@@ -131,7 +137,7 @@ def influence_chart(table: Table, result: str) -> Chart:
     names = [f"{style.in_words(one.key)}\n{one.sobol}" if one.sobol else style.in_words(one.key) for one in found]
     return Chart(
         words="",
-        across=f"mean {style.in_words(result)}",
+        across=f"mean {in_words(table, result)}",
         across_unit=unit_of(table, result),
         lines=[*joined, *lines],
         places=names,

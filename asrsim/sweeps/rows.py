@@ -88,7 +88,7 @@ class Runner:
         if key not in self._kinds:
             if len(self._kinds) == KINDS:
                 self.close()
-            # If the worlds cannot be made, the run is simulated alone, and its row gives the reason.
+            # If the worlds cannot be made, the run is simulated alone, and its row states the reason.
             self._kinds[key] = None
             with suppress(Exception):
                 self._kinds[key] = _make_kind(self.payload.study, point)
@@ -102,7 +102,7 @@ class Runner:
             if kind is not None:
                 found = kind.run([point.values for point in points])
         except Exception:
-            # User code may raise an error for one of the runs. Discard all worlds, because their states are then unknown.
+            # User code may raise an error for one of the runs. Discard all worlds, since their states are then unknown.
             self.close()
         each = (clock.perf_counter() - began) / len(points)
         rows = {}
@@ -111,7 +111,7 @@ class Runner:
             try:
                 cells = found[place] if place in found else alone(point.case, point.values)
             except Exception as error:
-                # Actuators and measures may be user code, whose errors need the name of their type to be understood.
+                # Actuators and measures may be user code. Add the type of the error, without which its message may be unclear.
                 name = "" if isinstance(error, AsrsimError) else f"{type(error).__name__}: "
                 cells = {"status": "failed", "reason": name + _one_line(error), "ok": False}
             cells["seconds"] = each + clock.perf_counter() - began
@@ -155,13 +155,14 @@ class _Kind:
                 simulated_time=prepared.last_substep(None) * prepared.substep,
                 compiled=worlds.compiled,
             )
-            # If a claim cannot be evaluated, the run is simulated alone, and its row gives the reason.
+            # If a claim cannot be evaluated, the run is simulated alone, and its row states the reason.
             with suppress(AsrsimError):
                 cells[world] = result_cells(run, collector)
         return cells
 
     def _is_set(self, world: int, values: Mapping[str, Any]) -> bool:
-        """Set a world to the start of a run and return True; return False if a value is invalid or a reference out of range."""
+        """Set a world to the initial state of a run and return True. Return False if a value is invalid or a reference is out
+        of range."""
         plan, worlds = self._case.plan, self.worlds
         references: dict[str, dict[str, Any]] = {}
         try:
@@ -194,7 +195,7 @@ def _make_kind(study: Study, point: _Point) -> _Kind | None:
     prepared = case.prepared({name: (first if name in plan.in_place else point.values)[name] for name in point.values})
     scenario = prepared.scenario
     numbers = scenario.steps * len(prepared.drives)
-    # Tasks, objects and free bases need poses and contacts from the engine during a run, which shared worlds do not give.
+    # Tasks, objects and free bases need poses and contacts from the engine during a run. Shared worlds do not give them.
     if scenario.task is not None or not (scenario.world.empty and scenario.fixed_base) or numbers > LONGEST_RUN:
         return None
     runs = 1 if plan.read_again(point.values) else math.prod(study.grid) * study.draws

@@ -16,7 +16,8 @@ import pyarrow.parquet as pq
 def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
     """Fault of a file; an empty text for a file without a fault.
 
-    tables: receives the rows of the file, which thus stay in memory: the memory limit applies to all files together.
+    tables: list that receives the rows of the file. The rows thus stay in memory, so that the memory limit applies to all files
+    together.
     """
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)

@@ -1,4 +1,5 @@
-"""Runs a study: prepares it, distributes its runs among workers, and writes their rows. Repeats a single run with a log."""
+"""Runs a study: prepares it, distributes its runs among workers, and writes their rows. Also repeats a single run with a
+log."""
 
 from __future__ import annotations
 
@@ -66,13 +67,13 @@ def sweep(
     Args:
         scenario: Scenario file, or a study: a file with the key `scenario`, or a result of `make_study`.
         over: Key -> list, range as text, or distribution; see docs/sweep.md.
-        workers: Number of processes; None: one per core.
+        workers: Number of processes; None: one process per core.
         cluster: Address of a Dask scheduler, used instead of processes on this machine.
-        out: Folder for the rows; None: a temporary folder, deleted with the table.
-        resume: Keep the rows in `out` and simulate the missing runs.
-        overwrite: Replace the rows in `out`.
-        progress: Called with the progress of the study when rows arrive.
-        stop: Called often; the study ends with the rows done so far when it returns True.
+        out: Folder for the rows; None: a temporary folder, which is deleted with the table.
+        resume: Whether the rows in `out` are kept and only the missing runs are simulated.
+        overwrite: Whether the rows in `out` are replaced.
+        progress: Function that is called with the progress of the study when rows arrive.
+        stop: Function that is called often; the study ends with the rows so far when it returns True.
         options: Options of a study: variants, overrides, sampler, samples, seed, fit, plugins.
 
     Raises:
@@ -95,8 +96,8 @@ def sweep(
     with owned(folder):
         store = open_store(folder, manifest(payload), resume=resume, overwrite=overwrite)
         missing = store.missing
-        # Even a single worker is a process of its own, so that a run that crashes the process still becomes a row. If no run is
-        # missing, the cluster is not contacted.
+        # Use a separate process even for a single worker, so that a run that crashes the process still becomes a row. Do not
+        # contact the cluster if no run is missing.
         executor = Cluster(cluster, plugins) if cluster and missing else Processes(workers or cores(), plugins)
         try:
             with executor:

@@ -1,7 +1,7 @@
-"""Samplers: they place the draws of a study in the unit cube (`asrsim sweep --sampler`).
+"""Samplers, which place the draws of a study in the unit cube (`asrsim sweep --sampler`).
 
-`SAMPLERS` is the registry. Users add an instance of a class of theirs: `SAMPLERS.add("halton", Halton())` in a plugin file, or
-an entry point in the group "asrsim.samplers".
+`SAMPLERS` is the registry. Users add an instance of their own class: `SAMPLERS.add("halton", Halton())` in a plugin file, or an
+entry point in the group "asrsim.samplers".
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ class Sampler(ABC):
     title: str
     """Description of the sampler, for the documentation."""
     blocks: bool = False
-    """Whether the draws are the blocks A, B, and for every j a copy of A with column j of B (Saltelli et al. 2010). Sobol
-    indices are computed from these blocks. All keys must then be drawn independently of each other.
+    """Whether the draws consist of the blocks A and B, and for every column j of a copy of A with column j of B (Saltelli et
+    al. 2010). Sobol indices are computed from these blocks. All keys must then be drawn independently of each other.
     """
 
     def samples(self, wanted: int) -> int:
@@ -36,6 +36,27 @@ class Sampler(ABC):
     @abstractmethod
     def points(self, samples: int, dimensions: int, seed: int) -> Array:
         """Points (draws, dimensions) from 0 to 1; each column belongs to one independent key or group of keys."""
+
+
+def block_fault(points: Array, samples: int) -> str:
+    """First way in which points (draws, dimensions) are not the blocks A, B, and for every j a copy of A with column j of B, as
+    a sentence; empty if they are these blocks.
+    """
+    if len(points) != samples * (points.shape[1] + 2):
+        return f"{samples} samples need {samples * (points.shape[1] + 2)} rows, and `draws` gives {len(points)}"
+    first, second, *mixed = np.split(points, points.shape[1] + 2)
+    if np.any(same := (first == second).all(axis=0)):
+        return f"the blocks A and B must be drawn separately, but their columns {int(np.argmax(same))} are equal"
+    for j, block in enumerate(mixed):
+        wanted = first.copy()
+        wanted[:, j] = second[:, j]
+        if wrong := np.flatnonzero((block != wanted).any(axis=1)).tolist():
+            row = samples * (j + 2) + wrong[0]
+            return (
+                f"rows {samples * (j + 2)} to {samples * (j + 3) - 1} must be A with column {j} of B; row {row} must be "
+                f"{wanted[wrong[0]].tolist()} and is {block[wrong[0]].tolist()}"
+            )
+    return ""
 
 
 class Random(Sampler):
@@ -66,7 +87,7 @@ class Sobol(Sampler):
     def points(self, samples: int, dimensions: int, seed: int) -> Array:
         from scipy.stats import qmc
 
-        # Draw up to the next power of two, and use the first points: SciPy warns of other numbers of points.
+        # Draw up to the next power of two, and use the first points, since SciPy warns about other numbers of points.
         power = max(0, math.ceil(math.log2(samples)))
         return np.asarray(qmc.Sobol(dimensions, rng=seed).random_base2(power))[:samples]
 

@@ -51,7 +51,8 @@ class Influence:
 
 
 def numeric_keys(table: Table) -> list[str]:
-    """Varied keys with numerical values that differ between runs; of keys that are tied to each other, only the first."""
+    """Varied keys with numerical values that differ between runs; of keys that are tied to each other, only the first is
+    returned."""
     study = table.study
     tied = {key for group in (*(axis.keys for axis in study.axes), *study.groups) for key in group[1:]}
     return [key for key in table.keys if table.kinds[key] == "float" and key not in tied and np.ptp(table[key]) > 0.0]
@@ -102,8 +103,9 @@ class SobolIndices:
 def sobol(table: Table, result: str) -> SobolIndices | None:
     """Sobol indices of the drawn keys for a result; None for a study whose sampler does not draw blocks (`Sampler.blocks`).
 
-    The first-order index follows Saltelli et al. (2010), the total index Jansen (1999). SciPy's `sobol_indices` gives the same
-    indices, but only if the number of samples is a power of two: if one run had no value, there would be no indices.
+    The first-order index follows Saltelli et al. (2010), and the total index follows Jansen (1999). SciPy's `sobol_indices`
+    gives the same indices, but only if the number of samples is a power of two. If one run had no value, SciPy would give no
+    indices.
     """
     study = table.study
     if not study.groups or not table.manifest.get("blocks", True):

@@ -35,22 +35,25 @@ def remarks(table: Table) -> Iterator[str]:
             yield f"{name}, run {table['run'][places[0]]}: {table['reason'][places[0]]}"
 
 
-def result_rows(table: Table) -> list[tuple[str, ...]]:
-    """Rows of the table of results, one for each result that varies; `HEADS` are the heads of its columns."""
+def result_rows(table: Table, results: Sequence[str] = ()) -> list[tuple[str, ...]]:
+    """Rows of the table of results, one for each named result, or without names for each result that varies; `HEADS`
+    contains the headings of the columns.
+    """
     rows = []
-    for name in varying(table):
+    for name in results or varying(table):
         found = table.quantiles(name)
         if found is not None:
             numbers = (found.least, found.low, found.median, found.high, found.largest)
             ends = (f"run {found.least_run}", f"run {found.largest_run}")
             scale, unit = prefixed(numbers, table.unit(name))
-            rows.append((name, unit, str(found.count), *(f"{scale * number:.4g}" for number in numbers), *ends))
+            rows.append((table.label(name), unit, str(found.count), *(f"{scale * number:.4g}" for number in numbers), *ends))
     return rows
 
 
 def varying(table: Table) -> list[str]:
     """Results that differ between runs by more than rounding errors. Results of joints with a varied key come before other
-    results, and larger relative differences before smaller ones. Results that few runs have come last.
+    results. Results with larger relative differences come before results with smaller relative differences. Results that few
+    runs have come last.
     """
     varied = {part for key in table.keys for part in key.split(".")}
     found = []
@@ -79,9 +82,9 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
     return list(results) or varying(table)[:most]
 
 
-def study_data(table: Table) -> dict[str, Any]:
-    """The study and its results as data for JSON."""
-    quantiles = {name: table.quantiles(name) for name in varying(table)}
+def study_data(table: Table, results: Sequence[str] = ()) -> dict[str, Any]:
+    """The study and its results as data for JSON. results: names of the results; by default, those that vary."""
+    quantiles = {name: table.quantiles(name) for name in results or varying(table)}
     return {
         "ok": table.missing == 0,
         "runs": table.manifest["runs"],

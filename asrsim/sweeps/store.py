@@ -29,7 +29,7 @@ from asrsim.sweeps.rows import StudyRow
 
 MANIFEST, ROWS = "study.json", "rows.parquet"
 SECONDS, RATIO = 300.0, 16
-"""Limits of the check of the files of rows: time in s, and memory in bytes per byte of the files."""
+"""Limits of the check of the files of rows. SECONDS: time in s; RATIO: memory in bytes per byte of the files."""
 NEW_STUDY = "Make one with: asrsim sweep scenario.yaml --over KEY=VALUES"
 KINDS = ("int", "float", "bool", "text")
 """Kinds of columns, by the type of their cells."""
@@ -47,8 +47,8 @@ MANIFEST_SHAPE: dict[str, Any] = {
 }
 """Structure of `study.json`, in the form that `asrsim.plain.misfit` checks."""
 GROUP = 20_000
-"""Number of rows in a row group of a file of rows. Rows that wait for being written are written when they are this many. A part
-with this number of rows is full.
+"""Number of rows in a row group of a file of rows. Waiting rows are written when their number reaches this number. A part with
+this number of rows is full.
 """
 PATIENCE = 3.0
 """Interval at which waiting rows are written, s. A killed program loses at most the rows of one interval."""
@@ -77,10 +77,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     wrong = misfit(data, MANIFEST_SHAPE)
     if not wrong and not all(len(column) == 3 and column[1] in KINDS for column in data["columns"]):
         wrong = "each column needs a name, a valid type and a unit"
-    # Check the structure also where the checksum is right, because a checksum can be forged.
+    # Check the structure even if the checksum is right, since a checksum can be forged.
     if wrong:
         raise InputError(f"does not describe a study: {wrong}", file=path, hint=NEW_STUDY, code="no-study")
-    # Use the present names of the study's keys: earlier versions of asrsim wrote earlier names.
+    # Replace the names of keys that earlier versions of asrsim wrote by the present names.
     return {**data, "study": {STUDY_KEYS.get(name, name): value for name, value in data["study"].items()}}
 
 
@@ -107,10 +107,11 @@ def parts_of(folder: Path) -> list[Path]:
 
 
 def checked_files(folder: Path, schema: Any, *, checked: bool = False) -> list[Path]:
-    """Files of rows in a study's folder, after a check: a separate process reads the files once, since a foreign file may crash
-    the Parquet library or exhaust the memory. Raises InputError with every file that is broken or lacks the study's columns.
+    """Files of rows in a study's folder, after a check. In the check, a separate process reads the files once, since a foreign
+    file may crash the Parquet library or exhaust the memory. Raises InputError with every file that is broken or lacks the
+    study's columns.
 
-    checked: skip the check, because this process has checked or written the files already.
+    checked: whether the check is skipped, since this process has already checked or written the files.
     """
     files = [path for path in [folder / ROWS, *parts_of(folder)] if path.exists()]
     if checked or not files:
@@ -221,7 +222,7 @@ class Store:
         import pyarrow.parquet as pq
 
         try:
-            # Replace a file without a check of its origin: the study's description proves that asrsim wrote the folder.
+            # Replace a file without a check of its origin, since the study's description shows that asrsim wrote the folder.
             with written(path, "rows", replace=True) as stream:
                 options = {"compression": "zstd", "write_page_checksum": True, "row_group_size": GROUP}
                 pq.write_table(table, stream, **options)

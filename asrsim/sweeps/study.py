@@ -16,12 +16,12 @@ import numpy as np
 
 from asrsim.document.block import block_of, declare
 from asrsim.document.file import kind_of, read_document, read_file
-from asrsim.document.kinds import Choice, File, Integer, ListOf, MapOf, Text
+from asrsim.document.kinds import Entry, File, Integer, ListOf, MapOf, Text
 from asrsim.document.node import Node
 from asrsim.document.reading import DocumentReading, KeyPath
-from asrsim.errors import InputError, Problem, did_you_mean
+from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
-from asrsim.plugins import check_named, plugin_fault
+from asrsim.plugins import check_named, load_plugin_files, plugin_fault
 from asrsim.registry import result_fault
 from asrsim.renamed import STUDY_KEYS, new_key, renamed
 from asrsim.samples import Array
@@ -29,7 +29,7 @@ from asrsim.scenario.kinds import AnyData
 from asrsim.scenario.overrides import override_texts
 from asrsim.sweeps.fitted import JointDistribution, joint_of, load_fit
 from asrsim.sweeps.laws import FORMS, Distribution, Values, law_of
-from asrsim.sweeps.samplers import SAMPLERS
+from asrsim.sweeps.samplers import SAMPLERS, block_fault
 
 SAMPLES = 100
 """Default number of draws of a study with distributions."""
@@ -87,9 +87,7 @@ class Study:
     overrides: Mapping[str, Any] | Sequence[str] = declare(
         MapOf(of=AnyData(), noun="key", star=False), key="set", default={}, doc="keys that are the same in every run"
     )
-    sampler: str = declare(
-        Choice(SAMPLERS.names, missing=SAMPLERS.remedy), default="random", doc="sampler that places the draws"
-    )
+    sampler: str = declare(Entry(SAMPLERS), default="random", doc="sampler that places the draws")
     samples: int | None = declare(Integer(minimum=1), default=None, shown=str(SAMPLES), doc="number of draws")
     seed: int = declare(Integer(minimum=0), default=0, doc="seed of the draws")
     fit: Any = declare(
@@ -101,7 +99,7 @@ class Study:
     plugins: tuple[Path, ...] = declare(
         ListOf(of=File(noun="plugin")),
         default=(),
-        doc="files with your own actuators; a file runs only if --plugin also names it",
+        doc="files with your own actuators, samplers and so on; a file runs only if --plugin also names it",
     )
     name: str = "sweep"
 
@@ -155,8 +153,8 @@ class Study:
         return tuple(dict.fromkeys(key for group in groups for key in group))
 
     def point(self, run: int) -> tuple[str, dict[str, Any]]:
-        """Variant of a run, and its values by varied key. Runs are counted from 0: all draws at one point of the grid follow
-        each other, then those at the next point, and all runs of a variant precede those of the next variant.
+        """Variant of a run, and its values by varied key. Runs are counted from 0: all draws at one point of the grid precede
+        the draws at the next point, and all runs of a variant precede the runs of the next variant.
         """
         variant, rest = divmod(run, math.prod(self.grid) * self.draws)
         cell, draw = divmod(rest, self.draws)
@@ -177,7 +175,8 @@ class Study:
         from scipy.special import ndtri
 
         unit = self._unit_points()
-        # The first point of a sequence may be 0, where the quantile of a normal distribution is infinite.
+        # Clip the points, since the first point of a sequence may be 0, at which the quantile of a normal distribution is
+        # infinite.
         unit = np.clip(unit, 0.5**53, 1.0 - 0.5**53)
         columns = [law.quantile(column) for (_, law), column in zip(self.drawn, unit.T, strict=False)]
         if self.joint:
@@ -185,7 +184,8 @@ class Study:
         return np.column_stack(columns)
 
     def _unit_points(self) -> Array:
-        """Points (draws, groups) of the sampler, from 0 to 1. Raises InputError if a user's sampler returns anything else."""
+        """Points (draws, groups) of the sampler, from 0 to 1. Raises InputError if a user's sampler does not return such
+        points."""
         shape = (self.draws, len(self.groups))
         function = SAMPLERS.get(self.sampler).points
         needed = f"the sampler '{self.sampler}' must return an array of numbers from 0 to 1 of shape {shape}"
@@ -204,6 +204,8 @@ class Study:
             raise result_fault(function, f"{needed}; {outside.size} of them lie outside, such as {outside[0]:g}")
         if not np.array_equal(points, again):
             raise result_fault(function, f"the sampler '{self.sampler}' must return the same points for the same seed")
+        if SAMPLERS.get(self.sampler).blocks and (wrong := block_fault(points, self.base_samples)):
+            raise result_fault(function, f"the sampler '{self.sampler}' states `blocks = True`: {wrong}")
         return points
 
 
@@ -216,7 +218,8 @@ def is_study(path: Path) -> bool:
 
 
 def read_study(path: Path, plugins: Sequence[Path | str] = ()) -> Study:
-    """Study from a file; plugins: files of users' actuators that may run. Raises InputError with every problem."""
+    """Study from a file; plugins: plugin files that may run. Raises InputError with every problem."""
+    load_plugin_files(plugins)
     found = read_file(STUDY, path, renamed=STUDY_KEYS)
     check_named(found.plugins, plugins, file=path)
     try:
@@ -242,9 +245,11 @@ def make_study(
         scenario: Scenario file.
         over: Values by dotted key: a list, a text such as `10:200:20`, or a distribution; or a list of texts `key=values`.
         fit: Result of a fit, as file or data with `keys`, `mean` and `covariance`; these keys are drawn jointly.
+        plugins: Python files with the user's actuators, samplers and so on, which are loaded first.
         options: variants, overrides, sampler, samples, seed: as in `Study`.
     """
     read_document(Path(scenario), "scenario")
+    load_plugin_files(plugins)
     given = over.items() if isinstance(over, Mapping) else map(_split, one_or_more(over))
     pairs = [(present_name(key), value) for key, value in given]
     data = load_fit(Path(fit)) if isinstance(fit, str | Path) else json.loads(json.dumps(fit, default=np.ndarray.tolist))
@@ -292,17 +297,7 @@ def _check(study: Study, pairs: Sequence[tuple[str, Any]], fit: Path | None) -> 
         message = f"must be 1 to {MOST_RUNS}" if drawn else "is given, but no key has a distribution"
         problems.append(Problem(message, key="samples", value=study.samples, code="sweep-samples"))
     if study.sampler not in SAMPLERS:
-        sampler = study.sampler
-        problems.append(
-            Problem(
-                "is not one of the choices",
-                key="sampler",
-                value=sampler,
-                choices=SAMPLERS.names(),
-                code="choice",
-                hint=did_you_mean(sampler, SAMPLERS.names()) or SAMPLERS.remedy,
-            )
-        )
+        problems.append(replace(SAMPLERS.unknown(study.sampler), key="sampler"))
     elif SAMPLERS.get(study.sampler).blocks and (joint or study.listed):
         message = f"Sobol indices need independent draws: the sampler {study.sampler} allows neither a fit nor listed values"
         problems.append(Problem(message, key="sampler", code="sweep-correlation"))

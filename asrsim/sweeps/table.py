@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -39,7 +40,8 @@ class Table:
     """Rows of a study in its folder. A column is read when it is first used."""
 
     def __init__(self, folder: str | Path, *, keep: Any = None, checked: bool = False) -> None:
-        """keep: object that must live as long as the table, such as a temporary folder; checked: skip the check of the files.
+        """keep: object that must live as long as the table, such as a temporary folder; checked: whether the check of the files
+        is skipped.
 
         Raises InputError if the folder contains no study, or if one of the study's files is broken.
         """
@@ -117,6 +119,13 @@ class Table:
         """SI unit of a column; an empty text for counts and fractions."""
         return self._units.get(name, "")
 
+    def label(self, name: str) -> str:
+        """Name of a column; for the measured value of a claim, with the joint, quantity and measure of the claim."""
+        match, variants = re.fullmatch(r"claim_(\d+)\.measured", name), self.manifest["claims"].values()
+        titles = {one for own in variants for one in own[int(match[1]) :][:1]} if match else set()
+        # A title ends with the comparison and the number.
+        return f"{name} ({titles.pop().rsplit(' ', 2)[0]})" if len(titles) == 1 else name
+
     def statuses(self) -> dict[str, int]:
         """Number of runs with each status."""
         names, counts = np.unique(self["status"].astype(str), return_counts=True)
@@ -135,7 +144,7 @@ class Table:
 
     def claims(self) -> dict[str, float]:
         """Fraction of the completed runs that satisfy each claim, by the claim's title. If the variants have different claims,
-        each variant has fractions of its own.
+        each variant has separate fractions.
         """
         variants, found = self["variant"].astype(str), {}
         several = len(self.manifest["claims"]) > 1

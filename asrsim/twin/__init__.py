@@ -1,4 +1,4 @@
-"""A twin of a running robot: external torques, alarms and stiffness from commands and measured positions (`asrsim twin`)."""
+"""A twin of a running robot (`asrsim twin`): external torques, alarms and stiffness from measured positions and commands."""
 
 from __future__ import annotations
 

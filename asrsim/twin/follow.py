@@ -1,4 +1,4 @@
-"""Lets a twin follow a recording, and writes the external torques that it found on the robot as CSV file and picture."""
+"""Lets a twin follow a recording, and writes the estimated external torques on the robot as a CSV file and a picture."""
 
 from __future__ import annotations
 
@@ -31,35 +31,35 @@ from asrsim.twin.twin import Twin, TwinStep
 
 MARK = "# asrsim twin: external torques on the robot"
 APART = 0.02
-"""Offset between the clock of the positions and that of the commands above which the user gets a note, s."""
+"""The user gets a note if the clocks of the positions and of the commands differ by more than this time, s."""
 LONGEST = 60.0
-"""Length of the first part of a recording, in which these two clocks are compared, s."""
+"""Duration of the first part of a recording, in which these two clocks are compared, s."""
 FIELDS = ("external_torque", "stiffness", "residual", "threshold", "alarm")
-"""Fields of `TwinStep` whose values are stored for every step."""
+"""Fields of `TwinStep` that are stored for every step."""
 UNITS = {"external_torque": "N m", "stiffness": "N m/rad", "residual": "rad"}
 """Units of these fields for a revolute joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """Estimates of a twin over a recording; arrays are (n, joints), see `asrsim.twin.TwinStep`."""
+    """Estimates of a twin over a recording. The arrays without a docstring are (n, joints); see `asrsim.twin.TwinStep`."""
 
     name: str
     """Name of the scenario."""
     joints: tuple[str, ...]
     units: Mapping[str, tuple[str, ...]]
-    """Units by field of `UNITS`, one unit for each joint."""
+    """Units of each field in `UNITS`, one for each joint."""
     time: Array
     """Times (n,) on the clock of the commands, s."""
     positions: Array
-    """Measured positions of the links, rad (m); NaN where they are not recorded."""
+    """Measured positions (n, joints) of the links, rad (m); NaN if a position is not recorded."""
     external_torque: Array
     stiffness: Array
     residual: Array
     threshold: Array
     alarm: NDArray[np.bool_]
     notes: tuple[str, ...]
-    """Messages for the user about faults of the recording, and about faults that the twin noted in its steps."""
+    """Messages for the user about faults of the recording, and notes of the twin from its steps."""
     interrupted: bool = False
 
     def alarms(self, joint: int) -> list[tuple[float, float]]:
@@ -68,7 +68,7 @@ class Followed:
         return list(zip(self.time[edges[::2]].tolist(), self.time[edges[1::2] - 1].tolist(), strict=True))
 
     def rows(self) -> list[dict[str, Any]]:
-        """Results for each joint with recorded positions, as data for JSON."""
+        """Results of each joint with recorded positions, as plain data for JSON."""
         found = []
         for j, name in enumerate(self.joints):
             torque, residual, stiffness = self.external_torque[:, j], self.residual[:, j], self.stiffness[:, j]
@@ -103,22 +103,23 @@ def follow_recording(
     stop: Stop = never,
     watch: Callable[[float, Array, TwinStep], None] = lambda time, positions, found: None,
 ) -> Followed:
-    """Estimates of a twin that follows a recording of positions and commands.
+    """Estimates of a twin that follows recorded positions and commands.
 
     Args:
-        scenario: Scenario of the robot. If the sampling interval of the recording is longer than the scenario's step, it
-            replaces the step.
+        scenario: Scenario of the robot. If the sampling interval of the recording is clearly longer than the scenario's step,
+            it replaces the step.
         recording: Any file that `asrsim.recordings.read_recording` reads.
-        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, but at most a twentieth of the rate of steps.
+        bandwidth: Bandwidth of the observer, Hz; None: 8 Hz, but at most a twentieth of the number of steps per second.
         mapping, rate: As for `read_recording`.
-        clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s.
+        clock_offset: Time by which the clock of the positions is ahead of the clock of the commands, s. It is subtracted from
+        the times of the positions.
         variant, overrides: As for `asrsim.run`.
-        progress: Called with the finished fraction of the recording.
-        stop: Ends the work early when it returns True.
-        watch: Called after each step with the time in s, the measured positions (n,) and the twin's estimates.
+        progress: Function that is called with the finished fraction of the recording.
+        stop: Function that is called often. If it returns True, the twin ends early.
+        watch: Function that is called after each step with the time in s, the measured positions (n,) and the twin's estimates.
 
     Raises:
-        RecordingError: The recording has no position of any joint of the robot, or wrong units.
+        RecordingError: The recording has no link position of a joint of the robot, or has wrong units.
         InputError: The bandwidth is out of range.
         AsrsimError: Errors of `asrsim.prepare`.
     """
@@ -156,7 +157,7 @@ def follow_recording(
         for row, at in zip(measured, time.tolist(), strict=True):
             if len(rows) % 200 == 0:
                 progress(Progress(task="twin", fraction=len(rows) / len(time)))
-                # Ignore `stop` before the first step, because files without a step cannot be written.
+                # Ignore `stop` before the first step, since files without a step cannot be written.
                 if rows and stop():
                     break
             found = twin.step(row, {})
@@ -179,7 +180,9 @@ def follow_recording(
 
 
 def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str]) -> dict[str, dict[str, Signal]]:
-    """Recorded commands as signals, by joint and by name of the reference; their time 0 is the time of the first step."""
+    """Recorded commands as signals, by joint and by name of the reference. Time 0 of the signals is the time of the first
+    step.
+    """
     played = {(one.joint, one.slot): one for one in plan.played}
     found: dict[str, dict[str, Signal]] = {drive.name: {} for drive in ready.drives}
     for drive in ready.drives:
@@ -194,14 +197,14 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
                 notes.append(f"{drive.name}: its command {reference}, {text}, so this reference follows the scenario")
                 continue
             if one.hold:
-                # A held command jumps at each sample: give each time two values, before and after the jump.
+                # A held command jumps at each sample, so give each sample time two values, before and after the jump.
                 stamps, values = np.repeat(stamps, 2)[1:], np.repeat(values, 2)[:-1]
             found[drive.name][reference] = Sampled(times=stamps - time[0], samples=values)
     return found
 
 
 def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
-    """Notes on joints whose measured positions lag their commands by another time than the positions of the model do."""
+    """Notes on joints whose measured positions lag behind the commands by another time than the positions of the model."""
     count = min(len(time), round(LONGEST / ready.scenario.step))
     time = time[:count] - time[0]
     with Worlds(ready, 1, watched=False) as worlds:
@@ -228,7 +231,9 @@ def write(found: Followed, folder: Path, *, plot: bool = True) -> list[Path]:
 
 
 def charts(found: Followed) -> list[list[Chart]]:
-    """Charts in rows, one row per joint: external torque with its threshold and alarms, and stiffness where it is known."""
+    """Charts in rows, one row for each joint: external torque with its threshold and alarms, and stiffness while it is
+    known.
+    """
     rows = []
     for j, joint in enumerate(found.joints):
         torque, limit, alarm = found.external_torque[:, j], found.threshold[:, j], found.alarm[:, j]

@@ -1,5 +1,5 @@
-"""Twin of a robot in real time. It reads commands and joint states from topics, and publishes external torques, stiffness and
-alarms.
+"""Twin of a robot in real time. It receives commands and joint states from topics, and publishes external torques, stiffness,
+residuals and alarms.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from asrsim.twin.twin import LONGEST_GAP, Twin, TwinStep
 FIELDS = ("external_torque", "stiffness", "residual", "alarm")
 """Fields of `TwinStep` that are published for each joint, each as a std_msgs/Float64."""
 FLOAT64 = struct.Struct("<4sd")
-"""Binary layout (CDR) of a std_msgs/Float64: encapsulation header and value."""
+"""Binary layout (CDR) of a std_msgs/Float64 message: encapsulation header and value."""
 PAUSE = 5.0
-"""Difference between the stamps of two successive messages above which the robot counts as paused or restarted, s."""
+"""The robot counts as paused or restarted if the stamps of two successive messages differ by more than this time, s."""
 WAIT = 0.02
-"""Time for which the twin holds a message back, because messages published earlier may arrive later, s."""
+"""Time for which the twin holds a message back, s. Messages that were published earlier may arrive later."""
 MOST_COMMANDS = 1000
 """Largest number of commands that are kept until the next positions arrive."""
 QUIET = 0.5
-"""Time without an alarm of a joint after which the joint's next alarm is reported, s."""
+"""An alarm of a joint is reported only if the joint had no alarm for longer than this time, s."""
 
 
 class LiveTwin:
-    """Twin that follows a robot in real time."""
+    """A twin that follows a robot in real time."""
 
     def __init__(
         self,
@@ -51,8 +51,9 @@ class LiveTwin:
         duration: float | None = None,
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """bandwidth: of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`; duration: time
-        in s after which the twin ends, None: it ends when the user stops it; tell: receives messages for the user.
+        """bandwidth: bandwidth of the observer, Hz; transports, access, namespace: as in `asrsim.live.session.Settings`;
+        duration: time after which the twin ends, s, or None if it ends when the user stops it; tell: function that receives
+        messages for the user.
         """
         prepared = prepare_worlds(scenario, settable=True)
         prefix, ranges = prefix_of(namespace), ranges_of(prepared.scenario, prepared.drives)
@@ -66,11 +67,11 @@ class LiveTwin:
         self._names, self._access = transports, access or Access()
         self._references = [(joint, name) for joint, own in ranges.items() for name in own if name != EXTERNAL_TORQUE]
         self._applied = np.full(len(self._references), np.nan)
-        """Last command of each reference that the robot says it has applied; NaN if the robot publishes no applied commands."""
+        """Last applied command of each reference, as the robot publishes it; NaN if the robot publishes no applied commands."""
         self._waiting: list[tuple[float, Received]] = []
-        """Messages that are held back for `WAIT`, each with the time of its publication, s."""
+        """Messages that are held back, each with the time of its publication, s."""
         self._last: tuple[float, Array] | None = None
-        """Time stamp of the last positions, s, and one array with these positions followed by the applied commands."""
+        """Time stamp of the last positions, s, and an array of these positions followed by the applied commands."""
         self.prepared = prepared
         self.watch: Callable[[Array, TwinStep], None] = lambda positions, found: None
         """Function that is called after each step with the measured positions (n,) and the estimates."""
@@ -83,7 +84,9 @@ class LiveTwin:
         return self.steps * self._step
 
     def run(self, *, stop: Stop) -> None:
-        """Follow the robot until `stop` returns True or the duration is over. Raises InputError if a transport is missing."""
+        """Follow the robot until `stop` returns True or the duration is reached. Raises InputError if a transport is not
+        available.
+        """
         pace = Pace(1.0)
         with self._twin, opened(self._names, self.interface, self._access, self._tell) as transports:
             self._tell(f"waiting for positions on {self.interface.inlets[-1].name}")
@@ -102,10 +105,11 @@ class LiveTwin:
                             commands.clear()
 
     def _in_order(self, transports: Sequence[Transport]) -> Iterator[Received]:
-        """Messages in the order of their publication, so that positions are combined with commands that the robot had received.
+        """Messages in the order of their publication, so that positions are combined with commands that the robot had received
+        before.
 
-        On a busy machine, a message may arrive later than a message that another program published after it. Each message is
-        therefore held back for `WAIT` seconds, unless the robot itself publishes the commands that belong to its positions.
+        On a busy machine, a message may arrive after a message that another program published later. Therefore each message is
+        held back for `WAIT` seconds. This is not necessary if the robot publishes its applied commands.
         """
         now = clock.time()
         arrived = (message for transport in transports for message in transport.poll())
@@ -117,8 +121,8 @@ class LiveTwin:
             yield self._waiting.pop(0)[1]
 
     def _due(self, message: Received) -> Iterator[Array]:
-        """Positions and applied commands for each step of the twin until this message, in one array per step. They are
-        interpolated between the time stamps of two messages, so that varying delays of the messages have no effect. In a gap
+        """Positions and applied commands for each step of the twin until this message, in one array for each step. They are
+        interpolated between the time stamps of two messages, so that varying delays of messages have no effect. In a long gap
         between messages the positions are unknown (NaN). A message without a time stamp, or after a pause, gives one step.
         """
         positions = _values(message, self._twin.joints)
@@ -138,7 +142,7 @@ class LiveTwin:
             yield between
 
     def _follow(self, row: Array, messages: Sequence[Received], transports: Sequence[Transport]) -> None:
-        """Let the twin do a step, and publish its estimates. row: positions followed by applied commands; messages: commands
+        """Let the twin take a step, and publish its estimates. row: positions followed by applied commands; messages: commands
         that the twin uses if the robot does not publish its applied commands.
         """
         positions, applied = np.split(row, [len(self._twin.joints)])
@@ -154,7 +158,8 @@ class LiveTwin:
         for transport in transports:
             transport.publish(round(self.time * 1e9), _messages(found))
         for number in np.flatnonzero(found.alarm).tolist():
-            # Report no alarm that begins shortly after another of the same joint: a torque at the threshold causes many alarms.
+            # Do not report an alarm shortly after another alarm of the same joint, since a torque at the threshold causes many
+            # alarms.
             if self.time - self._alarm_ends[number] > QUIET:
                 self.alarms += 1
                 self._tell(f"{self.time:.3f} s: alarm at {self._twin.joints[number]}")
@@ -164,7 +169,7 @@ class LiveTwin:
 
 
 def _values(message: Received, names: Iterable[str]) -> Array:
-    """Values of a JointState message for these names, in the same order; NaN for a name that the message lacks."""
+    """Values of a JointState message in the order of the given names; NaN for a name that the message lacks."""
     known = dict(zip(message.names or (), message.values, strict=False))
     return np.array([known.get(name, math.nan) for name in names])
 

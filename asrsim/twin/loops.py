@@ -1,8 +1,8 @@
-"""Loops over the joints of a twin and of its copies, which compute observed torques and alarm thresholds in each step. They run
-as Python or compiled.
+"""Loops over the joints of a twin and of its copies. In each step, they compute the observed torques and the alarm thresholds.
+They run as Python code or compiled.
 
-The loops write into the arrays of `TwinTables` and create no arrays of their own: for few joints, it takes longer to create an
-array than to compute its values.
+The loops write to the arrays of `TwinTables` and create no arrays. For few joints, creating an array takes longer than
+computing its values.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ from asrsim.twin.observer import Gains, respond
 
 
 class TwinTables(NamedTuple):
-    """Arrays of a twin with n joints. It consists of w simulations: the twin itself, and its copies with other parameters."""
+    """Arrays of a twin with n joints. The twin consists of w simulations: the twin itself, and its copies with other
+    parameters.
+    """
 
     integral: Any
-    """Integral of the position error (w, n), a state of the observer, rad s."""
+    """Integral (w, n) of the position error, a state of the observer, rad s."""
     lagged: Any
-    """Lagged position error (w, n), the other state of the observer."""
+    """Position error (w, n) after the lag of the controller, the other state of the observer, rad s."""
     torques: Any
     """Torques that pull the simulated links towards the measured positions, (w, n), N m."""
     masses: Any
@@ -32,19 +34,19 @@ class TwinTables(NamedTuple):
     stiffness: Any
     """Stiffness (n,) of the twin's joints, N m/rad; NaN: unknown."""
     rows: Any
-    """Present row of the regression after each of the two filters, (2, kinds + 3, n); see `asrsim.twin.mismatch`."""
+    """Present row of the regression after each of the two low-pass filters, (2, kinds + 3, n); see `asrsim.twin.mismatch`."""
     before: Any
-    """Positions (2, n) that were measured in the last two steps."""
+    """Measured positions (2, n) of the last two steps."""
     missing: Any
-    """Number of successive steps (n,) without a measured position, up to now."""
+    """Number (n,) of successive steps up to the present step without a measured position."""
     variance: Any
     """Variance (n,) of the noise of the measured positions, rad^2."""
     peak: Any
-    """Largest recent torque (n,) of each joint's springs, which decays with time, N m."""
+    """Largest recent torque (n,) of each joint's springs, N m. It decays with time."""
     carried: Any
     """Largest torque (n,) of each joint's springs since the twin began, N m."""
     noise: Any
-    """Standard deviation (n,) of the torque for alarms that is caused by the noise of the positions alone, N m."""
+    """Standard deviation (n,) of the torque for alarms due to the noise of the measured positions alone, N m."""
 
 
 class AlarmLimits(NamedTuple):
@@ -53,17 +55,17 @@ class AlarmLimits(NamedTuple):
     forgotten: float
     """Fraction by which the springs' largest recent torque decays in a step."""
     noise_gain: float
-    """Standard deviation of the torque for alarms divided by that of the position's noise, for a link of inertia 1, s^-2."""
+    """Ratio of two standard deviations for a link of inertia 1: torque for alarms to position noise, s^-2."""
     sigmas: float
-    """Threshold for noise, as a multiple of the standard deviation of the torque that noise alone causes."""
+    """Threshold for noise, as a multiple of the standard deviation of the torque due to noise alone."""
     release: float
-    """Fraction of the threshold below which the torque must fall to end an alarm."""
+    """An alarm ends when the torque is at or below this fraction of the threshold."""
     slowest: float
-    """Speed above which a link counts as moving, rad/s."""
+    """A link counts as moving above this speed, rad/s."""
     tolerance: float
-    """Threshold for errors of the model after they were estimated, as a fraction of the springs' largest recent torque."""
+    """Threshold for errors of the model after their estimation, as a fraction of the springs' largest recent torque."""
     unlearned: float
-    """Threshold for errors of the model before they were estimated, as a fraction of the springs' largest recent torque."""
+    """Threshold for errors of the model before their estimation, as a fraction of the springs' largest recent torque."""
     friction: float
     """Threshold for errors of the friction while the link moves, as a multiple of the friction."""
     sticking: float
@@ -71,24 +73,26 @@ class AlarmLimits(NamedTuple):
 
 
 class JointWatch(NamedTuple):
-    """Numbers with which measured positions are checked."""
+    """Numbers for the checks of measured positions."""
 
     share: float
-    """Weight of a new measurement in the moving average that gives the variance of the noise."""
+    """Weight of a new measurement in the moving average for the variance of the noise."""
     step: float
     """Time step, s."""
     gap: float
-    """Time without a measurement above which the twin is set to the next measured position, s."""
+    """After a gap in the measurements that is longer than this time, the twin is set to the next measured position, s."""
     jump: float
-    """Difference between a joint's measured and twin position above which the twin is set to the measured position, rad (m)."""
+    """The twin is set to the measured position if it differs from the twin's position by more than this value, rad (m)."""
 
 
 JUMPED, LOST, MISSING = 1, 2, 4
-"""Findings of `compare` in a step: a joint is far from its twin; is measured again after a gap; is not measured."""
+"""Findings of `compare` in a step. JUMPED: a joint is far from its twin. LOST: a joint is measured again after a long gap.
+MISSING: a joint is not measured.
+"""
 
 
 def tables(simulations: int, joints: int, columns: int) -> TwinTables:
-    """Arrays of a twin at its start. columns: number of entries of a row of the regression, kinds + 3."""
+    """Initial arrays of a twin. columns: number of entries in a row of the regression, kinds + 3."""
     shape = simulations, joints
     return TwinTables(
         integral=np.zeros(shape),
@@ -107,12 +111,12 @@ def tables(simulations: int, joints: int, columns: int) -> TwinTables:
 
 
 def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, coupled: Any, stops: Any, error: Any) -> int:
-    """Compute the position errors (w, n) of the twin and its copies, and update the noise and the gaps of the measurements.
+    """Compute the position errors of the twin and its copies, and update the noise and the gaps of the measurements.
 
-    positions: measured positions (n,), which are replaced by positions that the twin can follow, rad; links: link positions in
-    the simulations (w, n), rad; coupled: whether each joint follows another joint (n,); stops: lowest and highest positions of
-    the joints (2, n), rad; error: receives the position errors. Returns the sum of `JUMPED`, `LOST` and `MISSING`, each if it
-    applies to any joint.
+    positions: measured positions (n,), rad, which are changed to positions that the twin can follow; links: link positions (w,
+    n) in the simulations, rad; coupled: whether each joint is coupled to another joint, (n,); stops: lowest and highest
+    positions (2, n) of the joints, rad; error: receives the position errors (w, n), rad. Returns the sum of the numbers
+    `JUMPED`, `LOST` and `MISSING` whose meaning applies to at least one joint.
     """
     simulations, joints = links.shape
     jumped = lost = missing = 0
@@ -131,9 +135,10 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
         if t.missing[j]:
             missing = MISSING
         if coupled[j]:
-            # A coupled joint follows another joint, whose measured position corrects both.
+            # Do not correct a coupled joint by its own position, since the measured position of the other joint corrects the
+            # two joints.
             position = math.nan
-        # Move a position beyond a stop to the stop: the twin cannot go there, and the measurement must be wrong.
+        # Move a position beyond a stop to the stop. The twin cannot reach this position, and the measurement must be wrong.
         if position < stops[0, j]:
             position = stops[0, j]
         if position > stops[1, j]:
@@ -149,12 +154,12 @@ def compare(t: TwinTables, watch: JointWatch, positions: Any, links: Any, couple
 
 
 def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, shares: Any, external: Any) -> None:
-    """Compute the torques that pull the links, and the external torques after each of the two filters. The torques that the
-    regression ascribes to errors of the model are subtracted from the external torques.
+    """Compute the torques that pull the links towards the measured positions, and the external torques after each of the two
+    filters. The torques due to errors of the model, which the regression estimates, are subtracted from the external torques.
 
-    error: position errors (w, n); velocity: velocities (n,) of the twin's links; found: coefficients (kinds, n) of the
-    regression; shares: weight of a new value in each filter, and the fraction by which the copies' parameters are larger;
-    external: receives the external torques (2, n), N m.
+    error: position errors (w, n), rad; velocity: velocities (n,) of the twin's links, rad/s; found: coefficients (kinds, n) of
+    the regression; shares: weight of a new value in each of the two filters, and fraction by which parameters are larger in the
+    copies; external: receives the external torques (2, n), N m.
     """
     simulations, joints = error.shape
     t.torques[:] = 0.0
@@ -173,8 +178,8 @@ def pull(t: TwinTables, gains: Gains, error: Any, velocity: Any, found: Any, sha
             rows[last, j] += share * (own - rows[last, j])
             total = 0.0
             for i in range(1, simulations):
-                # The deflections of the simulated and the robot's springs differ by the position error. Add the torque of this
-                # difference.
+                # The deflections of the simulated springs and of the robot's springs differ by the position error. Add the
+                # spring torque due to this difference.
                 lacking = t.torques[i, j] + _known(t.stiffness[j] * error[i, j])
                 rows[i, j] += share * ((lacking - own) / shares[2] - rows[i, j])
                 total += rows[i, j] * found[i - 1, j]
@@ -185,15 +190,15 @@ def judge(
     t: TwinTables, limits: AlarmLimits, rows: Any, springs: Any, stiffness: int, learned: Any, friction: Any, external: Any,
     ready: bool, error: Any, alarm: Any, found: Any,
 ) -> bool:  # fmt: skip
-    """Compute the reported external torque, the alarm threshold and the alarm of each joint. Returns whether, for any joint,
-    the threshold for noise alone exceeds the largest torque that its springs have carried so far.
+    """Compute the reported external torque, the alarm threshold and the alarm of each joint. Returns whether noise is too
+    large: for at least one joint, the threshold for noise alone exceeds the largest torque of its springs so far.
 
-    rows: recorded values of the simulations (w, n, columns); springs: indices (n, k) of the columns with the torque of each
-    spring on each link, N m, -1: no such spring; stiffness: index of the column with the joints' stiffness, -1: no such column;
-    learned: whether the errors of the model are estimated (n,); friction: friction in the model (n,), N m; external: external
-    torques (2, n) after both filters, N m; ready: whether alarms may be raised; error: position errors (n,) of the twin; alarm:
-    alarms (n,) of the last step, which are replaced by those of this step; found: receives external torques and thresholds
-    (2, n), N m.
+    rows: recorded values (w, n, columns) of the simulations; springs: indices (n, k) of the columns with the torques of each
+    joint's springs, -1 if there is no such spring; stiffness: index of the column with the stiffness, -1 if there is no such
+    column; learned: whether the errors of the model have been estimated for each joint, (n,); friction: friction (n,) in the
+    model, N m; external: external torques (2, n) after the two filters, N m; ready: whether alarms may be raised; error:
+    position errors (n,) of the twin, rad; alarm: alarms (n,) of the last step, which the alarms of this step replace; found:
+    receives external torques and thresholds (2, n), N m.
     """
     too_noisy = False
     joints = len(alarm)
@@ -208,7 +213,7 @@ def judge(
         for k in range(joints):
             total += t.masses[j, k] * t.masses[j, k] * t.variance[k]
         t.noise[j] = limits.noise_gain * math.sqrt(total)
-        # Noise is independent of the errors of the model, so the squares of both thresholds are added.
+        # Noise is independent of the errors of the model, so add the squares of the two thresholds.
         tolerated = (limits.tolerance if learned[j] else limits.unlearned) * t.peak[j]
         tolerated += (limits.friction if abs(t.rows[0, 0, j]) > limits.slowest else limits.sticking) * friction[j]
         threshold = math.hypot(limits.sigmas * t.noise[j], tolerated)

@@ -1,11 +1,10 @@
-"""Errors of a twin's model. They are estimated from the torque that the twin observes while nothing touches the robot, by a
-regression that forgets old data.
+"""Errors of a twin's model. A regression with exponential forgetting estimates them from the torque that the twin observes
+while nothing touches the robot.
 
-Copies of the twin run beside the twin. In each copy, one kind of parameter, such as damping, is larger in all joints. The
-columns of the regression are the differences between the torque that a copy observes and the torque that the twin observes.
-They thus contain all effects of a parameter, also those on the motion of the motors, as seen through the observer and the
-filters. The last column is constant. The contributions of all columns but the last are subtracted from the torque that the twin
-observes.
+Copies of the twin are simulated together with the twin. In each copy, one kind of parameter, such as damping, is larger in all
+joints. Each column of the regression is the difference between the torques that a copy and the twin observe. Such a column
+contains all effects of a parameter, including effects on the motion of the motors, after the observer and the filters. The last
+column is constant. The contributions of all columns but the last are subtracted from the torque that the twin observes.
 """
 
 from __future__ import annotations
@@ -21,29 +20,35 @@ from asrsim.simulation.prepared import Prepared
 from asrsim.statics.sizing import linear_parameters
 
 MEMORY = 5.0
-"""Duration of motion after which a row has lost 63 % of its weight in the regression, s."""
+"""Time of motion in which a row of the regression loses 63 % of its weight, s."""
 SLOWEST = 0.05
-"""Speed below which a link counts as resting, rad/s (m/s)."""
+"""A link counts as resting at or below this speed, rad/s (m/s)."""
 RIDGE = 1e-3
-"""Regularisation for nearly collinear columns: fraction of each column's power that is added to the normal equations."""
+"""Regularisation for nearly collinear columns. This fraction of each column's power is added to the diagonal of the normal
+equations.
+"""
 LEAST = 0.03
-"""Smallest residual that is assumed for the regression, as a fraction of the size of the springs' column."""
+"""Smallest residual that is assumed for the regression, as a fraction of the norm of the column of the springs."""
 CORRELATED = 6.0
-"""Number of successive rows whose errors are correlated, so that they count as one row in the standard error."""
+"""Number of successive rows that count as one row in the standard error, since their errors are correlated."""
 SHARE, SUMMAND = 0.2, 1e-3
-"""Fraction by which a parameter is larger in a copy than in the twin, and number that is also added to damping (N m s/rad) and
-friction (N m), which may be 0 in the twin.
+"""SHARE: fraction by which a parameter is larger in a copy than in the twin.
+SUMMAND: number that is also added to damping (N m s/rad) and friction (N m), since these may be 0 in the twin.
 """
 KNOWN = 0.04
-"""Relative standard error of a joint's stiffness below which the stiffness is reported."""
+"""The stiffness of a joint is reported if its relative standard error is below this value."""
 KINDS = ("springs", "damping of links", "friction of links", "damping of motors", "friction of motors")
-"""Kinds of parameters; each kind is larger in one of the copies."""
+"""Kinds of parameters. Each kind is larger in one of the copies."""
 COLUMNS = len(KINDS) + 3
-"""Number of entries of a row: velocity, a column for each kind of parameter, the constant column, and the observed torque."""
+"""Number of entries in a row of the regression: velocity, a column for each kind of parameter, the constant column, and the
+observed torque.
+"""
 
 
 def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
-    """Parameters of each copy of a twin that differ from the twin's, by joint and name; one copy for each of `KINDS`."""
+    """For each copy of a twin, the parameters that differ from the twin's, by joint and by name. There is one copy for each of
+    `KINDS`.
+    """
     tables: list[dict[str, Mapping[str, float]]] = [{} for _ in KINDS]
     for stepped in prepared.drives:
         joint, drive = stepped.joint, stepped.drive
@@ -57,22 +62,24 @@ def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
 
 
 class Mismatch(NamedTuple):
-    """Regression of the observed torques of n joints; all arrays are updated in place."""
+    """Regression of the observed torques of n joints. All arrays are updated in place."""
 
     products: Any
-    """Weighted sums (n, kinds + 2, kinds + 2) over the rows of the products of two entries, each a column or the torque."""
+    """Sums (n, kinds + 2, kinds + 2) over the weighted rows of the products of two entries. An entry is a column or the
+    observed torque.
+    """
     found: Any
-    """Relative errors (kinds, n) of the twin's parameters: the coefficients of the regression."""
+    """Coefficients (kinds, n) of the regression, which are the relative errors of the twin's parameters."""
     learned: Any
-    """Whether the regression contains at least one second of motion, (n,)."""
+    """Whether the regression contains more than one second of motion, (n,)."""
     stiffening: Any
-    """Ratio of the robot's stiffness to the twin's stiffness (n,); NaN where the ratio is too uncertain."""
+    """Ratio (n,) of the robot's stiffness to the twin's stiffness; NaN if the ratio is too uncertain."""
     normal: Any
-    """Work array (kinds + 1, kinds + 5) for the normal equations; see `asrsim.engines.loops.solve_normal`."""
+    """Temporary array (kinds + 1, kinds + 5) for the normal equations; see `asrsim.engines.loops.solve_normal`."""
     size: Any
-    """Work array (kinds + 2,) for the sizes of the columns and of the torque, by which the normal equations are scaled."""
+    """Temporary array (kinds + 2,) for the norms of the columns and of the torque, by which the normal equations are scaled."""
     interval: float
-    """Time between rows of the regression, s."""
+    """Time between two rows of the regression, s."""
 
 
 def mismatch_of(joints: int, interval: float) -> Mismatch:
@@ -90,11 +97,11 @@ def mismatch_of(joints: int, interval: float) -> Mismatch:
 
 
 def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
-    """Add a row to the regression of each joint that moves without an alarm. Joints at rest are left out, since their friction
+    """Add a row to the regression of each joint that moves and has no alarm. Joints at rest are left out, since their friction
     may have any value up to the sliding friction.
 
     rows: velocity, columns of the regression and observed torque, all after the slow filter, (kinds + 3, n); error: position
-    errors (n,) of the twin, NaN where a position is not measured; alarm: whether an alarm is raised for each joint (n,).
+    errors (n,) of the twin, NaN if a position is not measured; alarm: whether each joint has an alarm, (n,).
     """
     columns, normal = len(m.normal), m.normal
     for j in range(len(alarm)):
@@ -109,14 +116,14 @@ def learn(m: Mismatch, rows: Any, error: Any, alarm: Any) -> None:
             for b in range(columns):
                 normal[a, b] = products[a, b] / size[a] / size[b] + (RIDGE if a == b else 0.0)
             # Use two right-hand sides. The first gives the coefficients. The second gives the first column of the inverse
-            # matrix, from which the standard error of the stiffness follows.
+            # matrix, which is needed for the standard error of the stiffness.
             normal[a, columns], normal[a, columns + 1] = products[a, columns] / size[a] / size[columns], 1.0 if a == 0 else 0.0
         solve_normal(normal, columns, columns, 2)
         found, inverse = normal[:, columns + 2], normal[:, columns + 3]
         rest = 1.0
         for a in range(columns):
             rest -= found[a] * (products[a, columns] / size[a] / size[columns])
-        # Assume at least a small residual: a perfect twin would otherwise have the standard error zero.
+        # Assume at least a small residual. Otherwise a perfect twin would have a standard error of 0.
         residual = max(rest * (size[columns] * size[columns]), (LEAST * size[0]) * (LEAST * size[0]))
         # The constant column is 1, so the sum of its squares is the weighted number of rows.
         seen = max(products[columns - 1, columns - 1], 1e-12)

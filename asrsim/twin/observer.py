@@ -1,9 +1,9 @@
-"""Observer of the torque that acts on the robot and that the model lacks. A controller pulls the simulated links towards the
-measured positions; its torque is the observed torque.
+"""Observer of torques that act on the robot but not in the model. A controller pulls the simulated links towards the measured
+positions. Its torque is the observed torque.
 
-The controller is C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)). It acts on the measured minus the simulated positions; M
-is the mass matrix and w the bandwidth in rad/s. For links without springs and damping, all poles are then at -w, however the
-links are coupled. A torque on one joint is observed at this joint alone. Springs and damping increase the stability.
+The controller is C(s) = M (6 w^2 s^2 + 4 w^3 s + w^4) / (s (s + 4 w)). Its input is the measured minus the simulated positions.
+M is the mass matrix, and w is the bandwidth in rad/s. For links without springs and damping, all poles are at -w, also if the
+mass matrix couples the links. A torque on one joint is observed only at this joint. Springs and damping increase the stability.
 """
 
 from __future__ import annotations
@@ -16,11 +16,15 @@ import numpy as np
 from asrsim.samples import Array
 
 SLOW, FAST = 0.7, 4.0
-"""Cutoff frequencies of two low-pass filters, as multiples of w: of the reported torque, and of the torque for alarms."""
+"""Cutoff frequencies of two low-pass filters, as multiples of w. SLOW: filter of the reported torque. FAST: filter of the
+torque for alarms.
+"""
 
 
 def filter_shares(step: float, bandwidth: float) -> Array:
-    """Weight of a new value in each of the two low-pass filters, (2,); step: time step, s; bandwidth: of the observer, Hz."""
+    """Weight of a new value in each of the two low-pass filters, (2,). step: time step, s; bandwidth: bandwidth of the
+    observer, Hz.
+    """
     return np.asarray(1.0 - np.exp(-step * 2.0 * math.pi * bandwidth * np.array([SLOW, FAST])))
 
 
@@ -39,7 +43,7 @@ class Gains(NamedTuple):
 
 
 def gains_of(step: float, bandwidth: float) -> Gains:
-    """Gains of the controller; step: time step, s; bandwidth: of the observer, Hz."""
+    """Gains of the controller. step: time step, s; bandwidth: bandwidth of the observer, Hz."""
     w = 2.0 * math.pi * bandwidth
     lag = math.exp(-4.0 * w * step)
     return Gains(6.0 * w**2, 0.25 * w**3, -20.25 * w**3, lag, (1.0 - lag) / (4.0 * w), step)
@@ -49,7 +53,7 @@ def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple
     """Acceleration of the link for the next step, new integral of the error, and new lagged error.
 
     error: measured minus simulated position, rad, NaN if the position is not measured; integral, lagged: values that the last
-    step returned, 0 at first.
+    step returned, 0 in the first step.
     """
     known = error == error
     if not known:
@@ -59,8 +63,8 @@ def respond(error: float, integral: float, lagged: float, gains: Gains) -> tuple
 
 
 def noise_gain(step: float, bandwidth: float) -> float:
-    """Standard deviation of the torque for alarms, divided by that of the noise of the positions, s^-2, for a link of inertia 1
-    without springs and damping.
+    """Ratio of two standard deviations for a link of inertia 1 without springs and damping: torque for alarms to position
+    noise, s^-2. step: time step, s; bandwidth: bandwidth of the observer, Hz.
     """
     gains, share = gains_of(step, bandwidth), float(filter_shares(step, bandwidth)[1])
     position = velocity = fast = total = integral = lagged = 0.0

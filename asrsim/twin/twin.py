@@ -1,4 +1,4 @@
-"""A twin of a running robot: a simulation that gets the robot's commands and is pulled towards the measured positions."""
+"""A twin of a running robot: a simulation that receives the robot's commands and is pulled towards the measured positions."""
 
 from __future__ import annotations
 
@@ -25,36 +25,38 @@ from asrsim.twin.mismatch import COLUMNS, SHARE, SLOWEST, mismatch_of, varied
 from asrsim.twin.observer import filter_shares, gains_of, noise_gain
 
 SIGMAS = 6.0
-"""Alarm threshold for noise, as a multiple of the standard deviation that noise causes in the observed torque."""
+"""Alarm threshold for noise, as a multiple of the standard deviation of the observed torque due to noise."""
 TOLERANCE, UNLEARNED = 0.08, 0.6
-"""Alarm thresholds for errors of the model, as fractions of the springs' largest recent torque: `TOLERANCE` after these errors
-were estimated, `UNLEARNED` before.
+"""Alarm thresholds for errors of the model, as fractions of the springs' largest recent torque. UNLEARNED applies until these
+errors have been estimated, and TOLERANCE applies afterwards.
 """
 FRICTION, STICKING = 0.5, 2.0
-"""Alarm thresholds for errors of the friction, as multiples of the friction: `FRICTION` in motion, `STICKING` at rest, where
-the friction of the robot and that of the twin may have opposite signs.
+"""Alarm thresholds for errors of the friction, as multiples of the friction. FRICTION applies in motion. STICKING applies at
+rest, since the friction torques of the robot and the twin may then have opposite signs.
 """
 RELEASE = 0.7
-"""An alarm ends when the torque falls below this fraction of the alarm threshold."""
+"""An alarm ends when the torque is at or below this fraction of the alarm threshold."""
 PEAK_MEMORY, NOISE_MEMORY = 0.5, 1.0
-"""Time constants with which the springs' largest recent torque decays, and with which the noise variance is averaged, s."""
+"""PEAK_MEMORY: time constant with which the springs' largest recent torque decays, s.
+NOISE_MEMORY: time constant of the average for the noise variance, s.
+"""
 SETTLE = 0.5
-"""Time in which no alarms are raised after the twin was set to the robot's positions, s."""
+"""Time without alarms after the twin was set to the robot's positions, s."""
 JUMP = 0.25
-"""Difference between a joint's positions in robot and twin above which the twin is set to the robot's positions, rad (m)."""
+"""The twin is set to the robot's positions if a joint's positions in robot and twin differ by more than this value, rad (m)."""
 EVERY = 0.01
 """Interval between two rows of the regression (`asrsim.twin.mismatch`), and between two updates of the mass matrix, s."""
 LONGEST_GAP = 0.03
-"""Time without a measured position of a joint above which the twin is set to the next measured position, s."""
+"""If the position of a joint was not measured for longer than this time, the twin is set to the next measured positions, s."""
 MISSING_NOTED = 0.1
-"""Time without a measured position of a joint above which the user gets a note, s."""
+"""If the position of a joint is not measured for longer than this time, the user gets a note, s."""
 EXPECTED = 10**7
-"""Number of substeps that is assumed for a run of unknown length: so many that compilation saves time."""
+"""Assumed number of substeps of a run of unknown length. It is so large that compilation saves time."""
 REPEAT = 1.0
-"""Shortest time between two notes whose texts differ only in numbers, s."""
+"""Shortest time between two notes with equal texts except for numbers, s."""
 
 NUMBERS = (int, float, np.number)
-"""Types of number that a command may have."""
+"""Types of numbers that a command may have."""
 
 Commands = Mapping[str, Mapping[str, float]]
 """Commanded values of references, by joint and by name of the reference."""
@@ -63,7 +65,7 @@ Commands = Mapping[str, Mapping[str, float]]
 @dataclass(frozen=True, kw_only=True)
 class TwinStep:
     """Estimates of a twin after a step. Arrays (n,) have an element for each joint, in the order of the twin's joints. Units in
-    brackets are those of prismatic joints.
+    brackets apply to prismatic joints.
     """
 
     time: float
@@ -75,23 +77,23 @@ class TwinStep:
     residual: Array
     """Measured position minus the twin's position, rad (m)."""
     threshold: Array
-    """External torque above which an alarm is raised, N m (N)."""
+    """Alarm threshold of the external torque, N m (N)."""
     alarm: NDArray[np.bool_]
-    """Whether an alarm is raised: an object touches the link, or the robot differs from its model."""
+    """Whether the joint has an alarm. Then an object touches the link, or the robot differs from its model."""
     notes: tuple[str, ...] = ()
-    """Messages about faults in this step; the twin continues in spite of them."""
+    """Messages about faults in this step. The twin continues in spite of them."""
 
 
 class Twin:
-    """Twin of a robot that a scenario describes; a context manager.
+    """Twin of a robot that a scenario describes. It is a context manager.
 
         with asrsim.Twin("lab.yaml", bandwidth=8) as twin:
             found = twin.step({"joint_1": position}, {"joint_1": {"equilibrium_position": goal}})
             found.external_torque, found.alarm
 
-    A step lasts as long as the scenario's `step:`, which must be the sampling interval of the measurements. References without
-    commands follow the scenario's signals. Raises the errors of `asrsim.prepare`, and InputError for unknown joints. Measured
-    positions that cannot be right cause notes (`TwinStep.notes`) and no errors.
+    The duration of a step is the scenario's `step:`. It must be equal to the sampling interval of the measurements. References
+    without commands follow the scenario's signals. Raises the errors of `asrsim.prepare`, and InputError for unknown joints.
+    Implausible measured positions cause notes (`TwinStep.notes`) and no errors.
     """
 
     def __init__(
@@ -104,8 +106,8 @@ class Twin:
         plugins: Sequence[str | Path] = (),
         compiled: bool | None = None,
     ) -> None:
-        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the rate of steps; variant, overrides, plugins: as
-        for `asrsim.prepare`; compiled: as for `asrsim.Simulation`.
+        """bandwidth: bandwidth of the observer, Hz, at most a twentieth of the number of steps per second; variant, overrides,
+        plugins: as for `asrsim.prepare`; compiled: as for `asrsim.Simulation`.
         """
         ready = prepare_worlds(scenario, variant=variant, overrides=overrides, plugins=plugins)
         step = self._step = ready.scenario.step
@@ -114,7 +116,7 @@ class Twin:
             raise InputError(message, key="bandwidth", value=bandwidth, code="bandwidth")
         self._starts = [Start(), *(Start(parameters=parameters) for parameters in varied(ready))]
         self.worlds = Worlds(ready, len(self._starts), compiled=compiled, expected_substeps=EXPECTED)
-        """Simulation worlds: the first is the twin, the others are its copies with other parameters."""
+        """Simulated worlds. The first is the twin, and the others are its copies with other parameters."""
         if (model := self.worlds.model) is None:
             self.close()
             engine = ready.scenario.engine
@@ -158,17 +160,17 @@ class Twin:
         self._every = max(1, round(EVERY / step))
         self._alarm, self._external = np.zeros(n, dtype=bool), np.zeros((2, n))
         self._commands: dict[tuple[str, str], float] = {}
-        """Last finite command for each joint and reference, which stays in effect until the next."""
+        """Last finite command of each joint and reference. It stays in effect until the next command."""
         self._steps = self._settled = 0
         self._noted: dict[str, int] = {}
-        """Step in which each note was last given, by the note's text without numbers."""
+        """Number of the step in which each note was last given, by the note's text without numbers."""
 
     def step(self, measured: Mapping[str, float] | Sequence[float] | Array, commands: Commands) -> TwinStep:
         """Simulate one step and return the estimates after the step.
 
-        measured: positions of the links in rad (m), by joint, or all in the order of `joints`. The twin of a joint without a
-        finite position is not corrected. commands: values that references have from now on, by joint and by name of the
-        reference.
+        measured: positions of the links, rad (m), either by joint or all in the order of `joints`; the twin of a joint without
+        a finite position is not corrected. commands: new values of references, by joint and by name of the reference; they stay
+        in effect until the next command.
         """
         notes: list[str] = []
         positions = self._positions(measured)
@@ -235,7 +237,7 @@ class Twin:
             self._note(f"{joint}: the command {reference} is not finite: the last command stays in effect", notes)
 
     def _place(self, positions: Array) -> None:
-        """Set the twin's links to their measured positions, at rest, and its motors to their commanded positions."""
+        """Set the links of the twin to their measured positions at rest, and its motors to their commanded positions."""
         names = [name for name in self.worlds.names if name.startswith("reference_")]
         references = self.worlds.read(names)
         links, motors = {}, {}
@@ -252,14 +254,15 @@ class Twin:
         self._settled = self._steps + round(SETTLE / self._step)
 
     def _note_missing(self, notes: list[str]) -> None:
-        """Add a note for each joint whose position has not been measured for more than `MISSING_NOTED`."""
+        """Add a note for each joint whose position has not been measured for longer than `MISSING_NOTED`."""
         for joint in np.flatnonzero(self._tables.missing * self._step > MISSING_NOTED).tolist():
             self._note(f"{self.joints[joint]}: no position is measured, so the twin of this joint is not corrected", notes)
 
     def _note_jumps(self, distances: list[float], notes: list[str]) -> None:
         """Add a note for each joint that is farther than `JUMP` from its twin.
 
-        distances: positions of the robot minus those of the twin, rad (m); empty if the twin has just been set to the robot.
+        distances: positions of the robot minus positions of the twin, rad (m); empty if the twin begins or a joint is measured
+        again.
         """
         for joint, distance in zip(self.joints, distances, strict=False):
             if abs(distance) > JUMP:
@@ -268,7 +271,9 @@ class Twin:
                 self._note(f"{joint}: {text}", notes)
 
     def _estimate(self, error: Array, notes: list[str]) -> TwinStep:
-        """Estimates after a step, from the position errors (n,) of the twin and the external torques that `pull` computed."""
+        """Estimates after a step, from the external torques that `pull` computed. error: position errors (n,) of the twin, rad
+        (m).
+        """
         own, mismatch, ready = self._tables, self._mismatch, self._steps >= self._settled
         found, alarm = np.empty((2, len(error))), self._alarm.copy()
         rows = self.worlds.latest()
@@ -292,7 +297,7 @@ class Twin:
         )
 
     def _note_noise(self, notes: list[str]) -> None:
-        """Add a note for each joint whose threshold for noise alone exceeds the largest torque of its springs so far."""
+        """Add a note for each joint whose alarm threshold for noise alone exceeds the largest torque of its springs so far."""
         threshold = SIGMAS * self._tables.noise
         for j in np.flatnonzero((threshold > self._tables.carried) & self._mismatch.learned).tolist():
             noise = 1e3 * math.sqrt(self._tables.variance[j])
@@ -304,7 +309,7 @@ class Twin:
             )
 
     def _note(self, text: str, notes: list[str]) -> None:
-        """Add a note, unless a note whose text differs only in numbers was given within the last `REPEAT` seconds."""
+        """Add a note, unless a note with the same text except for numbers was given in the last `REPEAT` seconds."""
         kind = re.sub(r"[-+]?[0-9][0-9.e+-]*", "", text)
         if self._steps - self._noted.get(kind, -math.inf) >= REPEAT / self._step:
             self._noted[kind] = self._steps

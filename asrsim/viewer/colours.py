@@ -1,4 +1,4 @@
-"""Colours that show a quantity on the bodies, and the colour scale that explains them."""
+"""Colours that show a quantity on the bodies, and the colour scale that explains the colours."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ SCALES: dict[str, tuple[tuple[int, int, int], ...]] = {
     # Yellow for soft joints, violet for stiff joints.
     "stiffness": ((253, 231, 37), (94, 201, 98), (33, 145, 140), (59, 82, 139), (68, 1, 84)),
 }
-"""By quantity that can colour the bodies: colours at even distances along the quantity's scale."""
+"""Colours at even distances along the scale of a quantity, for each quantity that can colour the bodies."""
 
 
 class ColourScale:
-    """Colours for the values of a quantity. The ends of the scale are the smallest and the largest value that it has shown so
-    far; a scale of deflections is symmetric about 0.
+    """Colours for the values of a quantity. The ends of the scale are the smallest and the largest value so far; a scale of
+    deflections is symmetric about 0.
     """
 
     def __init__(self, quantity: str) -> None:

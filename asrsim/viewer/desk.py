@@ -1,4 +1,5 @@
-"""Desk of a live run: a person pauses, steps and resets it, sets references, pulls links, and tunes parameters on a page."""
+"""Desk of a live run. On a page, a person pauses, steps and resets the run, sets references, pulls links, and tunes
+parameters."""
 
 from __future__ import annotations
 
@@ -60,7 +61,7 @@ class Desk:
         self._page = page
         self._sliders: dict[Target, Any] = {}
         self._present: dict[str, Any] = {}
-        """Element of the page, by joint, that shows the present references of the joint."""
+        """Elements of the page that show the present references of a joint, by joint."""
         self._show_number: Callable[[], None] = lambda: None
         """Function that shows the present value of the parameter that the user has selected for tuning."""
         self._floats = not session.simulation.scenario.fixed_base
@@ -77,7 +78,8 @@ class Desk:
         self.tuned: Numbers = {}
         """Numbers that the user has changed, by joint and name."""
         self.wish: Mapping[str, Any] | None = None
-        """Variant and tuned numbers of the next run, once the user wants one; None: the present run continues."""
+        """Variant and tuned numbers of the next run, after the user has asked for a next run; None: the present run
+        continues."""
         self._news = ""
         self._by_hand: dict[Target, float | None] = {}
         """Values of the references that the user has set; None: the reference follows the scenario's signal again."""
@@ -89,7 +91,7 @@ class Desk:
         self._pull: Pull | None = None
         self._said = -1.0
         self._end = ""
-        """HTML with the reason why the run has ended; empty while it continues."""
+        """HTML with the reason why the run has ended; empty while the run continues."""
         self._written = clock.perf_counter()
         """Wall-clock time of the last samples, s."""
 
@@ -278,7 +280,7 @@ class Desk:
     # -- the session's operator -------------------------------------------------------------------------------------
 
     def ask(self, session: Session) -> Mapping[Target, float | None]:
-        """Implements `asrsim.live.session.Operator`."""
+        """References that the user sets at this tick; see `asrsim.live.session.Operator`."""
         values = {**self._by_hand}
         grip, spring = self._grip, (float(self._spring.value), float(self._limit.value))
         pull: Pull | None = None
@@ -297,15 +299,15 @@ class Desk:
                 values.setdefault((joint, EXTERNAL_TORQUE), None)
             self._pushed = set()
         self._pull = pull
-        # Let a slow run hand over its samples before their block is full, so that the page shows them soon.
+        # In a slow run, write the samples before their block is full, so that the page shows them soon.
         if clock.perf_counter() - self._written > LONGEST:
             session.simulation.flush()
             self._written = clock.perf_counter()
         return values
 
     def _pulled(self, session: Session, grip: Grip, spring: tuple[float, float]) -> tuple[Mapping[Target, float], Pull]:
-        """External torques that a pull on a link causes, added to those that the user has set, and the pull. spring: stiffness
-        in N/m and largest force in N.
+        """External torques that a pull on a link causes, plus the external torques that the user has set; and the pull. spring:
+        stiffness in N/m and largest force in N of the spring.
         """
         model = session.simulation.model
         assert model is not None
@@ -324,7 +326,7 @@ class Desk:
         return self.subject.scene.frames(positions, bodies)[body]
 
     def write(self, samples: Samples) -> None:
-        """Implements `asrsim.live.session.Operator`."""
+        """Keep the next samples; see `asrsim.live.session.Operator`."""
         self.subject.history.write(samples)
         self._written = clock.perf_counter()
 
@@ -340,7 +342,7 @@ class Desk:
         if latest is None:
             return
         self._page.draw(latest, pull=self._pull)
-        # Update the texts by the wall clock and not by the simulated time, so that those of a paused run also change.
+        # Update the texts by the wall clock and not by the simulated time, so that the texts of a paused run also change.
         if (now := clock.perf_counter()) - self._said >= SAID:
             self._said = now
             self._say_references(latest)

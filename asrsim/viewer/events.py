@@ -24,7 +24,7 @@ NEAR = 1e-3
 APART = 0.05
 """Time for which a joint must be away from a limit before reaching it again counts as a new event, s."""
 EXTREMES = {"maximum": np.positive, "minimum": np.negative, "peak": np.abs, "overshoot": np.abs}
-"""Measures that a claim takes at one instant, each with a function: at this instant the function of the series is largest."""
+"""Measures that belong to one instant, each with a function. At this instant, the function of the series is largest."""
 
 
 @dataclass(frozen=True, order=True)
@@ -36,7 +36,7 @@ class Event:
 
 
 def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: Robot) -> list[Event]:
-    """Events of a log in the order of time: limits that its samples reach, and claims that do not hold."""
+    """Events of a log in the order of time: limits that the samples reach, and claims that do not hold."""
     reader = open_log(path)
     parameters = reader.info.resolved.get("parameters", {})
     found = [*limit_events(samples, joints, robot, parameters if isinstance(parameters, Mapping) else {})]
@@ -97,7 +97,8 @@ def _begins(time: Array, reached: NDArray[np.bool_], text: str) -> Iterator[Even
 
 
 def _time_of(claim: Any, samples: Samples) -> float:
-    """Time of the event for a claim that does not hold, s: the instant that its measure is about, else the end of the run."""
+    """Time of the event for a claim that does not hold, s. It is the instant to which the claim's measure belongs, or the end
+    of the run if there is no such instant."""
     values, size = samples.values.get(claim.quantity), EXTREMES.get(claim.measure)
     if claim.joint in samples.joints and values is not None and size is not None:
         column = size(values[:, samples.joints.index(claim.joint)])

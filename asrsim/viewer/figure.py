@@ -23,7 +23,7 @@ _NAMES = itertools.count()
 
 
 class Figure:
-    """Shapes of a scene on a page, which `place` moves. They hang on nodes of the page's scene tree.
+    """Shapes of a scene on a page, which `place` moves. The shapes belong to nodes of the page's scene tree.
 
     Links that fixed joints connect share a node. The node of a link is placed relative to the node of the link before it in the
     chain. A turning joint thus changes the orientation of one node and no position, so that a new picture of the robot needs
@@ -50,12 +50,13 @@ class Figure:
         self.meshes: dict[str, list[tuple[viser.MeshHandle, Rgb]]] = {}
         """Meshes of each body, each with its original colour."""
         self._place_of: dict[str, tuple[Array | None, Array | None]] = {}
-        """Position and orientation of each node, relative to the node before it, as last sent to the page."""
+        """Position and orientation of each node relative to the preceding node, as they were last sent to the page."""
         self._tints: Mapping[str, Rgb] = {}
         joints = {joint.child: joint for joint in scene.model.robot.outward_joints}
         carrier = {scene.model.robot.root.name: scene.model.robot.root.name}
         self._before: dict[str, str] = {}
-        """By body of a node: body of the node before it. The root link and the objects have no node before them."""
+        """Body of the preceding node, by the body of the node. The nodes of the root link and of the objects have no preceding
+        node."""
         for link, joint in joints.items():
             carrier[link] = link if joint.moves else carrier[joint.parent]
             if joint.moves:
@@ -63,7 +64,7 @@ class Figure:
         carrier |= {name: name for name in scene.objects if objects}
         for body in dict.fromkeys(carrier.values()):
             above = root if body not in self._before else self.nodes[self._before[body]].name
-            # Name the nodes by numbers, because names of links may contain the character that separates names of nodes.
+            # Name the nodes by numbers, since names of links may contain the character that separates names of nodes.
             self.nodes[body] = server.scene.add_frame(f"{above}/{len(self.nodes)}", show_axes=False)
         frames = scene.frames({}, {})
         for number, part in enumerate(scene.parts):
@@ -87,7 +88,7 @@ class Figure:
             self.meshes.setdefault(part.body, []).append((mesh, own))
 
     def place(self, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-        """Move the bodies to their poses in the last of the samples; returns the frame (4, 4) of each body in the world.
+        """Move the bodies to their poses in the last sample; returns the frame (4, 4) of each body in the world.
 
         positions: positions (joints,) that replace the links' positions in the samples, rad (m).
         """
@@ -109,7 +110,7 @@ class Figure:
         return frames
 
     def tint(self, colours: Mapping[str, Rgb]) -> None:
-        """Give each body in `colours` its colour there, and all other bodies their original colours."""
+        """Give each body in `colours` the colour that is stated there, and all other bodies their original colours."""
         if colours == self._tints:
             return
         self._tints = dict(colours)
@@ -128,8 +129,8 @@ class Figure:
         """Call `report` with a body and viser's event while a user drags the body."""
 
         def listen(body: str, mesh: Any) -> None:
-            # Use a coroutine: viser calls coroutines in the order of the events, but functions in threads that may overtake
-            # each other.
+            # Use a coroutine, since viser calls coroutines in the order of the events. It calls functions in threads, whose
+            # order may change.
             async def on_drag(event: Any) -> None:
                 report(body, event)
 
@@ -155,7 +156,7 @@ class Figure:
 
 
 def frames_of(scene: RenderScene, samples: Samples, positions: Array | None = None) -> dict[str, Array]:
-    """Frame (4, 4) of each body in the world at the last of the samples. positions: positions (joints,) that replace those in
+    """Frame (4, 4) of each body in the world at the last sample. positions: positions (joints,) that replace the positions in
     the samples, rad (m); a joint without a position is placed at 0.
     """
     values = samples.values["link_position"][-1] if positions is None else positions

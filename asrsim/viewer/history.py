@@ -1,4 +1,4 @@
-"""The samples that a page shows: those of a log, or the latest samples of a running simulation."""
+"""The samples that a page shows: the samples of a log, or the latest samples of a running simulation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from asrsim.samples import Array, JointInfo, Samples, concatenate
 RATE = 200.0
 """Largest rate at which the samples of a running simulation are kept, Hz."""
 SPAN = 60.0
-"""Length of the latest part of a running simulation whose samples are kept, s."""
+"""Time for which the samples of a running simulation are kept, s."""
 MERGED = 32
 """Number of blocks of samples above which all blocks are joined to one, and old samples are discarded."""
 
@@ -30,7 +30,7 @@ class History:
         self._latest: Samples | None = None if samples is None else _rows(samples, slice(-1, None))
 
     def write(self, samples: Samples) -> None:
-        """Add samples, whose times follow those of all samples that were added before."""
+        """Add samples. Their times follow the times of all samples that were added before."""
         if not len(samples.time):
             return
         step = float(np.diff(samples.time[-2:])[0]) if len(samples.time) > 1 else np.inf
@@ -88,7 +88,7 @@ class History:
         return np.empty((0, 3)) if rows is None or body not in rows.bodies else rows.bodies[body][:, :3]
 
     def rows(self, start: float, end: float) -> Samples | None:
-        """Samples from `start` to `end` in s; None if there are none."""
+        """Samples from `start` to `end` in s; None if this interval has no samples."""
         parts = [_rows(block, slice(*np.searchsorted(block.time, (start, end)).tolist())) for block in tuple(self._blocks)]
         parts = [part for part in parts if len(part.time)]
         return concatenate(parts) if parts else None

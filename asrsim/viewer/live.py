@@ -35,7 +35,7 @@ BEFORE = "the run before"
 """Label of the ghost that shows the run before the last reset."""
 TICK = 4e-3
 """Wall-clock time between two ticks of a run without topics, s. Shorter ticks would not help a user, whose hand moves more
-slowly, and would delay the run: each tick may have to wait until a thread that draws or sends releases Python's lock.
+slowly, and would delay the run, since each tick may have to wait until a thread that draws or sends releases Python's lock.
 """
 WAIT = 0.05
 """Time between two checks of whether the user wants another run, after a run has ended, s."""
@@ -67,8 +67,9 @@ class LiveView:
         companions: Sequence[Companion] = (),
         tell: TellUser = lambda text: None,
     ) -> None:
-        """plans: one for each variant; variant: of the first run; out: folder of the log, with a subfolder for each variant if
-        there are several; settings: of the live runs; companions: ghosts; tell: receives messages for the user.
+        """plans: a plan for each variant; variant: variant of the first run; out: folder of the log, with a subfolder for each
+        variant if there are several variants; settings: settings of the live runs; companions: ghosts; tell: function that
+        receives messages for the user.
         """
         self._page, self._plans, self._tell = page, {plan.scenario.variant: plan for plan in plans}, tell
         self._settings = replace(settings or Settings(), batch=FRAME)
@@ -84,11 +85,11 @@ class LiveView:
         self._episodes = 0
         """Number of runs so far."""
         self._numbers: Numbers = {}
-        """Values of the numbers that can be tuned, in the latest run."""
+        """Values in the latest run of the numbers that the user can tune."""
 
     def run(self, stop: Stop) -> RunSummary | None:
-        """Do runs until `stop` returns True; returns the summary of the last run. Raises an error that prevents the first run.
-        An error that prevents a later run is shown on the page, and the previous run starts again.
+        """Execute runs until `stop` returns True; returns the summary of the last run. Raises an error that prevents the first
+        run. An error that prevents a later run is shown on the page, and the previous run starts again.
         """
         with Painter(self._draw, self._page.lock) as painter:
             summary = self._runs(lambda: stop() or painter.error is not None)
@@ -105,7 +106,7 @@ class LiveView:
         summary: RunSummary | None = None
         desk: Desk | None = None
         last = self._wish
-        # Do not call `stop` before the first run is built: until the first call, Ctrl-C ends even a compilation at once.
+        # Do not call `stop` before the first run is built. Until the first call, Ctrl-C ends even a compilation at once.
         while desk is None or not stop():
             try:
                 session = self._session(self._wish)
@@ -133,7 +134,7 @@ class LiveView:
         folder = Path("out") / scenario.name / f"{scenario.variant}_view"
         if self._out is not None:
             folder = self._out / scenario.variant if len(self._plans) > 1 else self._out
-        # The first run may replace results in a folder that the user names. All other runs write into new folders, so that no
+        # The first run may replace results in a folder that the user names. All other runs write to new folders, so that no
         # results are lost.
         if self._out is None or self._episodes:
             folder = next(path for path in _numbered(folder) if not path.exists())
@@ -168,7 +169,7 @@ class LiveView:
         return desk
 
     def _ghost_of(self, variant: str) -> Companion:
-        """Ghost with the motion of a variant as its scenario states it, without what the user changes on the page."""
+        """Ghost with the motion of a variant as its scenario states it, without the user's changes on the page."""
         run = simulate(self._plans[variant])
         assert run.samples is not None
         robot, _ = drawable(run.robot, run.scenario.package_paths)
@@ -189,7 +190,7 @@ class LiveView:
     def _next(self, session: Session, desk: Desk) -> WantedRun:
         wish: Mapping[str, Any] = desk.wish or {}
         variant = str(wish.get("variant", self._wish.variant))
-        # Drop the tuned numbers if the variant changes, because another variant may have other parameters.
+        # Discard the tuned numbers if the variant changes, since another variant may have other parameters.
         tuned = wish.get("tuned", self._wish.tuned) if variant == self._wish.variant else {}
         return WantedRun(variant=variant, tuned=tuned, speed=session.pace.speed, paused=session.paused)
 
@@ -205,7 +206,7 @@ def _ends(desk: Desk, stop: Stop) -> bool:
 
 
 def live_subject(prepared: Prepared) -> Subject:
-    """Subject with the robot and world of a scenario, still without samples."""
+    """Subject with the robot and world of a scenario; it has no samples yet."""
     scenario, info = prepared.scenario, prepared.info
     robot, notes = drawable(prepared.robot, scenario.package_paths)
     scene = RenderScene(robot, scenario)

@@ -36,7 +36,7 @@ ROBOTS = (".urdf", ".xacro", ".xml")
 """Suffixes of robot files, by which a target is recognised as a robot."""
 SCENARIOS = (".yaml", ".yml")
 SLOWEST, FASTEST = 0.01, 100.0
-"""Range of the speed, in simulated seconds per wall-clock second."""
+"""Smallest and largest speed, in simulated seconds per wall-clock second."""
 HEIGHT = 640
 """Height of a page that a notebook displays, pixels."""
 
@@ -49,7 +49,7 @@ class Show(Protocol):
 
 
 class View:
-    """Open page; a context manager that closes the page. Notebooks display it."""
+    """Open page. It is a context manager, which closes the page. Notebooks display the page."""
 
     def __init__(self, server: PageServer, make: Callable[[Page], Show]) -> None:
         """make: function that puts content on a page, and returns this content."""
@@ -126,12 +126,12 @@ def view(
         beside: Logs of other runs, shown as ghosts.
         variant, overrides, plugins: As for `asrsim.run`. All variants can be chosen on the page.
         experiments: Recordings, shown as ghosts and as dashed curves.
-        lag: Alignment of the recordings' clock with that of the run, as for `asrsim plot --align`.
+        lag: Alignment of the recordings' clock with the run's clock, as for `asrsim plot --align`.
         speed: Simulated seconds per wall-clock second.
         port: Port of the page; 0: any free port.
         out: Folder for the log of a live run, with a subfolder for each of several variants; None:
             `out/<scenario>/<variant>_view`.
-        overwrite: Replace the results of another scenario or variant in this folder.
+        overwrite: Whether results of another scenario or variant in this folder are replaced.
 
     Returns: The page, whose content is shown by a separate thread until `close` is called.
 

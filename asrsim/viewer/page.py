@@ -25,7 +25,7 @@ FRAME = 1.0 / 30.0
 PLOT = 0.125
 """Time between two pictures of the plots, s."""
 MANY = 3
-"""Number of ghosts from which on all ghosts are hidden at first, and the first plots show one joint."""
+"""Smallest number of ghosts at which all ghosts are hidden at first, and at which the first plots show one joint."""
 PREPARING = (
     "The simulation is being prepared. After an installation, the first simulation is compiled, which may take half a minute."
 )
@@ -40,7 +40,7 @@ SAID = 3
 UP = (0.0, 0.0, 1.0)
 """Direction that is up on the page."""
 OWN = "their own"
-"""Name of the choice of colours with which links have their original colours."""
+"""Name of the choice in which links have their original colours."""
 BRAND = (0, 90, 140)
 """Colour of the page's controls."""
 
@@ -61,7 +61,7 @@ class Page:
         self.server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND, control_width="medium")
 
     def _make_room(self, client: Any) -> None:
-        """Move the robot up in a narrow window, where the controls stand below it."""
+        """Move the robot up in a narrow window, where the controls stand below the robot."""
         start, camera = self.server.initial_camera, client.camera
         if camera.image_width >= NARROW:
             return
@@ -92,7 +92,7 @@ class Page:
         return tabs
 
     def finish(self) -> None:
-        """Add the tab in which the user chooses what is shown. It follows the tabs that the caller has added."""
+        """Add the tab in which the user chooses what is shown. This tab follows the tabs that the caller has added."""
         with self.server.atomic():
             self._add_look(self._tabs)
 
@@ -125,7 +125,7 @@ class Page:
         return clock.perf_counter() - self._drawn >= FRAME
 
     def draw(self, samples: Samples, *, pull: Pull | None = None, time: float | None = None) -> None:
-        """Show the last of the samples in the scene, and plots that end at `time` in s; None: at the time of this sample."""
+        """Show the last sample in the scene, and plots that end at `time` in s; None: at the time of the last sample."""
         now = clock.perf_counter()
         self._drawn = now
         at = float(samples.time[-1]) if time is None else time
@@ -208,8 +208,8 @@ def on_click(button: Any, act: Callable[[], object]) -> None:
 
 
 def lines(number: int, content: str) -> str:
-    """HTML of a text that changes while a user works with the page. It is always as high as `number` lines, so that the
-    controls below it do not move; 0: it is as high as the text.
+    """HTML of a text that changes while a user works with the page. Its field is always as high as `number` lines, so that the
+    controls below the field do not move; 0: the field is as high as the text.
     """
     room = f"height: {number * LINE}px; overflow-y: auto; " if number else ""
     style = f"{room}padding: 0 12px; margin-bottom: 8px; font-size: 14px; line-height: {LINE}px; overflow-wrap: anywhere"

@@ -20,10 +20,11 @@ SHARE = 0.5
 
 
 class Painter:
-    """Calls a function at the page's rate of pictures, in a separate thread; a context manager that ends this thread."""
+    """Calls a function at the page's rate of pictures, in a separate thread. It is a context manager, which ends this
+    thread."""
 
     def __init__(self, draw: Callable[[], None], lock: AbstractContextManager[Any]) -> None:
-        """draw: draws a picture; lock: held while a picture is drawn."""
+        """draw: function that draws a picture; lock: lock that is held while a picture is drawn."""
         self._draw, self._lock, self._stopped = draw, lock, Event()
         self._thread = Thread(target=self._work, daemon=True)
         self.error: BaseException | None = None

@@ -63,7 +63,7 @@ class Player:
         self.time, self.playing = min(max(float(time), self.start), self.end), False
 
     def toggle(self) -> None:
-        """Pause, or continue; at the end, start from the beginning."""
+        """Pause or continue the playback; at the end of the samples, start from the beginning."""
         self.playing = not self.playing
         if self.playing and self.time >= self.end:
             self.time = self.start

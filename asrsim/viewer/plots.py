@@ -1,4 +1,4 @@
-"""Moving plots. They show quantities of joints, which the user chooses, over the last seconds, beside the same quantities of
+"""Moving plots. They show the quantities of joints that the user chooses, over the last seconds, beside the same quantities of
 other runs and recordings.
 """
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import viser
 
 COLOURS = ("#d55e00", "#0072b2", "#009e73", "#e69f00", "#b3599a", "#56b4e9", "#a39700", "#1a1a1a")
-"""Colours of the curves, one for each joint; further joints repeat them."""
+"""Colours of the curves, one for each joint; further joints repeat the colours."""
 POINTS = 600
 """Largest number of points of a curve. A plot is 180 pixels wide; with more than four points per pixel, uPlot would draw stairs
 of whole pixels.
@@ -32,17 +32,18 @@ ZERO = 1e-12
 MOST = 8
 """Number of joints above which the first plots show one joint."""
 LOOK: dict[str, Any] = {"width": 1.5, "pxAlign": 0}
-"""Style of a curve for uPlot: its width in pixels, and no rounding of its points to whole pixels, which would turn slopes into
-stairs.
+"""Style of a curve for uPlot. `width` is in pixels. `pxAlign` is 0, since rounding points to whole pixels would turn slopes
+into stairs.
 """
 DASHES = [6, 4]
 """Lengths of the dashes, and of the gaps between them, in the curves of other runs and recordings, pixels."""
 CHOICE = 1e9
-"""Rank of a plot's controls in their folder: so high that they stand below the plot, which is created after them."""
+"""Rank of a plot's controls in their folder. It is so high that the controls stand below the plot, although the plot is created
+later."""
 HEIGHT = 190
 """Height of a plot, pixels."""
 FIRST = ("link_position", "elastic_torque_1", "external_torque", "link_torque")
-"""Quantities for the first two plots: the first two of these quantities that the subject has."""
+"""Quantities for the first two plots. The plots show the first two of these quantities that the subject has."""
 
 
 class Plots:
@@ -63,7 +64,7 @@ class Plots:
             self.add(name)
 
     def add(self, quantity: str | None = None) -> None:
-        """Add a plot of a quantity; None: of the subject's first quantity."""
+        """Add a plot of a quantity; None: the subject's first quantity."""
         with self._container:
             folder = self._gui.add_folder(f"Plot {len(self.plots) + 1}")
         self.plots.append(Plot(self._gui, folder, self, quantity or self.subject.quantities()[0], self._first))
@@ -74,7 +75,8 @@ class Plots:
             plot.draw(now - float(self._window.value), now)
 
     def joints_of(self, quantity: str) -> tuple[JointInfo, ...]:
-        """Joints for which a quantity is recorded; if there are none, joints for which the quantity is computed from others."""
+        """Joints for which a quantity is recorded; if it is recorded for no joint, joints for which it is computed from other
+        quantities."""
         logged = [joint for joint in self.subject.joints if quantity in joint.quantities]
         return tuple(logged) or tuple(joint for joint in self.subject.joints if joint.motors)
 
@@ -125,12 +127,12 @@ class Plot:
                     stroke = colour if len(self._plots.companions) == 1 else _hex(GHOSTS[k % len(GHOSTS)])
                     name = f"{companion.label} {joint.name}" if len(joints) > 1 else companion.label
                     series.append({"label": name, "stroke": stroke, "dash": DASHES, **LOOK})
-        # Draw nothing for a single sample: it spans no time, so that the page could not scale the time axis.
+        # Draw nothing for a single sample, since the page could not scale the time axis.
         if len(time) > 1 and curves:
             self._show(quantity, joints, series, (time, *curves))
 
     def _show(self, quantity: str, joints: Sequence[JointInfo], series: list[dict[str, Any]], data: tuple[Array, ...]) -> None:
-        # Give curves that are zero an axis from -1 to 1: uPlot would give them an axis from 0 to 100.
+        # Give curves that are always 0 an axis from -1 to 1, since uPlot would give them an axis from 0 to 100.
         zero = not any(np.any(np.abs(curve[np.isfinite(curve)]) > ZERO) for curve in data[1:])
         shown = (quantity, zero, *(one["label"] for one in series))
         if shown == self._shown and self._plot is not None:
@@ -143,8 +145,8 @@ class Plot:
         axes: Any = ({"size": 30, "font": "11px sans-serif"}, axis)
         lines: Any = tuple(series)
         scales: Any = {"x": {"time": False}, **({"y": {"range": (-1.0, 1.0)}} if zero else {})}
-        # Create the plot anew. If only its curves were replaced, it would show a wrong range of time: viser keeps the fraction
-        # of the time axis that is shown, and assumes that the time of new curves ends at 1 s.
+        # Create a new plot. If only the curves were replaced, the plot would show a wrong range of time, since viser keeps the
+        # visible fraction of the time axis and assumes that the time of new curves ends at 1 s.
         if self._plot is not None:
             self._plot.remove()
         with self._folder:

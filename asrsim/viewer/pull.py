@@ -14,7 +14,7 @@ from asrsim.samples import Array, HeldWrench
 from asrsim.viewer.stage import Pull
 
 SPRING, LIMIT = 50.0, 20.0
-"""Stiffness (N/m) and largest force (N) of the spring until the user changes them."""
+"""SPRING: stiffness of the spring, N/m; LIMIT: largest force of the spring, N. The user can change the two values."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,8 @@ class Grip:
     def pull(self, place: Array, stiffness: float, limit: float) -> Pull:
         """Pull of the spring on the held point.
 
-        place: position of the held point in the world (3,), m; stiffness: of the spring, N/m; limit: largest force, N.
+        place: position of the held point in the world (3,), m; stiffness: stiffness of the spring, N/m; limit: largest force of
+        the spring, N.
         """
         force = stiffness * (self.target - place)
         size = float(np.linalg.norm(force))
@@ -48,7 +49,8 @@ class Grip:
     def torques(self, model: RobotModel, positions: Array, stiffness: float, limit: float) -> tuple[Array, Pull]:
         """Torques (n,) in N m (N) on the model's joints with the same effect as the spring's pull on the link, and the pull.
 
-        positions: of the model's joints (n,), rad (m); stiffness: of the spring, N/m; limit: largest force, N.
+        positions: positions (n,) of the model's joints, rad (m); stiffness: stiffness of the spring, N/m; limit: largest force
+        of the spring, N.
         """
         place, _ = model.pose(positions, self.body, self.point)
         pull = self.pull(place, stiffness, limit)
@@ -57,7 +59,8 @@ class Grip:
     def wrench(self, frame: Array, stiffness: float, limit: float) -> tuple[HeldWrench, Pull]:
         """Wrench on the body that has the same effect as the spring's pull, and the pull.
 
-        frame: frame (4, 4) of the body in the world; stiffness: of the spring, N/m; limit: largest force, N.
+        frame: frame (4, 4) of the body in the world; stiffness: stiffness of the spring, N/m; limit: largest force of the
+        spring, N.
         """
         pull = self.pull(frame[:3, 3] + frame[:3, :3] @ np.array(self.point), stiffness, limit)
         x, y, z = pull.force.tolist()
@@ -65,5 +68,5 @@ class Grip:
 
 
 def torques_by_joint(model: RobotModel, torques: Array) -> Mapping[str, float]:
-    """Torques (n,), which are in the order of the model's joints, by name of the joint."""
+    """Torques by name of the joint. torques: torques (n,) in the order of the model's joints."""
     return dict(zip(model.joints, torques.tolist(), strict=True))

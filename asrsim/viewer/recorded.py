@@ -1,5 +1,5 @@
-"""Shows a recording beside the subject of a page: the recorded robot as a ghost, and its curves in the plots. The recording's
-clock is aligned with the run's clock as by `asrsim plot`.
+"""Shows a recording beside the subject of a page: the recorded robot as a ghost, and the recorded curves in the plots. The
+recording's clock is aligned with the run's clock, as in `asrsim plot`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ def recorded(
     """Recording as a companion of a run.
 
     Args:
-        path: The recording.
+        path: Path of the recording.
         info: Description of the run.
         read: Function (quantities, joints) that returns samples of the run.
         lag: As for `asrsim plot --align`; `auto` uses the lag that a claim of the run states, if there is such a claim.
-        mapping, rate: As for `asrsim.recordings.read_recording`; without both, those that a claim of the run states.
+        mapping, rate: As for `asrsim.recordings.read_recording`; if neither is given, the values that a claim of the run
+            states.
 
     Raises:
         RecordingError: The recording and the run have no common joint or quantity, or do not overlap in time.

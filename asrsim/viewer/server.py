@@ -21,7 +21,8 @@ if TYPE_CHECKING:
 
 
 class PageServer:
-    """Server of a page at an address of this machine; a context manager that ends it even if browsers are still connected."""
+    """Server of a page at an address of this machine. It is a context manager, which ends the server even if browsers are still
+    connected."""
 
     def __init__(self, port: int, *, tell: Callable[[str], None] = lambda text: None) -> None:
         """port: port of the page; 0: any free port. tell: receives a message for each origin that was refused. Raises
@@ -42,11 +43,11 @@ class PageServer:
         except OSError as error:
             message = f"a page at 127.0.0.1:{port} cannot be opened: {error.strerror or error}"
             raise InputError(message, hint="Choose another --port, or 0 for any", code="port") from error
-        # viser's server listens at a random local address, so that foreign web pages cannot find it and evade the proxy.
+        # Let viser's server listen at a random local address, so that foreign web pages cannot find it and bypass the proxy.
         behind = "127.0.0.1"
         if sys.platform == "linux":
             behind = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
-        # Hide the address that viser prints: it is that of viser's server, and the page has the address of the proxy.
+        # Hide the address that viser prints. It belongs to viser's server, but the page has the address of the proxy.
         with redirect_stdout(io.StringIO()):
             self.viser: viser.ViserServer = Local(host=behind, port=0, label="asrsim", verbose=False)
         self._proxy.start(behind, self.viser.get_port())

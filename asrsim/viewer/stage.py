@@ -21,11 +21,12 @@ if TYPE_CHECKING:
     import viser
 
 EQUILIBRIUM: Rgb = (0, 114, 178)
-"""Colour of the ghost at the equilibrium, which has the same colour in the plots."""
+"""Colour of the ghost at the equilibrium. The equilibrium has the same colour in the plots."""
 GHOSTS: tuple[Rgb, ...] = ((26, 26, 26), (0, 158, 115), (179, 89, 154), (230, 159, 0), (86, 180, 233))
-"""Colours of the ghosts of companions, and of their curves."""
+"""Colours of the ghosts and of the curves of companions."""
 ROOM = 1.9
-"""Size of the camera's first view, as a multiple of the size of the robot's motion: panels cover the edges of the view."""
+"""Size of the camera's first view, as a multiple of the size of the robot's motion. It is larger than 1, since panels cover the
+edges of the view."""
 POSES = 12
 """Number of poses, evenly spread over a known motion, that the camera's first view contains."""
 FAINT = 0.25
@@ -37,7 +38,7 @@ APART = 0.02
 would cover it.
 """
 FORCE, TORQUE, PULL = (194, 24, 91), (86, 180, 233), (213, 94, 0)
-"""Colours of contact forces, external torques and pulls."""
+"""FORCE: colour of contact forces; TORQUE: colour of external torques; PULL: colour of pulls."""
 LONGEST = 0.5
 """Length of the longest arrow, as a fraction of the robot's size."""
 TRACE = 5.0
@@ -50,7 +51,7 @@ LEAST = 1e-6
 
 @dataclass
 class Look:
-    """Which parts of the scene the user has chosen to see."""
+    """Parts of the scene that the user has chosen to see."""
 
     equilibrium: bool = True
     forces: bool = True
@@ -97,7 +98,7 @@ class ViewerStage:
         """Place the camera and the ground; returns the size of the robot, m."""
         scene, server = self.subject.scene, self._server
         history = self.subject.history
-        # Let the camera's view contain the whole motion, if the motion is known.
+        # If the motion is known, choose a view that contains the complete motion.
         poses = [one for time in np.linspace(*history.span, POSES) if (one := history.at(float(time))) is not None]
         placed = [frames_of(scene, pose) for pose in poses] or [scene.frames({}, {})]
         frames = placed[-1]
@@ -110,7 +111,7 @@ class ViewerStage:
         start.fov = math.radians(1.3 * camera.field)
         server.scene.set_up_direction("+z")
         cell = 10.0 ** math.floor(math.log10(max(size, 1e-6)) - 0.3)
-        # Draw a grid also without a ground, to show scale and direction; it is then fainter and has no shadows.
+        # Draw a grid even if there is no ground, since it shows scale and direction. It is then fainter and has no shadows.
         level, shadow, fine, coarse = scene.ground, 0.2, 200, 140
         if level is None:
             level, shadow, fine, coarse = float(cloud[:, 2].min()), 0.0, 232, 210
@@ -147,7 +148,7 @@ class ViewerStage:
     # -- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self, samples: Samples, *, pull: Pull | None = None) -> None:
-        """Show robot, ghosts, forces and the pull at the time of the last of the samples."""
+        """Show robot, ghosts, forces and the pull at the time of the last sample."""
         time, look = float(samples.time[-1]), self.look
         frames = self.figure.place(samples)
         error = values_of(samples, "position_error", self.subject.joints)
@@ -215,8 +216,8 @@ class ViewerStage:
         ]
 
     def _draw_forces(self, name: str, forces: Sequence[tuple[Array, Array]], colour: Rgb) -> None:
-        """Draw forces or torques at their points. Their lengths are relative to the largest one so far, since a force has no
-        natural length in the scene. forces: point and vector of each, (3,).
+        """Draw forces or torques at their points. The lengths of the arrows are relative to the largest force or torque so far,
+        since a force has no natural length in the scene. forces: point (3,) and vector (3,) of each force or torque.
         """
         shown = [(point, vector) for point, vector in forces if np.linalg.norm(vector) > LEAST]
         sizes = [float(np.linalg.norm(vector)) for _, vector in shown]
@@ -243,7 +244,7 @@ class ViewerStage:
         self._arrows[name].visible = bool(len(points))
 
     def _draw_pull(self, pull: Pull | None) -> None:
-        """Draw the spring of a pull as an arrow, and write its force beside it; None: hide both."""
+        """Draw the spring of a pull as an arrow, and write the force beside the arrow; None: hide the arrow and the text."""
         self._draw_arrows("pull", [] if pull is None else [(pull.point, pull.target)], PULL)
         if pull is None:
             if self._label is not None:
@@ -283,6 +284,7 @@ class ViewerStage:
 
 
 def _cloud(scene: RenderScene, frames: Mapping[str, Array]) -> Array:
-    """Corners (n, 3) in the world of the boxes around all parts of the scene, m; two corners of a cube of 1 m without parts."""
+    """Corners (n, 3) in the world of the boxes around all parts of the scene, m; if the scene has no parts, two corners of a
+    cube of 1 m."""
     boxes = [part.mesh.bounding_box.vertices @ frames[part.body][:3, :3].T + frames[part.body][:3, 3] for part in scene.parts]
     return np.concatenate(boxes) if boxes else np.array([[-0.5, -0.5, 0.0], [0.5, 0.5, 1.0]])

@@ -39,8 +39,8 @@ class Subject:
 
 @dataclass(frozen=True, kw_only=True)
 class Companion:
-    """A second motion, shown beside the motion of the subject: that of another run or variant, or of a recording. Its robot is
-    a ghost, and its curves are dashed.
+    """A second motion that is shown beside the motion of the subject. It is the motion of another run, of another variant, or
+    of a recording. Its robot is a ghost, and its curves are dashed.
     """
 
     label: str
@@ -49,7 +49,7 @@ class Companion:
     are on the subject's clock.
     """
     history: History | None = None
-    """Motion of the ghost; None if the companion has no positions, and thus no ghost."""
+    """Motion of the ghost; None if the companion has no positions and therefore no ghost."""
     scene: RenderScene | None = None
     """Robot of the ghost; None: the robot of the subject."""
     shown: bool = True

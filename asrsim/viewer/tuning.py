@@ -50,7 +50,8 @@ def unit_of_number(prepared: Prepared, joint: Any, name: Any) -> str:
 
 
 def tuned(plan: Plan, numbers: Numbers) -> Plan:
-    """Plan in which these numbers, given by joint and name, have new values. The log of its run contains the new values.
+    """Plan in which these numbers, given by joint and name, have new values. The log of a run of this plan contains the new
+    values.
 
     Parameters of actuators are set in the scenario; numbers of joints are changed in the text of the robot's file. Raises
     RobotError and ScenarioError.
@@ -69,7 +70,7 @@ def tuned(plan: Plan, numbers: Numbers) -> Plan:
 
 
 def _edited(robot: Robot, changes: Numbers) -> Robot:
-    """Robot in whose text these numbers of joints have new values."""
+    """Robot whose text contains new values of these numbers of joints."""
     with TemporaryDirectory(prefix="asrsim-view-") as folder:
         path = Path(folder) / "robot.urdf"
         path.write_bytes(edited_urdf(robot.text.encode(), robot, changes))

@@ -50,7 +50,8 @@ class TwinPage:
         page.say("Waiting for positions.")
 
     def note(self, time: float, positions: Array, found: TwinStep) -> None:
-        """Add a step of the twin at a time in s, with measured positions (n,). Draws a picture if it is time for one."""
+        """Add a step of the twin at a time in s, with measured positions (n,). Draws a picture if it is time for the next
+        picture."""
         self._rows.append((time, positions.copy(), found.external_torque, found.stiffness))
         if not self._page.due():
             return
@@ -84,8 +85,8 @@ class FollowView(TwinPage):
     """Page with a twin that follows a recording. Torques are shown while they are computed, and are then played back."""
 
     def __init__(self, page: Page, prepared: Prepared, work: Callable[..., Followed], done: Callable[[Followed], None]) -> None:
-        """work: function that follows the recording; it gets the arguments `watch` and `stop` of
-        `asrsim.twin.follow.follow_recording`. done: called with the result before the result is played back.
+        """work: function that follows the recording; the function gets the arguments `watch` and `stop` of
+        `asrsim.twin.follow.follow_recording`. done: function that is called with the result, before the result is played back.
         """
         super().__init__(page, prepared)
         self._work, self._done = work, done

@@ -22,7 +22,7 @@ def warp_available() -> bool:
 
 
 def loaded_warp() -> Any:
-    """The module `warp`, set up so that it prints no messages of its own. Raises InputError where Warp is not installed."""
+    """The module `warp`, set up so that it prints no messages of its own. Raises InputError if Warp is not installed."""
     wp: Any = library("warp", "warp")
     wp.config.log_level = wp.LOG_WARNING
     wp.init()
@@ -35,7 +35,7 @@ class WarpProgram:
     """
 
     def __init__(self, calls: Mapping[Any, Call] | None = None) -> None:
-        """calls: by function, how its calls are translated; the source of these functions is not translated."""
+        """calls: translation of the calls of some functions, by function; the source of these functions is not translated."""
         self._calls = dict(calls or {})
         self._done: dict[Any, tuple[str, Any]] = {}
         """Name in Warp and type of the result of each translated function, by Python function and types of its arguments."""
@@ -63,8 +63,8 @@ class WarpProgram:
             return found
         if not isinstance(function, types.FunctionType):
             raise TranslationError(f"`{getattr(function, '__name__', function)}` has no counterpart in Warp")
-        # Each type of the arguments needs its own translation: the type of a row contains the number of its values, which the
-        # called function may use.
+        # Translate the function for each combination of argument types. The type of a row contains the number of its values,
+        # which the function may use.
         name, returned = self.function(function, [one.kind for one in given])
         return Value(returned, f"{name}({', '.join(text for one in given for text in one.arguments)})")
 
@@ -94,20 +94,20 @@ class WarpProgram:
         return "\n\n".join(["import warp as wp", *self._texts]) + "\n"
 
     def load(self) -> types.ModuleType:
-        """The loaded Warp module, with its functions and kernels. Raises InputError where Warp is not installed."""
+        """The loaded Warp module, with its functions and kernels. Raises InputError if Warp is not installed."""
         return module_of(self.text)
 
 
 @cache
 def module_of(text: str) -> types.ModuleType:
-    """Loaded Warp module with this source. Raises InputError where Warp is not installed."""
+    """Loaded Warp module with this source. Raises InputError if Warp is not installed."""
     wp = loaded_warp()
     name = f"asrsim_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     module, file = types.ModuleType(name), f"<{name}>"
     # Warp reads the source of its functions by the name of their file, so give it the text under this name.
     linecache.cache[file] = len(text), None, text.splitlines(keepends=True), file
     module.__file__ = file
-    # Warp need not generate derivatives of the kernels, which would double the time of their compilation.
+    # Do not let Warp generate derivatives of the kernels, which would double the time of compilation.
     wp.get_module(name).options["enable_backward"] = False
     exec(compile(text, file, "exec"), module.__dict__)
     return module

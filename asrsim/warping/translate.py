@@ -60,7 +60,8 @@ class Translation:
     def __init__(
         self, function: Any, name: str, kinds: Sequence[Any], call: Callable[[Any, Translation, list[Value]], Value]
     ) -> None:
-        """name: name of the function in Warp; kinds: types of its arguments; call: translates its calls of other functions."""
+        """name: name of the function in Warp; kinds: types of its arguments; call: function that translates the calls of other
+        functions."""
         self._function, self._call = function, call
         self._tree = source_of(function)
         self._names: dict[str, Any] = {}
@@ -152,7 +153,7 @@ class Translation:
             return
         found = self.value(node.value)
         if found.text and isinstance(node.value, ast.Call):
-            # Assign the result to a new name, because Warp does not accept a call whose result is dropped.
+            # Assign the result to a new name, since Warp does not accept a call whose result is not used.
             self.line(found.text if found.kind is None else f"{self.fresh()} = {found.text}")
 
     def _do_pass(self, node: ast.Pass) -> None:
@@ -177,7 +178,8 @@ class Translation:
     def _do_assign(self, node: ast.Assign) -> None:
         found = self.value(node.value)
         if len(node.targets) > 1 or isinstance(node.targets[0], ast.Tuple):
-            # Compute all values before the first is stored, as Python does: a value may contain a variable that is assigned.
+            # Compute all values before the first one is stored, as in Python, since a value may contain a variable that is
+            # assigned.
             found = self._stored(found, fresh=True)
         for target in node.targets:
             self._store(target, found)
@@ -239,8 +241,8 @@ class Translation:
         else:
             kind = self._names[name] = joined(self._names.get(name), found.kind)
         text = number_as(found, kind).text
-        # Convert the value to its type: Warp treats a variable that is assigned a plain constant or another variable as a value
-        # that never changes.
+        # Convert the value to its type. If a constant or another variable were assigned directly, Warp would assume that the
+        # variable never changes.
         self.line(f"{name} = {text if kind == BOOL else f'{kind.name}({text})'}")
         return Value(kind, name)
 
@@ -277,7 +279,7 @@ class Translation:
         found = self.value(steps)
         if not isinstance(found.kind, Group):
             raise TranslationError("loops run over `range` or over a tuple")
-        # Repeat the body of the loop for each item of the tuple, because Warp has no loop over a tuple.
+        # Repeat the body of the loop for each item of the tuple, since Warp has no loops over tuples.
         for item in found.items:
             self._store(node.target, item)
             self._block(node.body)
@@ -319,7 +321,7 @@ class Translation:
 
     @staticmethod
     def _known(found: Any) -> Value:
-        # Keep a named tuple as it is, because its numbers are taken by their names.
+        # Keep a named tuple unchanged, since its numbers are accessed by their names.
         if callable(found) or isinstance(found, types.ModuleType) or hasattr(found, "_fields"):
             return Value(None, known=found)
         return constant(found)

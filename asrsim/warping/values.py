@@ -35,7 +35,7 @@ ORDER = {BOOL: 0, INT: 1, FLOAT: 2}
 @dataclass(frozen=True)
 class Row:
     """Type of a row of numbers in a table. In Warp, a row is an array and the index at which the row begins in this array.
-    size: how many numbers the row has, if that is known; record: class of the record whose numbers the row contains
+    size: number of numbers in the row, if it is known; record: class of the record whose numbers the row contains
     (`asrsim.records`)."""
 
     number: NumberType
@@ -57,9 +57,9 @@ class Group:
 
 @dataclass(frozen=True)
 class Value:
-    """A value in translated code. kind: its type; text: its expression in Warp, or for a row the name of its array; at:
-    expression of the index at which a row begins; items: values in a tuple; known: a constant or function whose value is known
-    without running the code."""
+    """A value in translated code. kind: type of the value; text: expression of the value in Warp, or for a row the name of the
+    array; at: expression of the index at which a row begins; items: values in a tuple; known: a constant or function whose
+    value is known without running the code."""
 
     kind: Any
     text: str = ""

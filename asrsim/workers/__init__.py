@@ -20,7 +20,7 @@ from asrsim.errors import SimulationError
 from asrsim.progress import Stop
 
 DEATHS = 3
-"""Number of worker crashes while a single item was computed after which this item is given up as lost."""
+"""Number of worker crashes in computations of a single item, after which this item counts as lost."""
 MOST = 500
 """Largest number of items in a piece of work."""
 GRACE = 10.0
@@ -37,15 +37,15 @@ Numbered = list[tuple[int, Any]]
 
 
 class Lost:
-    """Stands for the result of an item that crashed its worker repeatedly."""
+    """Result of an item that crashed its worker repeatedly."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
 
 
 class Pool(ABC):
-    """Workers that a library manages; a context manager that ends all workers on exit. A worker receives a piece of work, which
-    contains several items, and returns the results of all items together.
+    """Workers that a library manages. A pool is a context manager, which ends all workers on exit. A worker receives a piece of
+    work, which contains several items, and returns the results of all items together.
     """
 
     died: tuple[type[Exception], ...] = ()
@@ -53,7 +53,8 @@ class Pool(ABC):
     again: tuple[type[Exception], ...] = ()
     """Exceptions that the library raises if a piece is lost without a fault of its items and must be submitted again."""
     piece = 0.5
-    """Intended duration of a piece of work, s: longer pieces need fewer messages, shorter ones keep workers busy at the end."""
+    """Intended duration of a piece of work, s. Longer pieces need fewer messages; shorter pieces keep workers busy at the
+    end."""
 
     def __init__(self, plugins: Iterable[Path]) -> None:
         """plugins: files with users' actuators, which workers load first."""
@@ -150,7 +151,8 @@ def one_thread() -> AbstractContextManager[object]:
     """
     from threadpoolctl import threadpool_limits
 
-    # SciPy has a BLAS library of its own, whose threads can be limited only after it is loaded.
+    # Import SciPy's linear algebra first. SciPy has a separate BLAS library, whose threads can be limited only after it is
+    # loaded.
     import_module("scipy.linalg")
     limits: AbstractContextManager[object] = threadpool_limits(1)
     return limits

@@ -17,8 +17,9 @@ from asrsim.workers import Numbered, Pool, Work, do_items
 PATIENCE = 10.0
 """Time in which a scheduler and its first worker must answer, s."""
 PIECE, SHARE = 2.0, 0.01
-"""Smallest intended duration of a piece of work, s, and intended duration per worker thread, s; the longer of both applies.
-Scheduler and client need about 4 ms for each piece, also with a thousand threads: with short pieces, threads would wait.
+"""PIECE: smallest intended duration of a piece of work, s; SHARE: intended duration per worker thread, s. The longer of the two
+durations applies. Scheduler and client need about 4 ms for each piece, also with a thousand threads, so that threads would wait
+with short pieces.
 """
 AHEAD = 3
 """Largest number of pieces in progress per worker thread. The limit bounds the memory of scheduler and client."""
@@ -81,7 +82,7 @@ class Cluster(Pool):
             raise SimulationError(f"rows would differ between machines: {listed(faults, 5, '; ')}")
 
     def slots(self, sent: bytes) -> int:
-        """Implements `Pool.slots`."""
+        """Number of pieces that may be in progress; see `Pool.slots`."""
         threads = sum(self._client.nthreads().values())
         self.piece = max(PIECE, SHARE * threads)
         if self._data is None and threads:
@@ -90,20 +91,21 @@ class Cluster(Pool):
         return 0 if self._data is None else AHEAD * threads
 
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """Implements `Pool.submit`."""
+        """Submit a piece of work; see `Pool.submit`."""
         return self._client.submit(do_items, self._data, items, pure=False, retries=0)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Implements `Pool.abandon`."""
+        """Cancel pieces of work; see `Pool.abandon`."""
         with suppress(Exception):
             self._client.cancel(list(futures))
 
     def renew(self) -> None:
-        """Implements `Pool.renew`. If all workers that hold a piece or the task are lost, the scheduler cancels the piece."""
+        """Send the task again; see `Pool.renew`. If all workers that hold a piece or the task are lost, the scheduler cancels
+        the piece."""
         self._data = None
 
     def results(self, task: Work, items: Sequence[Any], *, stop: Stop | None = None) -> Iterator[Numbered]:
-        """Implements `Pool.results`."""
+        """Results of the items; see `Pool.results`."""
         self._data = None
         try:
             yield from super().results(task, items, stop=stop)

@@ -35,11 +35,11 @@ class Processes(Pool):
             self._pool = None
 
     def slots(self, sent: bytes) -> int:
-        """Implements `Pool.slots`."""
+        """Number of pieces that may be in progress; see `Pool.slots`."""
         return 2 * self._count
 
     def submit(self, sent: bytes, items: Sequence[Any]) -> Any:
-        """Implements `Pool.submit`."""
+        """Submit a piece of work; see `Pool.submit`."""
         if self._pool is not None:
             with suppress(BrokenProcessPool):
                 return self._pool.submit(do_items, sent, items)
@@ -47,15 +47,15 @@ class Processes(Pool):
         environment: dict[str, str] = {}
         use_one_thread(environment)
         environment = {name: os.environ.get(name, value) for name, value in environment.items()}
-        # loky replaces a process that grows by 300 MB, and warns of a leak. Hide this warning: our processes grow because they
-        # keep prepared simulation worlds.
+        # loky replaces a process that grows by 300 MB, and warns about a memory leak. Hide this warning, since our processes
+        # grow because they keep prepared simulation worlds.
         warnings.filterwarnings("ignore", "A worker was restarted", UserWarning, r"loky\.")
         self._pool = ProcessPoolExecutor(self._count, initializer=_begin, initargs=(os.getpid(),), env=environment)
         with _ignoring_interrupts():
             return self._pool.submit(do_items, sent, items)
 
     def abandon(self, futures: Sequence[Any]) -> None:
-        """Implements `Pool.abandon`."""
+        """Cancel pieces of work; see `Pool.abandon`."""
         if futures:
             self.__exit__()
 

@@ -17,6 +17,7 @@ class PendulumEngine(EquationEngine):
     """Engine for the pendulum. The base class computes the step with friction, stops and damping of the joint."""
 
     version = "pendulum 1"
+    takes_weightless = True  # gravity does not act on `link.weightless`
 
     def __init__(self, scenario, robot):
         super().__init__(scenario, robot)
@@ -30,8 +31,10 @@ class PendulumEngine(EquationEngine):
         arm = np.cross(axis, centre)
         self.inertia = axis @ inertia_tensor(link) @ axis + link.mass * arm @ arm
         # Gravity torques at 0 and at a right angle.
-        weight = link.mass * stand.T @ np.array(scenario.gravity)
-        self.torques = -weight @ arm, -weight @ np.cross(axis, arm)
+        supported, place = link.weightless
+        moment = np.cross(axis, link.mass * centre - supported * np.array(place))
+        gravity = stand.T @ np.array(scenario.gravity)
+        self.torques = -gravity @ moment, -gravity @ np.cross(axis, moment)
 
     def mass_matrix(self, positions):
         return [[self.inertia]]

@@ -138,7 +138,7 @@ def test_cross_check_needs_a_second_engine_but_certify_does_not(monkeypatch):
     with pytest.raises(SimulationError, match="no other engine to compare 'bullet' with"):
         asrsim.run(scenario, cross_check=True)
     assert not asrsim.run(scenario, certify=True).summary.cross_check
-    with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; here are: bullet"):
+    with pytest.raises(SimulationError, match="needs 'no_such_module_here', which is not installed; installed engines: bullet"):
         asrsim.run(replace(scenario, engine="mujoco"))
 
 

@@ -192,3 +192,23 @@ def test_energy_residual_falls_with_the_square_of_the_step(actuator, mode):
     assert losses[-1] > 1e-4
     for coarse, fine in pairwise(residuals):
         assert np.log2(coarse / fine) > 1.8
+
+
+@pytest.mark.parametrize("after", [0.1, 1.0, -1.0])
+def test_the_work_of_a_controlled_link_is_the_change_of_its_kinetic_energy(after):
+    """The link moves at the start. Its controller brakes it, and is at the effort limit after some jumps of the reference."""
+    limits = '<limit lower="-3" upper="3" effort="0.5" velocity="100"/>'
+    result = run(
+        chain(replace(BODY, actuator="sea", limits=limits, damping=0.0)),
+        mode=1,
+        gravity=0.0,
+        duration=0.03,
+        step=1e-3,
+        substeps=1,
+        compiled=False,
+        references={"link_position": Step(at=0.0103, after=after)},
+        initial_velocities={"joint_1": 2.0},
+    )
+    inertia = 2e-3 + 0.4 * 0.05**2
+    kinetic = 0.5 * inertia * column(result, "link_velocity") ** 2
+    np.testing.assert_allclose(column(result, "link_work"), kinetic - kinetic[0], rtol=0.0, atol=2e-5)

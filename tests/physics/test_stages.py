@@ -379,7 +379,7 @@ def test_a_part_between_motor_and_ground_is_of_second_order_and_loses_nothing(ri
 def test_the_part_between_motor_and_ground_passes_its_checks_and_wrong_bounds_do_not(ripple):
     assert check_stage(ripple).passed
     weak = type("Weak", (ripple,), {"ground_stiffness_bound": staticmethod(lambda own: 0.5 * own.level * own.rate)})
-    assert [check.name for check in check_stage(weak).checks if not check.passed] == ["stiffness"]
+    assert [check.name for check in check_stage(weak).checks if not check.passed] == ["ground stiffness"]
     free = type("Free", (ripple,), {"energy": staticmethod(lambda memory, own: 0.0)})
     assert [check.name for check in check_stage(free).checks if not check.passed] == ["energy"]
 

@@ -14,8 +14,9 @@ from support.paths import EXAMPLES
 from validation.models import INSTALLED
 
 
+@pytest.mark.parametrize("weightless", [[], ["link_1"]], ids=["heavy", "weightless"])
 @pytest.mark.parametrize("compiled", [False, True])
-def test_the_example_engine_moves_as_the_other_engines_do(compiled):
+def test_the_example_engine_moves_as_the_other_engines_do(compiled, weightless):
     """One joint under gravity in all directions, also about its axis."""
     runpy.run_path(str(EXAMPLES / "plugins" / "pendulum_engine.py"))
     ends = []
@@ -26,6 +27,7 @@ def test_the_example_engine_moves_as_the_other_engines_do(compiled):
             duration=0.4,
             modes={"*": 6},
             gravity=[3.0, 5.0, -7.0],
+            weightless=weightless,
             references={"*": {"equilibrium_position": 0.7}},
             compiled=compiled,
         )

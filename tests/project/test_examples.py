@@ -31,7 +31,7 @@ def test_robots_load_without_warnings(path):
     plain = ["no-actuators"] if path.stem == "plain_arm" else []
     assert [warning.code for warning in warnings_of(robot)] == plain
     assert usable_shapes(robot, visuals=True)[1] == ()
-    assert "where they come from" in path.read_text()
+    assert "and their sources" in path.read_text()
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)

@@ -3,17 +3,19 @@
 import json
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from asrsim import prepare
+from asrsim import make_scenario, prepare, run
 from asrsim.actuators.stages import STAGES
 from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
 from asrsim.metrics import MEASURES, Measure, measure
+from asrsim.metrics.asked import asked_measures
 from asrsim.metrics.expect import check_expectation
 from asrsim.plots.curves import read_curves
 from asrsim.plots.figures import run_pages
@@ -21,10 +23,12 @@ from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import STEPPINGS, Stepping
 from asrsim.runs.rerun import rerun
+from asrsim.scenario import names
 from asrsim.scenario.data import Expectation
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import EXAMPLES, ROOT
+from support.tiny import PENDULUM
 from validation.models import INSTALLED
 
 
@@ -469,7 +473,7 @@ ARM = EXAMPLES / "scenarios" / "step_1dof_sea.yaml"
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"lambda scenario, robot: (PendulumEngine(scenario, robot), ())": "PendulumEngine"}, "mine.py:21)"),
+        ({"lambda scenario, robot: (PendulumEngine(scenario, robot), ())": "PendulumEngine"}, "mine.py:22)"),
         ({"(PendulumEngine(scenario, robot), ())": "PendulumEngine(scenario, robot)"}, "must return an engine and a tuple"),
         ({'version = "pendulum 1"': "pass"}, "must have the member `version`; PendulumEngine lacks it"),
         ({"def bias": "def torque"}, "abstract method"),
@@ -509,6 +513,17 @@ def test_the_keys_of_the_page_are_keys_of_a_document():
             assert isinstance(eval(re.sub(r"(\w+=)(?=[,)])", r"\g<1>None", kind), names), kinds.Kind)
 
 
+def test_a_map_of_joints_takes_joints_with_actuators_unless_its_key_is_listed(monkeypatch):
+    """The page says which joints a key of one's own may name, and where this is changed."""
+    scenario = make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", duration=0.1, actuators={"shoulder": "sea"})
+    robot = prepare(scenario).robot
+    for joint, found in (("shoulder", []), ("elbow", ["the robot has no actuated joint 'elbow'"])):
+        own = replace(scenario, named=((("padding", joint), joint, "joint"),))
+        assert [problem.message for problem in names.unknown_names(own, robot)] == found
+    monkeypatch.setattr(names, "MOVING", (*names.MOVING, "padding"))
+    assert not [*names.unknown_names(own, robot)]
+
+
 def test_the_quantity_of_the_page_is_logged_plotted_and_claimed(own, tiny, asrsim_command):
     plugin = own("stages.md", "Log a quantity of your own")
     assert asrsim_command("check", "--stage", "meter", "--plugin", plugin).code == 0
@@ -532,7 +547,7 @@ from asrsim.exports import PROGRAMS, Program
 class Mine(Program):
     name, title = "mine", "Mine"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         return WRITTEN
 
     def positions(self, path, model, start, controls, torques):
@@ -544,7 +559,12 @@ PROGRAMS.add("mine", Mine)
 
 @pytest.mark.parametrize(
     ("written", "rows", "said"),
-    [("None", "None", r"`write` must return the list .*mine\.py:8\)"), ("[]", "5", r"`positions` must return .*mine\.py:11\)")],
+    [
+        ("None", "None", r"`write` must return the list .*mine\.py:8\)"),
+        ("[path.with_suffix('.gone')]", "None", r"`write` must return .*there is no file .*mine\.gone \(.*mine\.py:8\)"),
+        ("remarks.append(3) or []", "None", r"`write` must add texts to `remarks`; it adds 3 .*mine\.py:8\)"),
+        ("[]", "5", r"`positions` must return .*mine\.py:11\)"),
+    ],
 )
 def test_results_that_a_program_must_not_return_are_named(written, rows, said, tiny, asrsim_command):
     (tiny.folder / "mine.py").write_text(EXPORTING.replace("WRITTEN", written).replace("ROWS", rows))
@@ -553,6 +573,7 @@ def test_results_that_a_program_must_not_return_are_named(written, rows, said, t
     )
     assert done.code == 1
     assert re.search(said, done.err), done.err
+    assert (tiny.folder / "mine.xml").exists() is ("positions" in said), "an unfinished export leaves no model"
 
 
 TABLE = """
@@ -561,12 +582,14 @@ from asrsim.exports import PROGRAMS, Program
 class Table(Program):
     name, title = "table", "a table of joints"
 
-    def write(self, path, prepared, timestep, ranges):
+    def write(self, path, prepared, timestep, ranges, remarks):
         lines = [f"{prepared.scenario.duration} {timestep} {ranges}"]
         for drive in prepared.drives:
             units = {one.name: one.unit for one in drive.actuator.all_parameters()}
             lines.append(f"{drive.name} {drive.joint.kind} {drive.joint.child} {drive.actuator.name} {drive.mode.number}")
             lines += [f"{name} {value} {units[name]}" for name, value in drive.values.items()]
+            lines.append(str(drive.actuator.elastic_torques(0.0, 0.1, 0.0, drive.elastic)[0]))
+        remarks.append("the table has no gravity")
         (beside := path.with_suffix(".txt")).write_text("\\n".join(lines))
         return [beside]
 
@@ -581,17 +604,21 @@ def test_a_program_writes_parameters_with_units_beside_the_model_which_is_replay
     assert done.code == 0, done.err
     assert "Replayed in MuJoCo" in done.out
     assert "not in table: asrsim has no replay in a table of joints." in done.out
+    assert "the table has no gravity" in done.out.partition("Not in the file:")[2]
     assert (tiny.folder / "mine.xml").read_text().startswith("<mujoco")
     first, joint, *lines = (tiny.folder / "mine.txt").read_text().splitlines()
     assert first == "0.2 0.0005 None"
     assert joint == "elbow revolute arm sea 6"
     values = prepare(tiny.scenario).drives[0].values
     assert f"motor_1_inertia {values['motor_1_inertia']} kg m^2" in lines
-    assert len(lines) == len(values)
+    assert len(lines) == len(values) + 1
+    assert abs(float(lines[-1])) == pytest.approx(0.1 * values["spring_stiffness"])
 
 
 def test_a_function_that_takes_other_arguments_is_named_with_its_line(tiny, asrsim_command):
-    code = EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges", "path")
+    code = (
+        EXPORTING.replace("WRITTEN", "[]").replace("ROWS", "None").replace("path, prepared, timestep, ranges, remarks", "path")
+    )
     (tiny.folder / "mine.py").write_text(code)
     done = asrsim_command(
         "export", tiny.scenario, "--set", "modes=6", "--for", "mine", "--plugin", "mine.py", "--out", "mine.xml"
@@ -630,7 +657,7 @@ LAW = "    @staticmethod\n    def "
     ("right", "wrong", "said"),
     [
         ("def constants(cls, values", "def others(cls, values", "constants: is missing"),
-        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; it must take memory, own, kick"),
+        ("own, kick)", "own, kick, step)", r"remember: raised TypeError: .*; the law must take memory, own, kick"),
         ("abs(kick.deflection))", "abs(kick.deflection)),", r"remember: must keep a number in `reach` of the memory \(got \(0"),
         ("def remember(", "def remembers(", "remembers: is not a law; laws are place, torque"),
         ("return MeterConstants(1.0)", "return 1.0", "constants: must return MeterConstants or None"),
@@ -697,6 +724,24 @@ def test_the_data_of_a_command_may_be_undefined_numbers_and_arrays(capsys):
 def test_a_stepping_with_an_impossible_fraction_is_refused(wrong):
     with pytest.raises(InputError, match=f"stepping mine.{next(iter(wrong))}: must be from 0 to 1"):
         Stepping(name="mine", order=1, doc="mine", **wrong)
+
+
+def test_the_stepping_of_the_page_runs_and_is_of_its_order(monkeypatch, tmp_path):
+    """A link with damping c and inertia I coasts: each substep h divides its velocity by 1 + c h / I."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("### A stepping of your own\n")[2]
+    made = eval(text.partition("```python\n")[2].partition("```")[0], {"Stepping": Stepping})[0]
+    monkeypatch.setitem(STEPPINGS._table, made.name, made)
+    (tmp_path / "coasting.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", PENDULUM, flags=re.DOTALL))
+    keys = {"duration": 0.05, "gravity": [0, 0, 0], "initial": {"elbow": {"velocity": 1.0}}, "engine": "mujoco"}
+    scenario = make_scenario(tmp_path / "coasting.urdf", **keys)
+    result = run(replace(scenario, stepping=made.name), certify=True, out=tmp_path / "out")
+    ways = np.diff(result["elbow"].link_position)
+    np.testing.assert_allclose(ways[1:] / ways[:-1], 1.0 / (1.0 + 0.2 * scenario.step / 6e-3), rtol=1e-6)
+    assert result.summary.certificate["joints"]["elbow"]["order"] == pytest.approx(made.order, abs=0.1)
+    assert not result.summary.certificate["warnings"]
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"stepping: is not one of the choices \(got 'damped'\)"):
+        rerun(tmp_path / "out" / "log.mcap")
 
 
 @pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])
@@ -778,3 +823,53 @@ def test_a_signal_refuses_a_combination_of_options_at_its_line(own, tiny, asrsim
     )
     said = asrsim_command("check", tiny.scenario, "--plugin", plugin).out
     assert "step.yaml:4: references.elbow.equilibrium_position.sawtooth: is too slow" in said
+
+
+def test_an_option_of_a_measure_may_be_a_list():
+    def band(time, values, *, weights=(1.0,), level=0.0):
+        """Weighted mean."""
+        return float(sum(weights) * np.mean(values) + level)
+
+    MEASURES.add("banded", Measure(name="banded", function=band, unit="series", needs="series"))
+    (asked,) = asked_measures(["banded:weights=[1, 2.5],level=4"])
+    assert asked.options == {"weights": [1, 2.5], "level": 4}
+    assert asked.of(np.arange(3.0), np.ones(3), None) == 7.5
+
+
+TWO_CLOCKS = """
+import numpy as np
+from asrsim.recordings import READERS, Reader
+from asrsim.recordings.data import Content, RawColumn, RawTable
+
+def read(path, reading):
+    ticks = (np.arange(50) * 1000 + 2**32 - 9500) % 2**32
+    names = "elbow.link_position [rad]", "hip.reference_1 [rad]"
+    columns = [[("tick [us]", ticks), (name, np.arange(50) / 50)] for name in names]
+    tables = [RawTable(columns=tuple(RawColumn(name=n, values=v) for n, v in one)) for one in columns]
+    return Content(format="ticks", tables=tuple(tables))
+
+READERS.add("ticks", Reader(suffixes=(".ticks",), read=read))
+"""
+
+
+def test_a_counter_that_restarts_in_two_tables_gives_one_note(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS)
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    (note,) = [one for one in read_recording(tmp_path / "a.ticks").findings if one.code == "restarted-clock"]
+    assert "restarts 1 time after 4.29497e+09 us" in note.message
+
+
+def test_a_reader_that_takes_other_arguments_is_named_with_its_line(tmp_path):
+    (tmp_path / "mine.py").write_text(TWO_CLOCKS.replace("def read(path, reading)", "def read(path)"))
+    load_plugin_file(tmp_path / "mine.py")
+    (tmp_path / "a.ticks").write_text("x")
+    with pytest.raises(RecordingError, match=r"takes 1 positional argument.*mine\.py:6\)"):
+        read_recording(tmp_path / "a.ticks")
+
+
+def test_the_hint_on_readers_of_users_is_given_once(tmp_path):
+    (tmp_path / "a.slg").write_bytes(b"SLG2\0\0\1")
+    with pytest.raises(RecordingError) as caught:
+        read_recording(tmp_path / "a.slg")
+    assert str(caught.value).count("A reader of your own needs --plugin FILE") == 1

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from asrsim.actuators import ACTUATORS
-from asrsim.actuators.stages import STAGES
+from asrsim.registry.groups import GROUPS
 from asrsim.robot import read_robot
 from asrsim.robot.doubts import warnings_of
 from asrsim.scenario import load_scenario
@@ -185,4 +184,4 @@ def test_xml(page, code, tmp_path):
 @pytest.mark.parametrize(("page", "code"), blocks("toml"))
 def test_toml(page, code):
     (groups,) = (tomllib.loads(code)["project"]["entry-points"].keys(),)
-    assert set(groups) <= {ACTUATORS.entry_point_group, STAGES.entry_point_group}
+    assert set(groups) <= set(GROUPS)

@@ -147,8 +147,12 @@ def drawn(effect: str, seed: int):
     return true, sizes(effect, dict(numbers), random), random
 
 
-def record(effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate: float = 500.0, noise: float = 5e-4):
-    """Scenario without the effect, recording of link and motor with it, and true parameters by key of identification."""
+def record(
+    effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate: float = 500.0, noise: float = 5e-4, held: bool = False
+):
+    """Scenario without the effect, recording of link and motor with it, and true parameters by key of identification. held:
+    whether the robot holds each sample of its command until the next sample.
+    """
     true, own, random = drawn(effect, seed)
     (numbers,) = true.joints
     p = {"mass": 0.5, "reach": 0.06, "controller_1_proportional": 8.0, "controller_1_derivative": 0.3} | dict(numbers)
@@ -158,7 +162,7 @@ def record(effect: str, seed: int, folder: Path, *, duration: float = 3.0, rate:
     )  # fmt: skip
     e = _OFF | own
     half = np.arange(round(2.0 * duration / STEP) + 1) * (0.5 * STEP)
-    goals = command(half, duration)[:, 0]
+    goals = command(np.floor(half * rate + 1e-6) / rate if held else half, duration)[:, 0]
     moved = _move(goals, round(1.0 / (rate * STEP)), STEP, np.array([p[name] for name in names]), np.array([*e.values()]))
     time = np.arange(len(moved)) / rate
     moved[:, 0] = np.interp(time - e["late"], time, moved[:, 0])

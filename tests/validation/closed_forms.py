@@ -260,7 +260,7 @@ def impacts() -> Iterator[Check]:
         # The time of the impact is taken from the mean speed of a step, which the torque changes.
         early = abs(acceleration) * step / (speed + acceleration * (start + 1) * step)
         yield Check(
-            name=f"velocity in all rows beside an impact on a stop: a link that is {name}",
+            name=f"velocity in all samples next to an impact on a stop: a link that is {name}",
             figure=worst,
             bound=1e-9 + abs(acceleration) * early * step,
             unit="rad/s",

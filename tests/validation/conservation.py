@@ -71,7 +71,9 @@ def energy_and_momentum() -> Iterator[Check]:
         for i in range(1, ACTUATORS.get(actuator).motors + 1):
             momentum = momentum + MOTOR_INERTIA * column(result, f"motor_{i}_velocity")[after]
         error = float(np.max(np.abs(momentum / 0.03 - 1.0)))
-        yield Check(name=f"momentum without losses, {name}", figure=error, bound=1e-12, source="torque times time of the push")
+        yield Check(
+            name=f"momentum without losses, {name}", figure=error, bound=1e-12, source="torque of the push times its duration"
+        )
 
 
 LINK = Body(mass=0.5, reach=0.08, inertia=6e-4, length=0.1)
@@ -93,7 +95,7 @@ def long_swings() -> Iterator[Check]:
             name=f"energy of a free pendulum after 10 s, {name}",
             figure=changes[0],
             bound=bound,
-            source="constant; relative to the energy to lift it",
+            source="constant; error relative to the energy that lifts the pendulum",
         )
         yield Check(
             name=f"order of the energy error of a free pendulum, {name}",

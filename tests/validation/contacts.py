@@ -67,11 +67,11 @@ def sliding() -> Iterator[Check]:
     )
     still = box_positions(slide(0.95 * FRICTION))
     yield Check(
-        name="movement of a box at .95 of the slip threshold",
+        name="displacement of a box at .95 of the slip force",
         figure=abs(float(still[-1, 0] - still[100, 0])),
         bound=1e-5,
         unit="m",
-        source="0 below mu m g",
+        source="0, since the force is below mu m g",
     )
 
 
@@ -143,7 +143,7 @@ def resting() -> Iterator[Check]:
         for pair, mass in (("box/ground", MASS + 1.0), ("small/box", 1.0), ("box/small", -1.0)):
             error = float(np.max(np.abs(samples.contacts[pair][-100:] + mass * gravity)))
             name = f"force on {pair.replace('/', ' by ')} at rest on a slope{label}"
-            yield Check(name=name, figure=error, bound=1e-3, unit="N", source="weights, along the slope too")
+            yield Check(name=name, figure=error, bound=1e-3, unit="N", source="the weights, also along the slope")
         sunk = float(np.max(np.abs(samples.bodies["small"][-1, :3] - place)))
         yield Check(name=f"box on a box, way from where it was put{label}", figure=sunk, bound=1e-4, unit="m", source="0")
 

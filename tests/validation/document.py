@@ -9,9 +9,9 @@ from validation.check import Check, Section, available, installed_engines, on
 
 INTRODUCTION = """# Validation
 
-`PYTHONPATH=tests python -m validation --out docs/validation.md` measured every figure of this page. The tests
+`PYTHONPATH=tests python -m validation --out docs/validation.md` measured every number on this page. The tests
 (`tests/physics/test_truth.py`) run the same functions with the same bounds. A row stands for all checks of one kind,
-and shows the figure that is nearest to its bound. Angles are in rad, and the step is 1 ms unless stated otherwise.
+and shows the number that is nearest to its bound. Angles are in rad, and the step is 1 ms unless stated otherwise.
 """
 
 

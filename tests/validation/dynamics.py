@@ -49,5 +49,5 @@ def rigid_body() -> Iterator[Check]:
                 engine.close()
             for what, error in zip(("mass matrix", "gravity torques", "gravity and velocity torques"), worst, strict=True):
                 yield Check(
-                    name=f"{what}, {name}{label}", figure=float(error), bound=1e-12, source="Pinocchio, share of the largest"
+                    name=f"{what}, {name}{label}", figure=float(error), bound=1e-12, source="Pinocchio, fraction of the largest"
                 )

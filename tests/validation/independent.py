@@ -94,8 +94,8 @@ def certificates() -> Iterator[Check]:
         reported = certificate["joints"]["joint"]
         ratios = (reported["position_rms"] / rms(error), reported["position_max"] / float(np.max(np.abs(error))))
         factor = max(max(ratio, 1.0 / ratio) for ratio in ratios)
-        name = f"reported over true error, {case}, {stepping}: order {reported['order']:.2f}"
-        yield Check(name=name, figure=factor, bound=2.0, source="RK4 at 1e-5 s; either way")
+        name = f"reported error / true error, {case}, {stepping}: order {reported['order']:.2f}"
+        yield Check(name=name, figure=factor, bound=2.0, source="RK4 at 1e-5 s; the ratio or its inverse")
 
 
 FRICTION = 0.025
@@ -124,5 +124,5 @@ def gazebo() -> Iterator[Check]:
         )
         for who, end in (("asrsim", float(q[-1])), ("Gazebo", float(theirs[-1]))):
             share = abs(excess(ours, case)(end)) / FRICTION
-            name = f"resting place under friction, {case}, {who}"
+            name = f"rest position under friction, {case}, {who}"
             yield Check(name=name, figure=share, bound=1.0 + 1e-6, source="holding torque / tau_f")

@@ -28,9 +28,9 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Closed forms",
         text=(
-            "Simulations are compared with solutions in closed form. A leapfrog of step h oscillates at 2 / h asin(omega h "
-            "/ 2) if the true frequency is omega; simulated frequencies are compared with this value, so only rounding "
-            "errors remain. The load is that of the paper (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
+            "Simulations are compared with solutions in closed form. If the true frequency is omega, a leapfrog simulation "
+            "with step h oscillates at 2 / h asin(omega h / 2). Simulated frequencies are compared with this value, so only "
+            "rounding errors remain. The load is that of the paper (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
         ),
         measures=(
             closed_forms.static_equilibrium,
@@ -47,13 +47,13 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Contacts",
         text=(
-            "By default, PyBullet ends its contact solver after 50 iterations or at a residual of 1e-7; boxes and joints "
-            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim allows 500 iterations or a "
-            "residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a time constant of "
-            "some steps: bodies at rest neither sink nor creep, but a box that slides fast loses contact now and then, so "
-            "its friction is correct only on average. The logged contact force is the force on the first body of the pair "
-            "in the last substep before the row. It equals the body's mass times its acceleration in every step "
-            "(`tests/physics/test_contact_worlds.py`)."
+            "By default, PyBullet stops its contact solver after 50 iterations, or at a residual of 1e-7. Boxes and joints "
+            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim stops it after 500 iterations, "
+            "or at a residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a time "
+            "constant of several steps. Bodies at rest neither sink nor creep. A box that slides fast sometimes loses "
+            "contact, so its friction is correct only on average. The logged contact force is the force on the first body of"
+            " the pair in the last substep before the sample. In every step, the sum of all forces on a body equals its mass"
+            " times its acceleration (`tests/physics/test_contact_worlds.py`)."
         ),
         measures=(
             contacts.sliding,
@@ -66,8 +66,8 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Energy and momentum",
         text=(
-            "Without losses, the energy oscillates by at most (omega h)^2 / 4 and never drifts; momentum is constant "
-            "except for rounding. Without input, no run gains energy. With toolbox stepping, runs in modes 5 and 6 do "
+            "Without losses, the energy oscillates by at most (omega h)^2 / 4 and does not drift. Momentum is constant "
+            "except for rounding errors. Without input, no run gains energy. With toolbox stepping, runs in modes 5 and 6 "
             "gain energy, as in the released code."
         ),
         measures=(conservation.energy_and_momentum, conservation.long_swings, conservation.passivity),
@@ -76,19 +76,20 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Order of convergence",
         text=(
-            "Random robots at default settings are compared with an independent solution: Pinocchio's dynamics, and laws of"
-            " springs, motors and controllers written anew from the paper, integrated by DOP853 to 1e-11. The order in the "
-            "time step is two, also if inputs jump on a step or between steps. The order of a single robot may be lower, "
-            "because a torque that reaches its limit within a step adds an error that depends on the phase of the step. "
-            "With dry friction of joints and Dahl friction of motors, the order is also two, because a step is split where "
-            "the velocity of a link becomes 0. If torques push a link back while it strikes its stop, it leaves the stop at"
-            " the time of the impact; this motion is of second order (`tests/physics/test_joint_stops.py`). In an arm with "
-            "several joints, velocity torques are constant within the step of an impact, so the order may be one. With "
-            "delayed, sampled, noisy and quantised commands and measurements, the order is two "
-            "(`tests/physics/test_sensors.py`). For 16 sensors with random rates of 90 to 900 Hz and delays of .1 to 6 ms, "
-            "the error is 3e-6 to 1.1e-5 rad at 1 ms. The order between a number of substeps and twice this number is .7 to"
-            " 2.7, since the sensors' sampling times then fall on different parts of a substep. From 1 to 16 substeps, the "
-            "median order is 2.000. With contacts, the engines' own solvers compute friction, and the order is one."
+            "Random robots at default settings are compared with an independent solution. It consists of Pinocchio's "
+            "dynamics, and of separate implementations of the paper's laws of springs, motors and controllers; DOP853 "
+            "integrates these equations to 1e-11. The order in the time step is two, also if inputs jump at a step or "
+            "between steps. The order of a single robot may be lower, because a torque that reaches its limit within a step "
+            "adds an error that depends on the phase of the step. With dry friction of joints and Dahl friction of motors, "
+            "the order is also two, because a step is split where the velocity of a link becomes 0. If torques push a link "
+            "back while it strikes its stop, it leaves the stop at the time of the impact. The error of this motion is of "
+            "second order (`tests/physics/test_joint_stops.py`). In an arm with several joints, velocity torques are "
+            "constant within the step of an impact, so the order may be one. With delayed, sampled, noisy and quantised "
+            "commands and measurements, the order is two (`tests/physics/test_sensors.py`). For 16 sensors with random rates"
+            " of 90 to 900 Hz and delays of .1 to 6 ms, the error is 3e-6 to 1.1e-5 rad at 1 ms. The order that is computed "
+            "from a number of substeps and twice this number is .7 to 2.7, since the phases of the sensors' sampling times "
+            "within a substep then differ. From 1 to 16 substeps, the median order is 2.000. With contacts, the engines' own"
+            " solvers compute friction, and the order is one."
         ),
         measures=(order.smooth, order.first_order_schemes, order.friction_orders, order.impacts),
         slow=frozenset({"smooth", "first_order_schemes", "friction_orders"}),
@@ -97,8 +98,8 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Independent dynamics",
         text=(
-            "Mass matrix, gravity torques and velocity torques of the engines, obtained from single steps, are compared "
-            "with those of Pinocchio at 20 random states of each robot."
+            "The mass matrix, gravity torques and velocity torques of the engines are obtained from single steps. They are "
+            "compared with those of Pinocchio at 20 random states of each robot."
         ),
         measures=(dynamics.rigid_body,),
         needs="pinocchio",
@@ -106,9 +107,9 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="The paper's step responses (figure 8)",
         text=(
-            "The eight settings of the paper run at default settings, without friction and limits. Their link positions are"
-            " compared with a Runge-Kutta solution with steps of 1e-5 s. The bound is a thirtieth of the error of real "
-            "Gazebo at the same time step."
+            "The eight joints of the paper are simulated at asrsim's default settings, without friction and limits. Their "
+            "link positions are compared with a Runge-Kutta solution with steps of 1e-5 s. The bound is a thirtieth of the "
+            "error of real Gazebo with the same time step."
         ),
         measures=(independent.step_responses,),
         needs="data",
@@ -117,9 +118,9 @@ SECTIONS: tuple[Section, ...] = (
         title="The error of a run",
         text=(
             "`asrsim run --certify` estimates the error of a run by Richardson's method, from runs at a half and a quarter "
-            "of the step. The figure is the ratio of this estimate to the true error, or the inverse ratio if it is larger,"
-            " for the eight settings of figure 8. Where a deflection passes the limit of the spring, the spring's law has a"
-            " corner, and the order of the error is lower for a while (AwAS-II at .04 m, BAVS)."
+            "of the step. The number in the table is the ratio of this estimate to the true error, or the inverse ratio if "
+            "it is larger, for the eight joints of figure 8. The law of a spring has a corner at its deflection limit. When "
+            "a deflection passes this limit, the order of the error is temporarily lower (AwAS-II at .04 m, BAVS)."
         ),
         measures=(independent.certificates,),
         slow=frozenset({"certificates"}),
@@ -129,8 +130,9 @@ SECTIONS: tuple[Section, ...] = (
         title="Real Gazebo, with friction and limits",
         text=(
             "The recorded runs of Gazebo differ from those of asrsim by up to 2e-2 rad (RMS over 5 s), which is the error "
-            "that Gazebo's time step causes. With dry friction, links also come to rest at different places: a link may "
-            "rest wherever spring and weight differ by less than the friction. AwAS-II at .04 m is unstable in Gazebo."
+            "that Gazebo's time step causes. With dry friction, links also come to rest at different positions: a link may "
+            "rest at any position at which the torques of spring and weight differ by less than the friction. AwAS-II at .04"
+            " m is unstable in Gazebo."
         ),
         measures=(independent.gazebo,),
         needs="data",

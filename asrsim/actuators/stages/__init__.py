@@ -9,6 +9,7 @@ from asrsim.actuators.stages.base import Kick, Stage
 from asrsim.actuators.stages.damper import Damper
 from asrsim.actuators.stages.heating import Heating
 from asrsim.actuators.stages.hysteresis import Hysteresis
+from asrsim.errors import Problem
 from asrsim.quantities import DERIVED, QUANTITIES
 from asrsim.registry import Registry, is_declared
 
@@ -27,6 +28,10 @@ class Stages(Registry[type[Stage]]):
         if is_declared(GROUP):
             self.names()
         return super().loaded()
+
+    def broken(self) -> tuple[Problem, ...]:
+        """Problems of the stages of installed packages that are refused, or that cannot be loaded."""
+        return super().broken() if is_declared(GROUP) else ()
 
     def _take(self, name: str, entry: type[Stage]) -> type[Stage]:
         QUANTITIES.update({quantity.name: quantity for quantity in entry.quantities})

@@ -2,8 +2,8 @@
 
     x_s = x - min(max(x, -w / 2), w / 2)        x, x_s: deflections of the joint and of the spring, rad; w: backlash
 
-The end of the spring has no mass, and rests in the play while the spring is undeflected: there is no impact and no loss. Stages
-parallel to the spring act between motor and link, beside the play.
+The end of the spring has no mass, and rests in the play while the spring is undeflected. Therefore there is no impact and no
+loss. Stages parallel to the spring act between motor and link, beside the play.
 """
 
 from __future__ import annotations

@@ -42,7 +42,9 @@ class Kick:
     deflection: float = value("motor position minus link position", "rad")
     velocity: float = value("rate of the deflection", "rad/s")
     motor_torque: float = value("torque of the motor after its limit; 0 without motor dynamics", "N m")
-    elastic_torque: float = value("torque between motor and link: that of the spring and of the stages parallel to it", "N m")
+    elastic_torque: float = value(
+        "torque between motor and link, of the spring and of the stages parallel to the spring", "N m"
+    )
     step: float = value("time since the last kick", "s")
 
 
@@ -61,12 +63,14 @@ class Stage:
     source: ClassVar[str] = ""
     """Publication of the model."""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    """Parameters of the stage. They are shared by all motors of a joint; while all have their defaults, the stage must not
+    """Parameters of the stage, which all motors of a joint share. While all parameters have their defaults, the stage must not
     act."""
     Memory: ClassVar[Any] = NoMemory
-    """Record of the state of the stage at one motor: a dataclass with slots of numbers `asrsim.records.value`."""
+    """Record of the state of the stage at one motor: a dataclass with slots, whose numbers are declared by
+    `asrsim.records.value`."""
     Constants: ClassVar[Any]
-    """Record of the constants of the stage at one motor: a dataclass with slots of numbers `asrsim.records.constant`."""
+    """Record of the constants of the stage at one motor: a dataclass with slots, whose numbers are declared by
+    `asrsim.records.constant`."""
     quantities: ClassVar[tuple[Quantity, ...]] = ()
     """Quantities that the stage adds to logs: the numbers of the memory that have a name in logs (`log=`), and `lost`."""
     lost: ClassVar[str] = ""
@@ -93,10 +97,11 @@ class Stage:
 
     @staticmethod
     def ground(memory: Any, own: Any, motor_position: float, motor_velocity: float, elastic_torque: float) -> float:
-        """Torque in N m of a part between motor and ground, on the motor only: positive where it brakes a positive velocity.
+        """Torque in N m of a part between motor and ground. It acts on the motor only, and is positive if it brakes a positive
+        velocity.
 
-        motor_position: rad; motor_velocity: rad/s; elastic_torque: torque between motor and link, N m. A motor without dynamics
-        (modes 2 and 3) does not feel it.
+        motor_position: rad; motor_velocity: rad/s; elastic_torque: torque between motor and link, N m. The torque has no effect
+        on a motor without dynamics (modes 2 and 3).
         """
         return 0.0
 

@@ -2,8 +2,8 @@
 
     tau = c (dtheta/dt - dq/dt)        tau: N m on the link; c: spring_damping; theta, q: positions of motor and link, rad
 
-The law receives the velocity at the time of the kick, so that the torque is of second order in the step. In modes without
-motor dynamics, motors have the speed of their references; a jump of a reference causes no damping torque.
+The law receives the velocity at the time of the kick, so that the error of the torque is of second order in the step. In modes
+without motor dynamics, motors have the speed of their references; a jump of a reference causes no damping torque.
 """
 
 from __future__ import annotations

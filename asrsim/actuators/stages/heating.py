@@ -25,7 +25,7 @@ from asrsim.records import constant, value
 class HeatingMemory:
     """State of a winding."""
 
-    rise: float = value("temperature above that of the surroundings, at the next kick", "K")
+    rise: float = value("temperature above the temperature of the surroundings, at the next kick", "K")
     temperature: float = value("temperature at the kick", "°C", log="motor_{}_temperature")
     power: float = value("heat at the last kick; -1 before the first kick", "W", start=-1.0)
 
@@ -38,7 +38,7 @@ class HeatingConstants:
     resistance: float = constant("thermal resistance to the surroundings", "K/W")
     capacity: float = constant("thermal capacity", "J/K")
     ambient: float = constant("temperature of the surroundings", "°C")
-    derating: float = constant("temperature from which on the torque limit falls", "°C")
+    derating: float = constant("temperature above which the torque limit falls", "°C")
     hottest: float = constant("temperature at which the torque limit is 0", "°C")
 
 
@@ -71,7 +71,7 @@ class Heating(Stage):
         ),
         Parameter(
             name="derating_temperature", default=80.0, unit="°C", minimum=-273.15, **_NEEDS,
-            doc="temperature from which on the torque limit falls",
+            doc="temperature above which the torque limit falls",
         ),
         Parameter(
             name="max_temperature", default=120.0, unit="°C", minimum=-273.15, **_NEEDS,
@@ -112,7 +112,8 @@ class Heating(Stage):
         power = own.heat * kick.motor_torque * kick.motor_torque
         last = memory.power if memory.power >= 0.0 else power
         memory.temperature = own.ambient + memory.rise
-        # The mean power until the next kick is not known yet: extrapolate it from the powers at this kick and at the last one.
+        # The mean power until the next kick is not yet known, so extrapolate it from the powers at this kick and at the last
+        # kick.
         mean = power + 0.5 * (power - last)
         decay = exp(-kick.step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)

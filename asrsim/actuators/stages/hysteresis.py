@@ -2,8 +2,8 @@
 
     dh/dx = (tau - sgn(dx/dt) h) / x_0        h: N m; x: deflection, rad; tau: hysteresis_torque; x_0: hysteresis_deflection
 
-The torque depends on the path, not on time. It is bounded by tau and passive for every motion; the element stores the energy
-x_0 h^2 / (2 tau). A cycle between the turning points +-A dissipates 4 tau (A - x_0 tanh(A / x_0)).
+The torque depends on the path and not on time, and its magnitude is at most tau. The element is passive for every motion. It
+stores the energy x_0 h^2 / (2 tau). A cycle between the turning points +-A dissipates 4 tau (A - x_0 tanh(A / x_0)).
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ class Hysteresis(Stage):
 
     @staticmethod
     def remember(memory: HysteresisMemory, own: HysteresisConstants, kick: Kick) -> None:
-        # The memory advances once per substep. If it also advanced in the shorter steps of a motor, in which the link stands
-        # still, these would erase part of it.
+        # The memory advances once in each substep. It must not advance in the shorter steps of a motor, in which the link does
+        # not move, since the state of hysteresis would be partly erased.
         now = torque_at(memory, own, kick.deflection)
         memory.last_torque, memory.last_deflection = memory.torque, memory.deflection
         memory.torque, memory.deflection = now, kick.deflection
@@ -82,7 +82,7 @@ class Hysteresis(Stage):
 
     @staticmethod
     def loss(memory: HysteresisMemory, own: HysteresisConstants) -> float:
-        # The formula is exact for motion in one direction, so the loss is never negative.
+        # The formula is exact for motion in one direction, so that the loss is never negative.
         moved = memory.deflection - memory.last_deflection
         now, last = memory.torque, memory.last_torque
         stored = 0.5 * own.length * (now * now - last * last) / own.level
@@ -91,14 +91,14 @@ class Hysteresis(Stage):
 
     @staticmethod
     def stiffness_bound(own: HysteresisConstants) -> float:
-        # The element is stiffest where a motion reverses: its torque is then -tau, and begins to approach tau.
+        # The element is stiffest when the motion reverses. Its torque is then -tau, and begins to approach tau.
         return 2.0 * own.level / own.length
 
 
 def torque_at(memory: HysteresisMemory, own: HysteresisConstants, deflection: float) -> float:
     """Torque in N m of the element at the deflection `deflection` in rad, which has changed since the last kick."""
     last = memory.deflection
-    # Before the first kick there is no last deflection (NaN), and no change.
+    # In the first kick the last deflection is unknown (NaN), and the change is 0.
     change = deflection - last if last == last else 0.0
     return dahl(memory.torque, change, own.level, own.length)
 

@@ -14,8 +14,8 @@ from asrsim.simulation.prepared import Prepared
 
 
 class Program:
-    """A program that reads MJCF: what a file for it may contain, and how it replays a motion. A subclass must state the
-    names."""
+    """A program that reads MJCF. The class states what a file for the program may contain, and how the program replays a
+    motion. A subclass must state `name` and `title`."""
 
     name: ClassVar[str]
     """Name on the command line."""
@@ -31,7 +31,7 @@ class Program:
     """Largest number of time steps of a replay, since programs for thousands of robots are slow with one robot."""
 
     def missing(self) -> str:
-        """Reason why the program cannot replay a motion on this computer; empty if it can."""
+        """Reason why the program cannot replay a motion on this computer; empty if a replay is possible."""
         if type(self).positions is Program.positions:
             return f"asrsim has no replay in {self.title}"
         for module in self.modules:
@@ -49,14 +49,15 @@ class Program:
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
         """Positions (n, nq) at the time steps of the model at `path`, driven by controls (n, nu) and joint torques (n, nv).
 
-        model, start: the same model and its start, as MjModel and MjData. Rows after a divergence are NaN. A program without
-        this method replays nothing: the scenario is then replayed in MuJoCo.
+        model, start: the same model and its initial state, as MjModel and MjData. Rows after a divergence are NaN. If a program
+        does not have this method, the scenario is replayed in MuJoCo.
         """
         raise NotImplementedError
 
-    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
+    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None, remarks: list[str]) -> list[Path]:
         """Write the files that the program needs in addition to the model at `path`, and return their paths. timestep: time
-        step of the model, s; ranges: file of the ranges of a fit, if there is one.
+        step of the model, s; ranges: file of the ranges of a fit, if there is one; remarks: sentences about parts of the
+        scenario that the model lacks (`Not in the file`), to which the method may add.
         """
         return []
 

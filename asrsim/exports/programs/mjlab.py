@@ -36,7 +36,7 @@ class Mjlab(Program):
     constructs = Constructs(dc_motors=False, delays=False, contacts=False, stiffness_controls=False)
     longest = 1000
 
-    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None) -> list[Path]:
+    def write(self, path: Path, prepared: Prepared, timestep: float, ranges: Path | None, remarks: list[str]) -> list[Path]:
         """Write the package. See `Program`."""
         import yaml
 
@@ -59,7 +59,7 @@ class Mjlab(Program):
         return written
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`. The replay uses the entity of the package in a scene of mjlab."""
+        """Positions of the replay; see `Program`. The replay uses the entity of the package in a scene of mjlab."""
         robot = _module_at(path.parent / package_name(path) / "robot.py")
         scenes, sims, torch = (import_module(name) for name in ("mjlab.scene", "mjlab.sim", "torch"))
         scene = scenes.Scene(scenes.SceneCfg(num_envs=1, entities={robot.ROBOT: robot.robot_cfg()}), "cpu")
@@ -120,7 +120,7 @@ def _joint(prepared: Prepared, stepped: SteppedJoint) -> dict[str, Any]:
     values = goals(points)
     offset = values[:, 0]
     matrix = values[:, 1:-1] - offset[:, None]
-    # Leave out references that move no motor, such as that of an adjuster at rest.
+    # Leave out references that move no motor, such as the reference of an adjuster at rest.
     used = np.asarray(np.abs(matrix).any(axis=0)).tolist()
     names = [name for name, one in zip(names, used, strict=True) if one]
     bounds = [own[name] if np.isfinite(own[name]).all() else UNLIMITED for name in names]

@@ -24,7 +24,7 @@ class Mjx(Program):
     longest = 40_000
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`."""
+        """Positions of the replay; see `Program`."""
         jax, mjx = import_module("jax"), import_module("mujoco.mjx")
         try:
             m, d = mjx.put_model(model), mjx.put_data(model, start)

@@ -18,7 +18,7 @@ class Mujoco(Program):
     name, title, packages, modules = "mujoco", "MuJoCo", ("mujoco-core",), ("mujoco",)
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`."""
+        """Positions of the replay; see `Program`."""
         mujoco, data = load(), start
         found = np.full((len(controls), model.nq), np.nan)
         for k in range(len(controls)):

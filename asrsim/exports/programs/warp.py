@@ -14,13 +14,14 @@ from asrsim.warping.program import loaded_warp
 
 
 class MujocoWarp(Program):
-    """MuJoCo Warp, replayed on the CPU: the replay only compares its motion with that of MuJoCo, and measures no speed."""
+    """MuJoCo Warp, replayed on the CPU. The replay only compares its motion with the motion in MuJoCo, and measures no
+    speed."""
 
     name, title, packages, modules = "warp", "MuJoCo Warp", ("mujoco-warp", "warp-lang"), ("mujoco_warp", "warp")
     longest = 1000
 
     def positions(self, path: Path, model: Any, start: Any, controls: Array, torques: Array) -> Array:
-        """See `Program`."""
+        """Positions of the replay; see `Program`."""
         wp, mjw = loaded_warp(), import_module("mujoco_warp")
         with wp.ScopedDevice("cpu"):
             m, d = mjw.put_model(model), mjw.put_data(model, start)

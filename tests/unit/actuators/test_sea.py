@@ -1,8 +1,10 @@
 """Cubic term of the series elastic actuator's spring."""
 
+import numpy as np
 import pytest
 from scipy.integrate import quad
 
+import asrsim
 from asrsim.actuators import ACTUATORS
 
 SEA = ACTUATORS.get("sea")
@@ -32,3 +34,14 @@ def test_without_a_cubic_term_the_spring_is_linear():
     for deflection in (-0.3, 0.0, 0.4):
         assert torque(deflection, (10.0, 0.0, 0.5)) == 10.0 * (0.2 + deflection - 0.2)
         assert SEA.stiffness(0.2, 0.2 + deflection, 0.0, (10.0, 0.0, 0.5)) == 10.0
+
+
+def test_a_negative_cubic_term_softens_the_spring_of_a_run(tiny):
+    step = {"elbow": {"equilibrium_position": 0.5}}
+    softer = {"elbow": {"spring_cubic": -5.0}}
+    run = asrsim.run(asrsim.make_scenario(tiny.robot, references=step, parameters=softer, duration=0.3, compiled=False))[
+        "elbow"
+    ]
+    deflection = run.motor_1_position - run.link_position
+    assert np.abs(deflection).max() > 0.05
+    np.testing.assert_allclose(run.elastic_torque_1, 10.0 * deflection - 5.0 * deflection**3, atol=1e-12)

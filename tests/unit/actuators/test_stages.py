@@ -97,6 +97,8 @@ def failed(name, base, **laws):
 def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Soft", Hysteresis, stiffness_bound=lambda own: own.level / own.length) == {"stiffness"}
     assert failed("Weak", Damper, damping_bound=lambda own: 0.5 * own.damping) == {"damping"}
+    held = {"ground": lambda memory, own, position, velocity, torque: 2.0 * position + 3.0 * velocity}
+    assert failed("Held", Damper, **held) == {"ground stiffness", "ground damping", "energy"}
     assert failed("Gain", Damper, loss=lambda memory, own: -memory.lost) == {"energy", "loss"}
     assert failed("Free", Damper, loss=lambda memory, own: 0.0) == {"energy"}
     pushing = {"torque": lambda memory, own, deflection, velocity: -own.damping * velocity}
@@ -105,6 +107,24 @@ def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Faint", Damper, **faint, loss=lambda memory, own: 0.0) == {"energy"}
     assert failed("Strong", Damper, limit=lambda memory, own, torque: 2.0 * torque) == {"limit"}
     assert failed("Steep", Damper, place=lambda memory, own, deflection: 2.0 * deflection) == {"energy", "series"}
+
+
+def test_a_stage_that_always_acts_or_never_acts_is_found():
+    for own in (Damper.Constants(damping=0.1), None):
+        made = type("Constant", (Damper,), {"constants": classmethod(lambda cls, values, motor, mode, own=own: own)})
+        assert "off by default" in {check.name for check in check_stage(made).checks if not check.passed}, own
+
+
+def test_constants_that_are_no_class_method_are_found():
+    made = type("Static", (Damper,), {"constants": staticmethod(lambda values, motor, mode: None)})
+    assert [(problem.key, problem.message) for problem in stage_problems(made)] == [
+        ("Static.constants", "must be a @classmethod")
+    ]
+
+
+def test_torques_that_overflow_are_found():
+    endless = {"ground": lambda memory, own, position, velocity, torque: float("inf")}
+    assert "finite" in failed("Endless", Damper, **endless)
 
 
 class Slip(Stage):
@@ -236,6 +256,33 @@ def test_wrong_declarations_are_found_with_their_file_and_line(tmp_path):
     }
     assert not stage_problems(Damper)
     assert issubclass(keeps, Stage)
+
+
+@pytest.mark.parametrize(
+    ("unit", "joules", "key", "said"),
+    [
+        ("kW", "J", "Memory.power", "has the unit 'W', but is logged as the quantity 'spent_1_power' in 'kW'"),
+        ("W", "kJ", "quantities", "must have 'slip_loss' in J: it is an energy (got 'kJ')"),
+    ],
+)
+def test_a_logged_number_has_the_unit_of_its_quantity(unit, joules, key, said):
+    @dataclass(slots=True)
+    class Memory:
+        """Power, and a number without a unit."""
+
+        slip: float = value("slip so far", "rad")
+        power: float = value("power", "W", log="spent_{}_power")
+        share: float = value("share", "1", log="spent_{}_share")
+        lost: float = value("energy lost in the last kick", "J")
+
+    quantities = (
+        Quantity("slip_loss", joules, "", "energy lost"),
+        *of_motors("spent_{}_power", unit, "", "power"),
+        *of_motors("spent_{}_share", "1", "", "share"),
+    )
+    (problem,) = stage_problems(type("Spent", (Slip,), {"Memory": Memory, "quantities": quantities}))
+    assert problem.key == f"Spent.{key}"
+    assert problem.message == said
 
 
 def test_stages_of_one_file_have_different_names(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 import asrsim
 from asrsim.engines import ENGINES, EngineEntry
 from asrsim.engines.equations import EquationEngine
-from asrsim.errors import DivergenceError
+from asrsim.errors import DivergenceError, RobotError, SimulationError
 from asrsim.robot.dynamics import robot_model
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.run import simulate
@@ -78,14 +78,74 @@ def test_a_link_that_the_equations_make_light_is_resolved_and_gains_no_energy(en
     assert simulate(own).status == "complete"
 
 
-def test_equations_that_create_energy_are_found(engine):
-    """The bias of this engine drives the links instead of balancing a force."""
-    engine(lambda known, q: known.mass_matrix(q), lambda known, q, v: -3.0 * np.sign(v))
-    falling = asrsim.make_scenario(
-        EXAMPLES / "urdf" / "plain_arm.urdf", engine="own", duration=1.0, initial={"shoulder": {"velocity": 0.5}}
-    )
-    with pytest.raises(DivergenceError, match=r"the links have gained .* J without a source"):
-        asrsim.run(falling)
+def falling(**keys):
+    keys = {"engine": "own", "duration": 0.1, "initial": {"shoulder": {"velocity": 0.5}}} | keys
+    return asrsim.make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", **keys)
+
+
+SECOND = np.array([0.0, 1.0])
+"""Entries of the joint 'elbow' only."""
+
+
+@pytest.mark.parametrize(
+    ("bias", "said"),
+    [
+        (
+            lambda rest, moving, v: rest + 3.0 * moving,
+            r"does not belong to its mass matrix: .* joint '(shoulder|elbow)' by .* Coriolis",
+        ),
+        (
+            lambda rest, moving, v: rest + (1.0 + 0.1 * SECOND) * moving,
+            "does not belong to its mass matrix: .* joint 'elbow' by",
+        ),
+        (lambda rest, moving, v: rest + 9.0 * v, "does not belong to its mass matrix"),
+        (lambda rest, moving, v: rest + moving - 3.0 * np.sign(v) * SECOND, "drives the joint 'elbow'"),
+        (lambda rest, moving, v: rest * (1.0 - 2.0 * SECOND) + moving, "entry of joint '(shoulder|elbow)' by the position of"),
+    ],
+    ids=["all terms", "one term", "a drag instead", "negative friction", "sign of a weight"],
+)
+def test_a_bias_that_contradicts_the_mass_matrix_is_refused_with_its_joint(bias, said, engine):
+    def wrong(known, q, v):
+        rest = of_file(known, q, np.zeros_like(q))
+        return bias(rest, of_file(known, q, v) - rest, v)
+
+    engine(lambda known, q: known.mass_matrix(q), wrong)
+    with pytest.raises(RobotError, match=r"engine 'own' \(Own\): .*" + said):
+        prepare(falling())
+
+
+def test_springs_and_drag_may_stand_in_the_bias(engine):
+    def held(known, q, v):
+        return of_file(known, q, v) + 5.0 * q**3 + 0.3 * v + 0.1 * np.abs(v) * v + 0.2 * np.tanh(v / 0.01)
+
+    engine(lambda known, q: known.mass_matrix(q), held)
+    assert asrsim.run(falling()).run.status == "complete"
+
+
+def test_energy_that_the_links_gain_is_blamed_on_the_equations_and_not_on_a_joint(engine):
+    """The step does not resolve the spring in this bias, which no law of a joint contains."""
+    engine(lambda known, q: known.mass_matrix(q), lambda known, q, v: of_file(known, q, v) + 5e6 * q)
+    with pytest.raises(
+        DivergenceError, match=r"the run diverged .* the links have gained .* bias of the engine 'own'"
+    ) as caught:
+        asrsim.run(falling())
+    assert caught.value.joint == ""
+
+
+def test_a_weightless_link_needs_an_engine_that_states_it(engine):
+    engine(lambda known, q: known.mass_matrix(q), of_file)
+    with pytest.raises(SimulationError, match=r"'own' does not state `takes_weightless = True`.* links forearm"):
+        prepare(falling(weightless=["forearm"]))
+
+
+def test_a_certificate_says_that_an_engine_of_ones_own_was_not_compared(engine, capsys):
+    from asrsim.cli.report import print_run
+
+    engine(lambda known, q: known.mass_matrix(q), of_file)
+    for compared in (False, True):
+        result = asrsim.run(falling(), certify=True, cross_check=compared)
+        print_run(result.summary, quiet=False)
+        assert ("was not compared with another engine: --cross-check" in capsys.readouterr().out) is not compared
 
 
 def test_a_planned_motion_needs_the_torques_of_the_equations(engine):

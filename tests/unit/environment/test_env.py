@@ -11,6 +11,7 @@ gymnasium = pytest.importorskip("gymnasium")
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import asrsim  # noqa: E402
+from asrsim.engines import ENGINES, Engine, EngineEntry  # noqa: E402
 from asrsim.environment import make_env, make_vec_env  # noqa: E402
 from asrsim.environment.draws import Draws  # noqa: E402
 
@@ -244,3 +245,31 @@ def test_every_draw_lies_within_its_bounds():
     assert (found >= lows).all()
     assert (found <= highs).all()
     np.testing.assert_array_equal(found[:, 5], found[:, 6])
+
+
+class Still(Engine):
+    """Links that never move. The engine has only the members without a default."""
+
+    version, state = "still 1", None
+
+    def __init__(self, robot):
+        self.joints = tuple(joint.name for joint in robot.moving_joints)
+
+    def start(self, positions, velocities, *, step, staggered, implicitness):
+        return positions, velocities
+
+    def step(self, exchange, wrenches, lengths):
+        pass
+
+    def vary(self, robot):
+        return True
+
+
+def test_a_robot_in_an_engine_without_a_scene_of_its_own_has_the_same_picture(scenario):
+    ENGINES.add("still", EngineEntry(make=lambda scenario, robot: (Still(robot), ()), doc="still"))
+    pictures = []
+    for engine in ("mujoco", "still"):
+        env = make_env(scenario, overrides={"engine": engine}, render_mode="rgb_array", size=48)
+        env.reset()
+        pictures.append(env.render())
+    np.testing.assert_array_equal(*pictures)

@@ -151,3 +151,23 @@ def test_the_program_of_the_page_is_written_for_and_said_not_to_be_tried(tiny, a
     assert "not in brax: asrsim has no replay in Brax" in " ".join(done.out.split())
     assert "dcmotor" not in (tiny.folder / "soft.xml").read_text()
     assert "brax" in asrsim_command("export", tiny.scenario, *words, "--for", "bracks").err
+
+
+def test_the_library_loads_the_plugin_of_a_program_which_a_refusal_names(tiny):
+    page = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+    code = page.partition("## A program of your own")[2].partition("```python\n")[2].partition("```")[0]
+    (tiny.folder / "my_program.py").write_text(code.replace('"brax"', '"breeze"').replace('"Brax"', '"Breeze"'))
+    delayed = {"modes.elbow": 6, "imperfections.commands.elbow.delay": 0.01}
+    with pytest.raises(ScenarioError, match="joint 'elbow': Breeze does not simulate the delay"):
+        export(
+            tiny.scenario, tiny.folder / "a.xml", overrides=delayed, program="breeze", plugins=[tiny.folder / "my_program.py"]
+        )
+    assert not (tiny.folder / "a.xml").exists()
+
+
+def test_the_package_of_a_model_whose_name_begins_with_a_digit_can_be_imported(tmp_path):
+    found = export(scenario("sea", duration=0.05), tmp_path / "2-arms.xml", program="mjlab", plot=False)
+    folders = {path.parent.name for path in found.files if path.suffix == ".py"}
+    assert folders == {"_2_arms_mjlab"}
+    for file in (tmp_path / "_2_arms_mjlab").glob("*.py"):
+        ast.parse(file.read_text())

@@ -155,7 +155,7 @@ def test_two_recordings_share_the_parameters_of_the_robot(lab):
         (["joint_1.damping"], ["joint_1.damping=joint_1.damping"], "is not free"),
         (["joint_1.damping"], ["joint_1.friction=link_1.mass"], "is not free"),
         (["joint_1.damping=5:1"], [], "its lower bound is not below its upper bound"),
-        (["joint_1.damping=0:9:5"], [], "its start is out of range"),
+        (["joint_1.damping=0:9:5"], [], "its start value is out of range"),
         *(([f"joint_1.damping={value}"], [], "is not a free parameter") for value in ("x", "0:1:2:3")),
     ],
 )
@@ -206,7 +206,7 @@ def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
     ("mode", "unit", "quantity", "reason"),
     [
         (0, "N m", "elastic_torque_1 [N m]", "has no spring"),
-        (3, "rad", "motor_1_position [rad]", "stand at their"),
+        (3, "rad", "motor_1_position [rad]", "follow their"),
         (6, "rad", "link_velocity [rad/s]", "compute velocities"),
         (3, "rad", "elastic_torque_1 [N m]", "never changes"),
     ],
@@ -471,7 +471,7 @@ def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
     result = identify(lab, [recording], free=free, ties=["joint_1.spring_k_2=joint_1.spring_k_1"])
     assert not result.fits
     assert any("joint_1.spring_k_2" in text and "tied" in text for text in result.causes), result.causes
-    assert any("joint_1.spring_k_2 is not joint_1.spring_k_1" in text for text in result.misfit), result.misfit
+    assert any("joint_1.spring_k_2 is tied to joint_1.spring_k_1" in text for text in result.misfit), result.misfit
     assert not any("offset" in text for text in result.causes), result.causes
 
 

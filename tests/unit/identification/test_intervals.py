@@ -18,6 +18,7 @@ from asrsim.identification.extensions import Extension, extended, presliding, pr
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import FitParameter, make_layout
 from asrsim.identification.problem import FitProblem, Meter, jacobian, posterior_draws, residuals, slopes_along, solve
+from asrsim.identification.profiles import profiles
 from asrsim.identification.result import estimates
 from asrsim.identification.search import Best, settle
 from asrsim.identification.task import Tie
@@ -51,6 +52,17 @@ def test_differences_are_never_taken_beyond_bounds():
         np.testing.assert_allclose(found, slopes + 200.0 * x.sum(), atol=101.0 * step)
     # Away from bounds the step is 1e-6.
     np.testing.assert_allclose(found[:, 4], slopes[:, 4] + 200.0 * x.sum(), atol=2e-4)
+
+
+@pytest.mark.parametrize("way", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, -1, 0), (0, 1, -1), (0, 0, 0)])
+def test_a_profile_shows_how_residuals_bend(way):
+    """Residuals 1000 x, and 250000 (a x)^2 for a direction a: w standard deviations of x_i add w^2 + (a_i w)^4 / 16."""
+    noise, ways = np.random.default_rng(4).normal(size=200), np.array(way, dtype=float)
+    problem = modelled(lambda x: np.array([*1e3 * x, 2.5e5 * (ways @ x) ** 2, *noise]), 3, 204)
+    x, widths = np.zeros(3), np.arange(-3.0, 4.0)
+    found = profiles(problem, x, uncertainty(problem, x), ("a", "b", "c"))
+    for one, a in zip(found, ways, strict=True):
+        np.testing.assert_allclose(one.rise, widths**2 + (a * widths) ** 4 / 16.0, rtol=2e-3)
 
 
 def test_white_noise_gives_the_deviation_of_least_squares():
@@ -139,7 +151,7 @@ def test_a_contradicted_tie_may_have_the_value_0():
     a, b = (FitParameter(key=key, unit="", start=0.0) for key in "ab")
     problem = modelled(lambda x: slopes @ (x - [0.0, 1.0]), [a, b], 40)
     tied = replace(problem, layout=make_layout([a], [Tie(key="b", to="a")], ["a"], [{}], [{}]))
-    assert list(contradicted_ties(tied, np.zeros(1))) == ["b is not a, to which it is tied: they differ by 100 %"]
+    assert list(contradicted_ties(tied, np.zeros(1))) == ["b is tied to a, but they differ by 100 %"]
 
 
 @pytest.mark.parametrize("apart", [0.0, 1.0])

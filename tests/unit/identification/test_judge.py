@@ -111,7 +111,7 @@ def test_a_diverging_validation_does_not_fit():
 def test_channels_that_the_fit_does_not_follow_are_named():
     lost = replace(GOOD, key="j.tau", explained=-0.4)
     assert foreign([GOOD]) == []
-    assert "its zero and the start values" in foreign([lost])[0]
+    assert "its zero offset and the start values" in foreign([lost])[0]
     assert foreign([GOOD, replace(lost, suspicion="is its sign reversed?")]) == ["j.tau: is its sign reversed?"]
 
 

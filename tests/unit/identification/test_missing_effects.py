@@ -297,3 +297,24 @@ def test_a_limit_is_that_of_every_motor_of_its_joint_whatever_the_joint_is_calle
     assert [(tie.key, tie.to) for tie in limit.ties] == [
         ("motor_1_joint.motor_2_max_torque", "motor_1_joint.motor_1_max_torque")
     ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", ["backlash", "stribeck", "second mode"])
+def test_a_model_without_the_effect_of_the_robot_does_not_fit_few_samples(tmp_path, effect):
+    """At 50 Hz, the motion of 6 Hz is nearly as rough as noise."""
+    scenario, recording, truth = record(effect, 20, tmp_path, rate=50.0)
+    assert not identify(scenario, [recording], free=list(truth)).fits
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("rate", [50.0, 100.0])
+def test_held_commands_are_told_from_late_ones(tmp_path, rate, held):
+    """A delay of half a sampling interval would imitate a held command, with other numbers of the robot."""
+    scenario, recording, truth = record("", 22, tmp_path, rate=rate, held=held)
+    found = identify(scenario, [recording], free=[*truth, "joint_1.reference_1.delay"])
+    assert found.fits
+    assert abs(found.find("joint_1.reference_1.delay").value) < 1e-3
+    for key in ("joint_1.spring_stiffness", "joint_1.motor_1_inertia", "link_1.iyy"):
+        assert found.find(key).value == pytest.approx(truth[key], rel=0.01)

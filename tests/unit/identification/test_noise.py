@@ -32,6 +32,15 @@ def test_noise_and_steps_are_found_in_a_smooth_record():
         assert fine_noise(ramp, quantum) == pytest.approx(max(quantum / 12.0**0.5, 1e-6 * ramp[-1]), rel=1e-9)
 
 
+@pytest.mark.parametrize("jitter", [0.0, 0.1])
+def test_a_fast_motion_of_ten_samples_a_period_is_no_noise(jitter):
+    """The times of the samples are known, and differ from even times by a tenth of the interval."""
+    generator = np.random.default_rng(0)
+    time = 0.02 * (np.arange(600) + jitter * generator.normal(size=600))
+    values = 0.4 * np.sin(2.0 * np.pi * 5.0 * time) + 1e-3 * generator.normal(size=600)
+    assert fine_noise(values, time=time) == pytest.approx(1e-3, rel=0.2)
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.95, -0.6])
 def test_an_autoregression_has_the_coefficient_and_power_of_its_noise(memory):
     noise = lfilter([1.0], [1.0, -memory], np.random.default_rng(0).normal(size=5000))[1000:]

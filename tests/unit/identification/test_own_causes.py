@@ -1,15 +1,18 @@
 """A cause of a user's own: the recipe of the documentation, and a cause whose parameter does not exist."""
 
 import re
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from asrsim.errors import InputError
-from asrsim.identification import CAUSES, Cause, Extension, identify
+from asrsim.identification import Cause, Extension, identify
 from asrsim.identification.parameters import FitParameter
+from asrsim.identification.task import Tie
 from asrsim.plugins import load_plugin_files
+from asrsim.registry import Registry
 from support.identify_files import SEA, save, write
 from support.paths import ROOT
 
@@ -109,43 +112,84 @@ def test_the_stage_and_its_cause_on_the_page_are_tried_and_named_with_their_size
     assert (float(sine), float(cosine)) == pytest.approx((0.25, 0.15), rel=0.05)
 
 
-def test_a_start_without_a_number_for_each_parameter_is_refused_with_the_line_of_the_cause(tmp_path):
-    def rubber(problem, x):
-        both = tuple(problem.fixed[f"joint_1.{name}"] for name in ("hysteresis_torque", "hysteresis_deflection"))
-        yield Extension(text="rubber", parameters=both, begins=(0.5, 2.0))
-
-    CAUSES.add("rubber", Cause(title="rubber", extensions=rubber))
-    scenario, recording = recorded(tmp_path)
-    with pytest.raises(InputError, match=r"a number for each of its 2 parameters.*it gives 0\.5 \(.*test_own_causes.py:\d+\)"):
-        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+def reported(folder, cause, monkeypatch):
+    """Result of a fit that tries only this cause."""
+    only = Registry("cause", instance=Cause)
+    only.add("own", Cause(title="own", extensions=cause))
+    monkeypatch.setattr("asrsim.identification.causes.CAUSES", only)
+    scenario, recording = recorded(folder)
+    return identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
 
 
-def test_a_cause_with_a_parameter_that_the_robot_lacks_is_refused_with_its_name(tmp_path):
-    def wrong(problem, x):
-        yield Extension(text="a loose belt", parameters=(FitParameter(key="joint_1.belt", unit="N m", start=0.1),))
+def loose(**fields):
+    """A cause whose extension has these fields."""
 
-    CAUSES.add("belts", Cause(title="belts", extensions=wrong))
-    scenario, recording = recorded(tmp_path)
-    with pytest.raises(InputError, match=r"joint_1\.belt: the cause 'belts' frees a parameter"):
-        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    def cause(problem, x):
+        own = {"text": "a loose belt", "parameters": (problem.fixed["joint_1.spring_damping"],), "begins": (1.0,)}
+        yield Extension(**own | fields)
+
+    return cause
+
+
+def raising(problem, x):
+    raise KeyError("belt")
 
 
 @pytest.mark.parametrize(
-    ("words", "parameters", "said"),
+    ("cause", "said"),
     [
-        ("a loose belt", lambda known: (known, None), r"a tuple of parameters of `problem.fixed`; it gives .*None\)"),
-        ("a loose belt", lambda known: known, "a tuple of parameters of `problem.fixed`"),
-        ("", lambda known: (known,), "must give each extension a `text`"),
+        (raising, "raised KeyError: 'belt'"),
+        (lambda problem, x: None, "must return or yield extensions; it returns None"),
+        (loose(begins=((0.5, 2.0),)), r"a number for each of its 1 parameters.*it gives \(0\.5, 2\.0\)"),
+        (
+            loose(parameters=(FitParameter(key="joint_1.belt", unit="N m", start=0.1),)),
+            r"joint_1\.belt: the cause 'own' frees a parameter",
+        ),
+        (loose(parameters="joint_1.friction"), "a tuple of parameters of `problem.fixed`"),
+        (loose(text=""), "must give each extension a `text`"),
+        (loose(text=3), "must give `text` as a text; it gives 3"),
+        (loose(size="1 N m"), "must give `size` as a function"),
+        (loose(begins=1.0), "must give `begins` as a tuple"),
+        (loose(ties=("joint_1.friction",)), "must give `ties` as a tuple"),
+        (loose(ties=(Tie(key="joint_1.friction", to="joint_1.armature"),)), "must give `ties` as a tuple"),
+        (loose(elastic="joint_1"), "must give `elastic` as a joint and a frequency"),
+        (loose(share=None), "must give `share` as a number"),
     ],
 )
-def test_an_extension_that_cannot_be_tried_is_refused_with_the_line_of_the_cause(words, parameters, said, tmp_path):
-    def loose(problem, x):
-        yield Extension(text=words, parameters=parameters(problem.fixed["joint_1.spring_damping"]))
+def test_a_cause_that_fails_is_a_remark_with_its_line_and_the_fit_is_complete(cause, said, tmp_path, monkeypatch):
+    found = reported(tmp_path, cause, monkeypatch)
+    assert found.status == "complete"
+    assert found.find("joint_1.spring_stiffness").value == pytest.approx(SPRING, rel=0.5)
+    (remark,) = [one for one in found.remarks if "'own'" in one]
+    assert remark.startswith("the cause 'own' was not tried: ")
+    assert re.search(said, remark)
+    assert re.search(r"test_own_causes.py:\d+\)", remark) or "joint_1.belt" in remark
 
-    CAUSES.add("loose", Cause(title="loose", extensions=loose), replace=True)
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (lambda level: level, "it must return a text; it returns 0.0"),
+        (lambda level, other: "", "TypeError"),
+        (lambda level: 1 / 0, "ZeroDivisionError"),
+    ],
+)
+def test_a_size_that_is_no_text_is_a_remark_and_the_value_is_shown_in_its_place(size, said, tmp_path, monkeypatch):
+    found = reported(tmp_path, loose(size=size), monkeypatch)
+    assert any("`size` of the cause 'a loose belt' was not used" in one and said in one for one in found.remarks)
+    assert any("a loose belt (0.0" in one for one in found.causes), found.causes
+
+
+def test_a_broken_cause_of_a_package_is_named_where_no_effect_was_found(tmp_path, monkeypatch):
+    """Otherwise `no missing effect was found` would be wrong: the cause was not tried."""
+    fresh = Registry("cause", "asrsim.causes", instance=Cause)
+    monkeypatch.setattr("asrsim.identification.causes.CAUSES", fresh)
+    points = [EntryPoint("oil", "json:decoder", "asrsim.causes")]
+    monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points)
     scenario, recording = recorded(tmp_path)
-    with pytest.raises(InputError, match=rf"{said}.*test_own_causes.py:\d+\)"):
-        identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    found = identify(scenario, [recording], free=["joint_1.spring_stiffness", "joint_1.damping"])
+    assert not found.fits
+    assert "the cause 'oil' of an installed package cannot be used: json:decoder is not an instance of" in found.remarks[0]
 
 
 @pytest.mark.parametrize(("key", "said"), [("joint_1.rest_shift", True), ("joint_1.link_position.ofset", False)])

@@ -154,7 +154,7 @@ def test_trials_with_a_moving_zero_of_the_spring_are_reported(tmp_path):
     lab = bench(tmp_path, 3)
     shared = identify(lab, trials, free=["joint_1.spring_stiffness"])
     assert not shared.fits
-    zeros = [text for text in shared.causes if text.startswith("a zero of joint_1.elastic_torque_1 in each recording")]
+    zeros = [text for text in shared.causes if text.startswith("a zero offset of joint_1.elastic_torque_1 in each recording")]
     assert any("--own joint_1.elastic_torque_1.offset" in text for text in zeros), shared.causes
     own = identify(lab, trials, free=["joint_1.spring_stiffness"], own=["joint_1.elastic_torque_1.offset"])
     assert own.fits, own.misfit
@@ -172,5 +172,5 @@ def test_a_gear_between_motor_and_its_encoder_is_suspected(tmp_path):
     save(recording, header, *columns, 20.0 * motor)
     result = identify(write(tmp_path, "lab", numbers), [recording], free=["joint_1.damping"])
     (cause,) = result.causes
-    (gain,) = re.findall(r"a different scale and zero of joint_1.motor_1_position \((.*?)\)", cause)
+    (gain,) = re.findall(r"a different scale and zero offset of joint_1.motor_1_position \((.*?)\)", cause)
     assert float(gain) == pytest.approx(0.05, rel=1e-2)

@@ -346,7 +346,7 @@ def test_a_diverging_run_is_reported_and_has_a_whole_log(tmp_path, monkeypatch):
 
     def breaks(self, end):
         if end > 500:
-            raise runaway("joint_1", 0.1, "its motion is no longer finite, or impossibly fast", 0.1)
+            raise runaway(self.prepared, "joint_1", 0.1, "its motion is no longer finite, or impossibly fast")
         advance_to(self, end)
 
     monkeypatch.setattr(Simulation, "advance_to", breaks)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import asrsim
 from asrsim.errors import ScenarioError
 from asrsim.metrics.expect import compares, subject_of
 from asrsim.samples import TIP, TIP_GOAL, JointInfo, Samples
@@ -182,3 +183,18 @@ def test_claims_that_differ_in_an_option_are_measured_apart():
     early, late = evaluate([claim(measure="maximum", options={"end": end}) for end in (0.1, 1.0)])
     assert early.measured == pytest.approx(0.8 * (1 - np.exp(-1)), rel=1e-6)
     assert late.measured == pytest.approx(0.8 * (1 - np.exp(-10)), rel=1e-6)
+
+
+def test_a_recording_that_shares_no_time_with_the_run_is_an_error_at_its_claim_with_the_claim_s_remedy(tiny):
+    """Options of `asrsim plot` are no remedy for a claim."""
+    rows = "".join(f"{5000 + 0.1 * i},{0.1 * (i % 3)}\n" for i in range(30))
+    (tiny.folder / "lab.csv").write_text(f"time [s],elbow.link_position [rad]\n{rows}")
+    claimed = (
+        "expect: [{joint: elbow, quantity: link_position, measure: rmse, value: 1, against: lab.csv, options: {lag: off}}]"
+    )
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}\n{claimed}\n")
+    line = len(tiny.scenario.read_text().splitlines())
+    with pytest.raises(ScenarioError, match=r"lab\.csv: no overlap in time.*`options: {lag: start}`") as caught:
+        asrsim.run(tiny.scenario, overrides={"duration": 0.2})
+    assert (caught.value.problems[0].file, caught.value.problems[0].line) == (tiny.scenario, line)
+    assert "--align" not in str(caught.value)

@@ -9,6 +9,7 @@ from asrsim.errors import InputError
 from asrsim.metrics import measure
 from asrsim.metrics.expect import evaluate_expectation
 from asrsim.metrics.measures import AT_REST, rest_of, unrest
+from asrsim.metrics.summary import summarise
 from asrsim.scenario.data import Expectation
 
 SECONDS = 2.0
@@ -81,6 +82,31 @@ def test_a_creep_after_a_fast_step_is_not_at_rest(slow):
         assert math.isnan(value) if left > 0.013 else abs(value - 1.0) < 0.013
 
 
+@pytest.mark.parametrize(("hertz", "damping"), [(2.2, 0.06), (1.8, 0.09), (3.4, 0.04)])
+def test_a_decaying_swing_has_its_amplitude_left_whenever_the_series_ends(hertz, damping):
+    """The last tenth, a half swing and the noise of turning points make no creep of a swing."""
+    time = np.arange(0.0, 7.0, 0.001)
+    q = response(time, damping, 2.0 * math.pi * hertz)[0]
+    for end in np.arange(1.0, 7.0, 0.05):
+        before = time <= end
+        amplitude, extent = np.abs(q[~before] - 1.0).max(initial=0.0), np.ptp(q[before])
+        left = rest_of(time[before], q[before])[1]
+        assert left < max(2.0 * amplitude, 1e-2 * extent)
+        assert left > 0.5 * amplitude or amplitude < 0.015 * extent
+
+
+def test_a_creep_shows_below_the_rest_of_a_swing():
+    """Three tenths of the step creep with a time constant of 1.4 s below a swing at 3 Hz, which is gone after 5 s."""
+    time = np.arange(0.0, 8.0, 0.001)
+    q = 0.7 * response(time, 0.05, 2.0 * math.pi * 3.1)[0] + 0.3 * (1.0 - np.exp(-time / 1.4))
+    for end in np.arange(2.0, 8.0, 0.05):
+        before = time <= end
+        creep = 0.3 * math.exp(-end / 1.4)
+        left = rest_of(time[before], q[before])[1]
+        assert left < 4.0 * max(np.abs(q[~before] - 1.0).max(initial=0.0), 0.015)
+        assert left > 0.0 or creep < 0.015
+
+
 def test_stiction_and_a_series_that_never_moves_are_rest():
     time = np.linspace(0.0, 1.0, 1001)
     stuck = np.where(time < 0.6, 0.3 - 0.3 * np.cos(math.pi * time / 0.6), 0.6)
@@ -127,3 +153,18 @@ def test_the_summary_s_steady_state_and_motion_are_those_of_the_measures(rate):
     assert steady == pytest.approx(measure("steady_state", time, q), rel=0.0, nan_ok=True)
     assert left == unrest("steady_state", time, q)
     assert np.isnan(steady) == (left > 0.0)
+
+
+def test_the_summary_has_all_measures_that_need_rest_or_none():
+    """A step begins at 0.1 s, so that the windows of the measures differ."""
+    time = np.arange(0.0, 4.0, 0.001)
+    q = response(np.maximum(time - 0.1, 0.0), 0.08, 2.0 * math.pi * 2.5)[0]
+    verdicts = set()
+    for end in np.arange(1.0, 4.0, 0.02):
+        before = time <= end
+        found = summarise(time[before], {"link_position": q[before], "position_error": 1.0 - q[before]}, step=100)
+        rests = {math.isfinite(value) for value in (found.steady_state, found.steady_state_error, found.overshoot)}
+        assert rests == {found.motion_left == 0.0}
+        assert math.isnan(found.settling) or found.motion_left == 0.0
+        verdicts |= rests
+    assert verdicts == {True, False}

@@ -192,6 +192,13 @@ def test_joints_are_paired_by_name(tmp_path):
         compare(simulation("forearm"), recording)
 
 
+def test_a_column_of_a_joint_that_the_simulation_lacks_is_named(tmp_path):
+    mapping = ["q1=elbow.link_position", "q1_ref=wrist.link_position"]
+    recording = read_recording(laboratory(tmp_path, header="time,q1,q1_ref"), mapping=mapping)
+    (note,) = [one for one in compare(simulation("elbow"), recording).findings if one.code == "no-such-joint"]
+    assert (note.key, note.message) == ("q1_ref", "is not compared: the simulation has no joint wrist")
+
+
 def test_a_recording_with_an_unknown_ending_may_need_a_reader_of_the_user(tmp_path):
     """Without the reader, it is read as text, so its faults are those of the text."""
     hint, known, unknown = (

@@ -32,7 +32,8 @@ def test_a_clock_that_restarts_goes_on(tmp_path, unit, factor, full):
     recording = read_recording(tmp_path / "lab.csv")
     np.testing.assert_allclose(np.diff(recording.time), 0.01, atol=1e-6)
     (said,) = (one for one in recording.findings if one.code == "restarted-clock")
-    assert f"restarts 1 time after {full:g}" in said.message
+    assert f"restarts 1 time after {full:g} {unit}," in said.message
+    assert recording.doubts == (), "nothing is lost, so verdicts do not repeat the note"
 
 
 @pytest.mark.parametrize("unit", ["s", "ms", "us"])

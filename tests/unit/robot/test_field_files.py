@@ -255,7 +255,7 @@ WORDS = {
     "gravity as a vector": ('<gazebo reference="arm"><gravity>0 0 -1.6</gravity></gazebo>', "neither true nor false"),
     "start velocity": (
         STARTING,
-        "start velocity",
+        "initial velocity",
     ),
     "masses of a compiler": ('<mujoco><compiler boundmass="0.5" meshdir="m"/></mujoco>', "changes masses"),
     "plugin of the newer Gazebo": (
@@ -264,10 +264,13 @@ WORDS = {
     ),
     "plugin of a laboratory": (
         '<gazebo><plugin name="a" filename="libtendon_drive.so"/><plugin name="b" filename="libmuscle.so"/></gazebo>',
-        "'libtendon_drive.so' is unknown: its effect in Gazebo does not exist here (and at 1 other place)",
+        "'libtendon_drive.so' is unknown: its effect in Gazebo does not exist in asrsim (and at 1 other place)",
     ),
-    "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; here it moves freely"),
-    "coupling that is a parameter": (controlled('<param name="mimic">true</param>'), "has no <mimic>; here it moves freely"),
+    "coupling of no master": (controlled("", 'mimic="true"'), "has no <mimic>; in asrsim it moves freely"),
+    "coupling that is a parameter": (
+        controlled('<param name="mimic">true</param>'),
+        "has no <mimic>; in asrsim it moves freely",
+    ),
     "range of commands": (
         controlled('<command_interface name="position"><param name="min">-0.5</param></command_interface>'),
         "-0.5 to ...",
@@ -276,7 +279,7 @@ WORDS = {
         controlled('<command_interface name="effort"><param name="max">1</param></command_interface>'),
         "commands of the effort are not limited to ... to 1",
     ),
-    "limits that are off": (controlled('<limits enable="false"/>'), "here the joint stops at its <limit>"),
+    "limits that are off": (controlled('<limits enable="false"/>'), "in asrsim the joint stops at its <limit>"),
     "gearbox": (
         '<gazebo><joint name="g" type="gearbox"><parent>world</parent><child>arm</child></joint></gazebo>',
         "close a loop",

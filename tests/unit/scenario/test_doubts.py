@@ -150,3 +150,15 @@ def test_a_preset_beyond_the_springs_gets_a_warning(tiny):
     own = "references: {elbow: {equilibrium_position: 0, stiffness_preset: %s}}"
     assert "large-preset" in warned(tiny, own % 50)
     assert not warned(tiny, own % 0.6)
+
+
+@pytest.mark.parametrize(("first", "told"), [(50587.0, True), (-3.0, True), (0.5, False), (-0.5, False)])
+@pytest.mark.parametrize("form", ["{}", "{{sum: [{}, 0.1]}}"])
+def test_a_recording_whose_times_lie_outside_the_run_gets_a_warning(first, told, form, tiny):
+    """A time of day in seconds is such a time. The robot would stand still at the first or last sample."""
+    rows = "".join(f"{first + 0.1 * i},{0.01 * i}\n" for i in range(10))
+    (tiny.folder / "day.csv").write_text(f"time [s],goal [rad]\n{rows}")
+    played = form.format("{playback: {file: day.csv, column: goal}}")
+    more = f"references: {{elbow: {{equilibrium_position: {played}}}}}"
+    assert ("playback-outside" in warned(tiny, more)) == told
+    assert "playback-outside" not in warned(tiny, more.replace("column: goal", "column: goal, start: 0"))

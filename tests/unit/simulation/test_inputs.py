@@ -11,6 +11,7 @@ from asrsim.actuators.qbmove import QbMove
 from asrsim.scenario.data import Imperfections
 from asrsim.signals import Sinusoid
 from asrsim.simulation.inputs import renewal_of
+from asrsim.simulation.worlds import Worlds
 from validation.models import Body, chain, column, run
 
 BODY = Body(actuator="sea", mass=0.3, reach=0.05)
@@ -80,3 +81,17 @@ def test_a_command_from_outside_is_sent_and_acts_at_once(tiny):
 
 def test_a_reference_map_that_is_no_plain_function_is_not_compiled():
     assert renewal_of(lru_cache(QbMove.motor_references)) is None
+
+
+@pytest.mark.parametrize("late", [-0.5, -0.3, 0.0, 0.3])
+def test_a_jump_at_the_border_of_two_chunks_acts_at_its_time(tiny, late):
+    """late: distance of the jump from a substep that begins a chunk, in substeps."""
+    jump = {"step": {"at": (80 + late) * 1e-3, "to": 0.4}}
+    scenario = make_scenario(tiny.robot, duration=0.2, substeps=1, compiled=False, external_torques={"elbow": jump})
+    found = []
+    for chunk in (40, 4096):
+        with Worlds(scenario, 1, chunk=chunk) as worlds:
+            assert worlds.prepared.substep == 1e-3
+            found.append(worlds.rollout(["link_position"])["link_position"])
+    assert np.ptp(found[0]) > 0.01
+    np.testing.assert_array_equal(*found)

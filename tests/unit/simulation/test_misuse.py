@@ -143,7 +143,7 @@ MOVED = asrsim.Start(positions={"elbow": 0.2})
             "must be a signal",
         ),
         (lambda w: w.reset([MOVED, MOVED, asrsim.Start(parameters={"elbow": {"damping": -1.0}})]), "damping"),
-        (lambda w: w.reset([]), "one start for each world"),
+        (lambda w: w.reset([]), "one `Start` for each world"),
         (lambda w: w.record(["link_position"], steps=-1), "must not be negative"),
         (lambda w: w.record("link_position"), "names.*must be a list of quantities.*link_position"),
         (lambda w: w.record(60), "names.*must be a list of quantities.*60"),

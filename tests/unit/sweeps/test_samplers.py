@@ -8,8 +8,9 @@ from scipy.stats import qmc
 from asrsim.cli.app import app
 from asrsim.errors import InputError
 from asrsim.sweeps import Table, make_study, sweep
-from asrsim.sweeps.samplers import SAMPLERS, Sampler
+from asrsim.sweeps.samplers import SAMPLERS, Saltelli, Sampler
 from asrsim.sweeps.store import sealed
+from asrsim.sweeps.study import read_study
 from support.paths import ROOT
 
 pytest.importorskip("pyarrow")
@@ -100,7 +101,9 @@ def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tin
     plugin.write_text(
         "import numpy as np\nfrom asrsim.sweeps.samplers import SAMPLERS, Sampler\n\n\n"
         f"class Even(Sampler):\n    title, blocks = 'even', {blocks}\n\n    def points(self, samples, dimensions, seed):\n"
-        f"        return np.linspace(0.1, 0.9, {3 if blocks else 1} * samples)[:, None]\n\n\nSAMPLERS.add('even', Even())\n"
+        "        first = np.linspace(0.1, 0.9, samples)[:, None]\n"
+        f"        return {'np.concatenate([first, 0.5 * first, 0.5 * first])' if blocks else 'first'}\n\n\n"
+        "SAMPLERS.add('even', Even())\n"
     )
     before = SAMPLERS.state()
     done = asrsim_command(
@@ -114,3 +117,57 @@ def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tin
     assert ("6 of 6 runs" if blocks else "2 of 2 runs") in shown.out
     assert ("the sampler 'even' is not known here" in shown.out) == blocks
     assert ("my_sampler.py: name your copy with --plugin" in shown.out) == blocks
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("draws[4:6] = draws[6:8]", r"rows 4 to 5 must be A with column 0 of B; row 4 must be \[.*\] and is \["),
+        ("draws[7, 0] += 1e-9", "rows 6 to 7 must be A with column 1 of B; row 7 must be"),
+        ("draws[2:4] = draws[:2]", "the blocks A and B must be drawn separately, but their columns 0 are equal"),
+    ],
+)
+def test_draws_that_are_not_the_blocks_that_a_sampler_states_are_refused_with_the_first_wrong_row(tiny, wrong, said):
+    """Sobol indices of other draws would be wrong numbers."""
+
+    class Mixed(Saltelli):
+        title = "mixed"
+
+        def points(self, samples, dimensions, seed):
+            draws = super().points(samples, dimensions, seed)
+            exec(wrong)
+            return draws
+
+    SAMPLERS.add("mixed", Mixed())
+    varied = {"arm.mass": "uniform(0.2, 0.6)", "elbow.damping": "uniform(0.1, 0.2)"}
+    study = make_study(tiny.scenario, varied, samples=2, sampler="mixed")
+    with pytest.raises(InputError, match=f"'mixed' states `blocks = True`: {said}"):
+        _ = study.table
+
+
+OWN = """
+import numpy as np
+from asrsim.sweeps.samplers import SAMPLERS, Sampler
+
+class Even(Sampler):
+    title = "even"
+
+    def points(self, samples, dimensions, seed):
+        return np.full((samples, dimensions), 0.5)
+
+SAMPLERS.add("fresh_even", Even())
+"""
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_a_study_of_the_library_finds_the_sampler_of_its_plugins(tiny, listed):
+    """Also a study file, which may list the plugin, too."""
+    plugin = tiny.folder / "my_even.py"
+    plugin.write_text(OWN)
+    keys = f"scenario: {tiny.scenario.name}\nover: {{arm.mass: 'uniform(0.2, 0.6)'}}\nsampler: fresh_even\nsamples: 2\n"
+    (tiny.folder / "study.yaml").write_text(keys + ("plugins: [my_even.py]\n" if listed else ""))
+    study = read_study(tiny.folder / "study.yaml", [plugin])
+    np.testing.assert_allclose(study.table, 0.4)
+    SAMPLERS.forget_files()
+    study = make_study(tiny.scenario, {"arm.mass": "uniform(0.2, 0.6)"}, sampler="fresh_even", plugins=[plugin])
+    np.testing.assert_allclose(study.table, 0.4)

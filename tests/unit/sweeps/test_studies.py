@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import re
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from asrsim.errors import InputError, OutputError
 from asrsim.simulation.prepare import prepare
 from asrsim.sweeps import Table, make_study
 from asrsim.sweeps.cases import make_payload
+from asrsim.sweeps.pictures import over_key
 from asrsim.sweeps.rows import Runner, alone
 from asrsim.sweeps.run import crashed_row, run_again
 from asrsim.sweeps.sensitivity import influences, sobol
@@ -469,6 +471,20 @@ def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
     store.finish()
     assert varying(Table(tmp_path)) == ["a.large", "a.small", "tip.last", "b.peak"]
     assert result_rows(Table(tmp_path))[0][2:] == ("3", "0.1", "0.11", "0.2", "0.92", "1", "run 0", "run 2")
+
+
+def test_the_measured_value_of_a_claim_is_a_result_that_names_the_claim(tiny, asrsim_command):
+    """So a measure of a user's own becomes a result of a study."""
+    claim = "expect=[{joint: elbow, quantity: link_position, measure: maximum, comparison: '<', value: 9}]"
+    done = asrsim_command(
+        "sweep", tiny.scenario, "--over", "arm.mass=[0.2, 0.6]", "--set", "duration=0.1", "--set", claim,
+        "--out", "study", "--workers", "1", "--result", "claim_0.measured",
+    )  # fmt: skip
+    assert done.code == 0, done.err
+    (row,) = [line for line in done.out.splitlines() if "claim_0" in line]
+    assert re.split(r"\s{2,}", row.strip())[0] == "claim_0.measured (elbow link_position: maximum)"
+    assert "overshoot" not in done.out
+    assert over_key(Table("study"), "claim_0.measured").words == "elbow link_position: maximum"
 
 
 SIGNALS = {

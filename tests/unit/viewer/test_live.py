@@ -4,6 +4,7 @@ import contextlib
 import re
 import socket
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from websockets.sync.client import connect
 import asrsim
 from asrsim.errors import InputError
 from asrsim.log import open_log, read_log
+from asrsim.outfile import csv_text
 from asrsim.runs.rerun import rerun
 from asrsim.simulation.drives import EXTERNAL_TORQUE
 from asrsim.viewer.pull import Grip
@@ -115,6 +117,23 @@ def test_a_pull_is_the_force_of_a_spring_up_to_its_limit():
         assert pull.force @ (moved - place) == pytest.approx(torques @ step, rel=1e-5)
 
 
+def test_the_torques_of_a_pull_do_the_work_of_its_force(arm):
+    session = arm.show.session
+    desk, model = session.operator, session.simulation.model
+    until(lambda: desk.subject.history.latest is not None)
+    session.paused = True
+    until(lambda: session.time == (time.sleep(0.1) or session.time))
+    positions = session.simulation.observe().link_position
+    point = (0.05, 0.0, 0.0)
+    start, _ = model.pose(positions, "link_2", point)
+    desk._grip = Grip("link_2", point, start + np.array([0.01, 0.03, 0.0]))
+    torques = desk.ask(session)
+    step = 1e-6 * np.array([0.3, -0.5])
+    moved, _ = model.pose(positions + step, "link_2", point)
+    work = sum(torques[joint, EXTERNAL_TORQUE] * way for joint, way in zip(model.joints, step, strict=True))
+    assert work == pytest.approx(desk._pull.force @ (moved - start), rel=1e-4)
+
+
 def test_letting_go_gives_the_torque_back_to_the_scenario(arm, tmp_path):
     session = arm.show.session
     desk = session.operator
@@ -177,6 +196,18 @@ def test_a_variant_is_a_ghost_that_moves_as_its_scenario_states(arm):
     companion, _ = until(lambda: desk._page.stage.ghosts.get("stiff"))
     run = asrsim.run(SOFT_ARM, variant="stiff").samples
     np.testing.assert_array_equal(companion.history.at(0.3).values["link_position"][0], run.values["link_position"][300])
+
+
+def test_logs_and_recordings_move_beside_a_live_run(tmp_path):
+    shorter = {"duration": 0.3}
+    run = asrsim.run(SOFT_ARM, variant="soft", overrides=shorter, out=tmp_path / "before")
+    series = run["joint_1"]
+    names = ["time [s]", "joint_1.link_position [rad]", "joint_1.reference_1 [rad]"]
+    lab = tmp_path / "lab.csv"
+    lab.write_text(csv_text(names, np.column_stack([run.time, series.link_position, series.reference_1])))
+    with asrsim.view(SOFT_ARM, run.log, variant="soft", overrides=shorter, experiments=[lab]) as view:
+        desk = until(lambda: view.show.session and view.show.session.operator)
+        assert {Path(name).name for name in desk._page.stage.ghosts} == {"before", "lab.csv"}
 
 
 def test_a_plot_that_is_removed_is_drawn_no_more(arm):
