@@ -13,8 +13,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from asrsim.identification.extensions import presliding
 from asrsim.identification.noise import CLIPPED, autocovariances, autoregression
-from asrsim.identification.problem import FitProblem, Part, jacobian, residuals, residuals_at, slopes_along, weigh
+from asrsim.identification.problem import (
+    FitProblem,
+    Part,
+    jacobian,
+    residuals,
+    residuals_at,
+    slopes_along,
+    weigh,
+    with_own_substeps,
+)
 from asrsim.identification.track import Playing
 from asrsim.samples import Array
 
@@ -52,6 +62,8 @@ SINGLE: if at least this fraction of the samples are outliers, they are errors o
 """
 PLAYED = 8
 """Number of random draws of the commands' noise. The standard deviation that they give has a standard error of 25 %."""
+STIFFER = 10.0
+"""Ratio of a real pre-sliding stiffness to the default, which is that of the toolbox: real bristles are mostly far stiffer."""
 CORRECTIONS = 3
 """Number of rounds that correct the autocovariances of residuals for the fitted parameters. Each round multiplies the remaining
 error by about the ratio of parameters to samples.
@@ -318,14 +330,18 @@ def _predicts(problem: FitProblem, x: Array, slopes: Array, basis: Array, sizes:
 
 
 def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
-    """Uncertainty that includes the effects of the time step and of the commands' noise. This noise excites oscillations of the
-    robot, so that the spread between a few blocks does not show its effect.
+    """Uncertainty that includes the effects of the time step, of the commands' noise and of unknown pre-sliding stiffnesses.
+    The noise excites oscillations of the robot, so that the spread between a few blocks does not show its effect.
     """
     base, playing, variance = residuals(problem, x), problem.playing, found.deviation**2
 
+    def moved(changed: Array) -> Array:
+        """Change (n,) of the estimate to first order, from the residuals (m,) of another simulation."""
+        return np.asarray(found.inverse @ (found.jacobian.T @ (changed - base)))
+
     def shift(other: Playing) -> Array:
         """Change (n,) of the estimate to first order if the recordings are simulated with other settings."""
-        return np.asarray(found.inverse @ (found.jacobian.T @ (residuals(replace(problem, playing=other), x) - base)))
+        return moved(residuals(replace(problem, playing=other), x))
 
     tracks = [problem.tracks[i] for i in problem.fitted]
     if all(any(one.noise for one in track.data.commands) for track in tracks):
@@ -335,4 +351,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
         # Double the shift. Half the substep removes only half of the time-step error, since joints that stick cause an error of
         # first order.
         variance += (2.0 * shift(finer)) ** 2
+    for unknown in presliding(problem, x):
+        there = np.append(x, np.log(STIFFER))
+        variance += moved(residuals(with_own_substeps(unknown.added_to(problem), there), there)) ** 2
     return replace(found, deviation=np.sqrt(variance))

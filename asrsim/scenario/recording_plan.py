@@ -28,6 +28,8 @@ up to the time `SOON` show the initial state.
 """
 TORQUES = {4: "motor_1_torque", 0: "link_torque", 7: "motor_1_voltage", 8: "motor_1_current"}
 """Recorded quantity that is the command in each mode if no column is called a command."""
+BEYOND = 0.02
+"""Part of a joint's range by which a recorded position must exceed the range, as a margin for the zero of its sensor."""
 FALLBACKS = ("equilibrium_position", "motor_1_position", "motor_1_voltage", "motor_1_current", "motor_1_torque")
 """Recorded quantities that replace a command that was not recorded."""
 
@@ -157,17 +159,27 @@ def _span(columns: Mapping[tuple[str, str], Column], latest: float) -> tuple[flo
 
 
 def _beyond_stops(column: Column, joint: str, stops: tuple[float, float]) -> str | None:
-    """Question to the user if link positions without a stated unit exceed the joint's stops; None otherwise."""
-    most, values = max(abs(stop) for stop in stops), np.abs(column.values[np.isfinite(column.values)])
-    if column.quantity != "link_position" or column.stated or not len(values):
+    """Remark on link positions that exceed the joint's stops. Without a stated unit, they may be in degrees. None if they do
+    not exceed the stops.
+    """
+    known = column.values[np.isfinite(column.values)]
+    if column.quantity != "link_position" or not len(known):
         return None
-    farthest = float(np.percentile(values, 98))  # a percentile ignores single outliers
-    if farthest < 1.5 * most:
-        return None
-    return (
-        f"{column.source}: states no unit and reaches {farthest:.3g}, but {joint} stops at {most:.3g} rad or m: is it "
-        f"in degrees or mm? State the unit with --map '{column.source}={joint}.link_position [deg]'"
-    )
+    least, most = np.percentile(known, (2, 98)).tolist()  # percentiles ignore single outliers
+    farthest, widest = max(-least, most), max(abs(stop) for stop in stops)
+    if not column.stated and farthest >= 1.5 * widest:
+        return (
+            f"{column.source}: states no unit and reaches {farthest:.3g}, but {joint} stops at {widest:.3g} rad or m: is it "
+            f"in degrees or mm? State the unit with --map '{column.source}={joint}.link_position [deg]'"
+        )
+    for reached, stop, beyond in ((least, stops[0], stops[0] - least), (most, stops[1], most - stops[1])):
+        if beyond > BEYOND * (stops[1] - stops[0]):
+            return (
+                f"{column.source}: reaches {reached:.3g} {column.unit}, but {joint} stops at {stop:.3g} {column.unit}, and no "
+                f"simulation passes a stop: check the sign and the zero of the column, or widen <limit> of {joint} in the "
+                "robot's file"
+            )
+    return None
 
 
 def _require_units(robot: Robot, recording: Recording, columns: Mapping[tuple[str, str], Column]) -> None:

@@ -344,6 +344,17 @@ def test_a_motion_within_the_limits_changes_no_limit(tmp_path):
     assert not [text for text in made.remarks if "recording reaches" in text]
 
 
+@pytest.mark.parametrize(("farthest", "told"), [(2.3, True), (1.9, False)])
+def test_stops_that_a_recording_passes_are_named(tmp_path, farthest, told):
+    """The shoulder stops at 2 rad."""
+    place = farthest * np.sin(6.0 * TIME)
+    header = "time [s],shoulder.reference_1 [rad],shoulder.link_position [rad]"
+    np.savetxt(tmp_path / "lab.csv", np.column_stack([TIME, place, place]), delimiter=",", header=header, comments="")
+    robot = EXAMPLES / "plain_arm.urdf"
+    made = write_from_recording(robot, tmp_path / "lab.csv", tmp_path / "s.yaml", actuators={"shoulder": "sea"}, mode=5)
+    assert any("shoulder stops at" in text and "widen <limit>" in text for text in made.remarks) == told
+
+
 @pytest.mark.parametrize("actuator", ["sea", "qbmove", "bavs", "awas_ii"])
 def test_chosen_springs_hold_the_arm_at_the_recorded_start(tmp_path, actuator):
     """With default parameters, a qbMove at the shoulder would sag by 0.8 rad."""

@@ -318,3 +318,14 @@ def test_held_commands_are_told_from_late_ones(tmp_path, rate, held):
     assert abs(found.find("joint_1.reference_1.delay").value) < 1e-3
     for key in ("joint_1.spring_stiffness", "joint_1.motor_1_inertia", "link_1.iyy"):
         assert found.find(key).value == pytest.approx(truth[key], rel=0.01)
+
+
+@pytest.mark.slow
+def test_an_unstated_pre_sliding_stiffness_widens_the_intervals(tmp_path):
+    """Link only: friction of the motor is known from its effect on the link, which depends on the bristles."""
+    scenario, recording, truth = record("", 22, tmp_path, rate=100.0)
+    stated = {"parameters.joint_1.motor_1_friction_stiffness": 1000.0}
+    options = {"free": list(truth), "mapping": ["joint_1.motor_1_position [rad]=ignore"]}
+    wide, narrow = (identify(scenario, [recording], overrides=one, **options) for one in ({}, stated))
+    widths = [[one.find(key).margin for key in ("joint_1.motor_1_damping", "joint_1.damping")] for one in (wide, narrow)]
+    assert (np.array(widths[0]) > 1.02 * np.array(widths[1])).all(), widths
