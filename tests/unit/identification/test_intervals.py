@@ -356,7 +356,7 @@ def test_an_extension_that_later_ones_replace_is_removed():
     kinds = [lambda *_: [Extension(text=parameter.key, parameters=(parameter,)) for parameter in parameters]]
     found = extended(alone, np.zeros(1), kinds, enough=lambda *_: False)
     assert found.chosen[0].text == "d"
-    assert {extension.text for extension in pruned(alone, found, least=1.0, rounds=15).chosen} == {"b", "c"}
+    assert {extension.text for extension in pruned(alone, found, rounds=15).chosen} == {"b", "c"}
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.98])
