@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import partial, reduce
 from itertools import chain
 from typing import Any
 
@@ -26,6 +26,7 @@ from asrsim.identification.extensions import (
     Extension,
     Optimum,
     Propose,
+    best_predictions,
     extended,
     is_significant,
     pruned,
@@ -37,7 +38,7 @@ from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
 from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
 from asrsim.identification.result import CLOSE
-from asrsim.identification.search import Stopped
+from asrsim.identification.search import Stopped, level_by_level
 from asrsim.identification.task import Tie
 from asrsim.plugins import plugin_fault
 from asrsim.registry import Registry, result_fault
@@ -104,6 +105,9 @@ RINGING, DRIVEN = 0.1, 0.3
 deviation of the recorded motion.
 DRIVEN: a command does not cause an oscillation if the two frequencies differ by more than this fraction.
 """
+DELAYS = (2.0, 25.0, 50.0)
+"""Delays that are tried, in typical sizes: 4, 50 and 100 ms. From a small delay, the search does not find a large one.
+"""
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
 """Second unknown parameter of an effect, by the parameter that states the effect's size. For hysteresis it is the deflection
 over which the hysteresis torque builds up; for static friction, the speed at which the additional friction fades.
@@ -163,16 +167,15 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, least), list[Extended]()
     alone, faults = found, {f"{one}. It was not tried": None for one in CAUSES.broken()}
-    # The fit without the causes may have moved parameters to values at which they have no effect. Therefore search from the
-    # start values, too.
-    for begin in (x, start):
+    for begin in (alone, None):
+        first, kinds = begin or _timed(problem), [partial(_tried, faults, name) for name in CAUSES]
         there = extended(
-            problem, begin, [partial(_tried, faults, name) for name in CAUSES], most=MOST, rounds=ROUNDS, least=least,
+            first.problem, first.x, kinds, chosen=first.chosen, most=MOST, rounds=ROUNDS, least=least,
             enough=lambda wider, there: mean_square(wider, there) <= target,
         )  # fmt: skip
         trials += there.trials
-        there = pruned(problem, there, least=(1.0 - EXPLAINED) * excess, rounds=ROUNDS)
-        found = min((found, there), key=lambda one: mean_square(one.problem, one.x))
+        there = pruned(problem, there, rounds=ROUNDS)
+        found, _ = best_predictions(sorted((found, there), key=lambda one: mean_square(one.problem, one.x)))
         if mean_square(found.problem, found.x) < NOISE:
             break
     found = _with_either_command(found)
@@ -400,27 +403,52 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
             )
 
 
+def _timed(problem: FitProblem) -> Extended:
+    """Problem with zeros and a delay of the commands, and its estimate from a search that begins at the start values.
+
+    A wrong delay or zero changes the estimates of inertia and friction, and friction that falls with speed imitates both.
+    Therefore a search without them ends far from the estimates of the right model.
+    """
+    chosen, commands = (*_command_zeros(problem), *_command_delay(problem)), [one.key for one in _played(problem)]
+    wider = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
+    layout = wider.layout
+    late = np.array([one.key.endswith(".delay") and one.key.rpartition(".")[0] in commands for one in layout.entries])
+    x = level_by_level(wider, [late * begin for begin in (0.0, *DELAYS)])
+    return Extended(chosen, wider, x, huber(residuals(wider, x)))
+
+
+def _command_delay(problem: FitProblem) -> Iterator[Extension]:
+    """Extension that frees a common delay of all commands; none if a delay is free."""
+    commands = [f"{one.key}.delay" for one in _played(problem)]
+    if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
+        first, *others = commands
+        ties = tied_to(first, others)
+        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=ties, begins=DELAYS)
+
+
+def _command_zeros(problem: FitProblem) -> Iterator[Extension]:
+    """Extensions that free the zeros of commands, such as that of an amplifier."""
+    for command in _played(problem):
+        offset, _ = _zero_and_scale(command)
+        if offset.key not in problem.layout.keys:
+            yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
+
+
+def _played(problem: FitProblem) -> Iterable[RecordedSignal]:
+    """Commands of the fitted recordings, one for each key."""
+    return {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values()
+
+
 def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
     """Extensions that free a common delay of all commands, or the delay of one channel. The sensor of this channel may be
     slower than other sensors.
     """
+    yield from _command_delay(problem)
     free, data = problem.layout.keys, [problem.tracks[i].data for i in problem.fitted]
-    commands = dict.fromkeys(f"{one.key}.delay" for own in data for one in own.commands)
-    if commands and not any(key.endswith(".delay") or key == CLOCK for key in free):
-        first, *others = commands
-        ties = tied_to(first, others)
-        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=ties, begins=(2.0,))
-        # A zero offset alone or a delay alone may explain less than friction, which imitates both. Therefore try them together.
-        zeros = {one.key: _zero_and_scale(one)[0] for own in data for one in own.commands}
-        for key, zero in zeros.items():
-            if zero.key not in free:
-                yield Extension(
-                    text=f"a zero offset of {key} and a delay of the commands", parameters=(zero, _delay(first)), ties=ties
-                )
     channels = dict.fromkeys(one.key for own in data for one in own.channels)
     for key in channels if len(channels) > 1 else ():
         if f"{key}.delay" not in free:
-            yield Extension(text=f"a delay of {key}", parameters=(_delay(f"{key}.delay"),), begins=(2.0,))
+            yield Extension(text=f"a delay of {key}", parameters=(_delay(f"{key}.delay"),), begins=DELAYS)
 
 
 def _delay(key: str) -> FitParameter:
@@ -470,10 +498,9 @@ def _commands(problem: FitProblem, _: Array) -> Iterator[Extension]:
     and current commands. The scale may be wrong since a drive computes its torque from a nominal torque constant, or since a
     supply voltage sags.
     """
-    for command in {one.key: one for i in problem.fitted for one in problem.tracks[i].data.commands}.values():
-        offset, gain = _zero_and_scale(command)
-        if offset.key not in problem.layout.keys:
-            yield Extension(text=f"a zero offset of {command.key}", parameters=(offset,))
+    yield from _command_zeros(problem)
+    for command in _played(problem):
+        gain = _zero_and_scale(command)[1]
         if gain.key not in problem.layout.keys and command.unit in EFFORTS:
             yield Extension(text=f"a different scale of {command.key}", parameters=(gain,))
 

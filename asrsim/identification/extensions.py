@@ -228,13 +228,15 @@ def extended(
     most: int = ADOPTED,
     rounds: int = 60,
     least: float = inf,
+    chosen: tuple[Extension, ...] = (),
 ) -> Extended:
     """Problem with added extensions. Each round adds the extension that is best by Schwarz's criterion. The rounds end if
     `enough` is true, if `most` extensions are added, or if no further extension is accepted. kinds: functions that propose
     extensions of a problem; least: smallest known mean Huber loss of the problem without extensions, which an extension must
-    reduce.
+    reduce; chosen: extensions that the problem already has.
     """
-    found, better = Extended((), problem, x, huber(residuals(problem, x))), list[Extended]()
+    most += len(chosen)
+    found, better = Extended(chosen, problem, x, huber(residuals(problem, x))), list[Extended]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
         optimum = Optimum(found.problem, found.x)
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
@@ -249,7 +251,7 @@ def extended(
         if len(best) > 1:
             # Continue the searches of these trials before comparing them, since some searches may not have converged.
             best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
-            best = _best_predictions(_simplest(best))
+            best = best_predictions(_simplest(best))
         found = replace(best[0], rivals=(*found.rivals, *best[1:]))
     return replace(found, trials=tuple(better))
 
@@ -267,7 +269,7 @@ def _simplest(trials: Sequence[Extended]) -> list[Extended]:
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
-def _best_predictions(trials: list[Extended]) -> list[Extended]:
+def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
     """The given trials in a new order. They are about equally likely, and the most likely trial comes first. If another trial
     predicts the held-out parts clearly better than the most likely trial, the trial with the best predictions comes first.
     """
@@ -299,16 +301,16 @@ def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
     return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]
 
 
-def pruned(problem: FitProblem, found: Extended, *, least: float, rounds: int) -> Extended:
-    """Extended problem without the extensions that later extensions make unnecessary. problem: problem without extensions;
-    least: an extension is necessary if the mean square error without it is larger by at least this value.
+def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
+    """Extended problem without the extensions that the other extensions make unnecessary. An extension is necessary if it
+    leaves at most the fraction `FURTHER` of the mean square error. problem: problem without extensions.
     """
     for extension in found.chosen if len(found.chosen) > 1 else ():
         chosen = tuple(one for one in found.chosen if one is not extension)
         fewer = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
-        if mean_square(fewer, x) < mean_square(found.problem, found.x) + least:
+        if mean_square(found.problem, found.x) > FURTHER * mean_square(fewer, x):
             found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
     return found
 

@@ -40,7 +40,7 @@ from asrsim.identification.result import (
     doubted,
     estimates,
 )
-from asrsim.identification.search import Best, OutOfTime, Stopped, refined, search, settle
+from asrsim.identification.search import Best, OutOfTime, Stopped, followed_by, reaches, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.transfer import failed_predictions
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -330,7 +330,10 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
         return problem, trained, uncertainty(problem, trained, foreseen=status == CHECKED, quick=status == INTERRUPTED)
     whole, x = problem.whole, trained
     if whole.ends != problem.ends:
-        x = min((refined(whole, x), x), key=lambda there: mean_square(whole, there))
+        refit = refined(whole, x)
+        # Short predictions may improve while a free simulation leaves the recording: keep the estimates of the training part.
+        if mean_square(whole, refit) < mean_square(whole, x) and reaches((whole, refit), followed_by(whole, x)):
+            x = refit
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
     return whole, x, widened(whole, x, uncertainty(whole, x))

@@ -10,8 +10,9 @@ The free simulation is kept if the model fits. It is also kept if it follows the
 predicts held-out parts as well as fitted parts, or its estimates agree with the estimates of the levels before it. Otherwise
 errors of the model accumulate in the free simulation, and the level to keep is selected in three steps.
 
-1. A level is a candidate if a free simulation with its estimates explains as many channels as the fitted free simulation. Three
-limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free simulation is kept.
+1. A level is a candidate if a free simulation of the whole recordings with its estimates explains as many channels as the
+fitted free simulation. Three limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free
+simulation is kept.
 2. Of the candidates, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ
 equally within chance, the level with the best predictions is kept.
 3. If this is the first level, further levels with higher bandwidths are tried, as long as the highest level is the best.
@@ -143,13 +144,13 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         _hold(best)
     free = extended(best.problem, best.x, (jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
-    most, followed = _followed(free.problem, free.x), follows(free.problem, free.x)
+    most, followed = followed_by(free.problem, free.x), follows(free.problem, free.x)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
-    # A level is a candidate only if it passes `_reaches`. Short predictions may contain too little information: their estimates
+    # A level is a candidate only if it passes `reaches`. Short predictions may contain too little information: their estimates
     # may fail in a free simulation.
-    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if _reaches(fit, most)]
+    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if reaches(fit, most)]
     if not levels:
         return
     kept, level = _best(levels), LEVELS[0]
@@ -157,7 +158,7 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
     while kept is fastest and problem.can_rise(level := level * RISE):
         begin(_name(level))
         risen = _solved(kept.problem.observed(level), kept.x)
-        if not _reaches(risen, most):
+        if not reaches(risen, most):
             break
         levels.append(fastest := _judged(*risen))
         kept = _best(levels)
@@ -221,24 +222,34 @@ def _solved(problem: FitProblem, x: Array, times: int = TWICE) -> tuple[FitProbl
     return problem, x
 
 
+def level_by_level(problem: FitProblem, starts: Sequence[Array]) -> Array:
+    """Estimate of a search level by level, down to the problem's own bandwidth and weights, from the start whose predictions
+    are best at the first level.
+    """
+    for level in problem.distinct(LEVELS) if problem.observes else ():
+        if (faster := problem.observed(level)).playing.bandwidth > problem.playing.bandwidth:
+            starts = [min((_solved(faster, one, times=1) for one in starts), key=_likelihood)[1]]
+    return min((solve(problem, one, rounds=EVALUATIONS) for one in starts), key=lambda x: huber(residuals(problem, x)))
+
+
 def follows(problem: FitProblem, x: Array) -> bool:
     """Whether the predictions explain more than half of the variance of each channel."""
     return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 
-def _followed(problem: FitProblem, x: Array) -> list[int]:
-    """Numbers of channels that a free simulation with these estimates explains, at three limits: more than 50, 90 and 95 % of a
-    channel's variance.
+def followed_by(problem: FitProblem, x: Array) -> list[int]:
+    """Numbers of channels that a free simulation of the whole recordings with these estimates explains, at three limits: more
+    than 50, 90 and 95 % of a channel's variance.
     """
-    found = differences(problem.observed(0.0), x)
+    found = differences(problem.observed(0.0).everything, x)
     return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
 
 
-def _reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
+def reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
     """Whether a free simulation with these estimates explains at least as many channels as another simulation, at each limit.
-    most: result of `_followed` for the other simulation.
+    most: result of `followed_by` for the other simulation.
     """
-    return all(own >= least for own, least in zip(_followed(*fit), most, strict=True))
+    return all(own >= least for own, least in zip(followed_by(*fit), most, strict=True))
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:
@@ -290,7 +301,7 @@ def settle(best: Best) -> None:
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     # Reject effects with which a free simulation explains fewer channels. Such effects may nevertheless improve short
     # predictions.
-    if found.chosen and _reaches((found.problem, found.x), _followed(best.problem, best.x)):
+    if found.chosen and reaches((found.problem, found.x), followed_by(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
     best.x = _timed(best.problem, best.x)

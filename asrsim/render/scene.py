@@ -62,8 +62,7 @@ class RenderScene:
             if fault is not None:
                 self.notes.append(f"the mesh of '{name}' is not drawn: {Path(shape.mesh).name} {fault}")
                 del shapes[name]
-        from_base = np.linalg.inv(self._base)
-        self.urdf = urdf_of(robot, [(name, from_base @ self.objects[name], shape) for name, shape in shapes.items()])
+        self.urdf = urdf_of(robot, shapes)
         """Robot and objects as one robot of yourdfpy."""
         self.parts = tuple(_parts(self.urdf.scene))
 

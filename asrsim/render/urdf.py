@@ -6,7 +6,7 @@ COLLADA file's `<up_axis>` is ignored, so that the z axis of the file is the z a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
-def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> yourdfpy.URDF:
+def urdf_of(robot: Robot, objects: Mapping[str, Shape] | None = None) -> yourdfpy.URDF:
     """Robot as an object of yourdfpy, whose `scene` contains all shapes of robot and objects.
 
-    robot: robot from `asrsim.render.shapes.drawable`. objects: name, pose (4, 4) in the frame of the root link, and shape of
-    each object of the world; objects are links with a floating joint.
+    robot: robot from `asrsim.render.shapes.drawable`. objects: shapes of the objects of the world, by name. Objects are links
+    with a floating joint, at the root link.
     """
     import yourdfpy
     from yourdfpy import urdf
@@ -42,9 +42,9 @@ def urdf_of(robot: Robot, objects: Iterable[tuple[str, Array, Shape]] = ()) -> y
         )
         for joint in robot.joints
     ]
-    for name, pose, shape in objects:
+    for name, shape in (objects or {}).items():
         links.append(urdf.Link(name=name, visuals=_visuals([shape])))
-        joints.append(urdf.Joint(name=f"{name} in the world", type="floating", parent=robot.root.name, child=name, origin=pose))
+        joints.append(urdf.Joint(name=f"{name} in the world", type="floating", parent=robot.root.name, child=name))
     # Let yourdfpy use the names of mesh files unchanged, since `usable_shapes` has resolved them.
     return yourdfpy.URDF(robot=urdf.Robot(robot.name, links, joints), filename_handler=lambda fname: fname)
 

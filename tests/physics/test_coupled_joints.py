@@ -5,6 +5,8 @@ import pytest
 
 import asrsim
 from asrsim.errors import RobotError
+from asrsim.robot import load_robot
+from asrsim.robot.dynamics import RobotModel
 from support.coupled_ode import RODS, TWO_FREE, solve, urdf
 from validation.models import INSTALLED
 
@@ -29,6 +31,20 @@ def test_coupled_chains_at_second_order(tmp_path, engine, rods):
         errors.append(np.abs(samples.values["link_position"][rows] - truth).max())
     assert errors[1] < 1e-5
     assert errors[0] / errors[1] == pytest.approx(16.0, rel=0.05)
+
+
+@pytest.mark.parametrize("rods", [RODS, TWO_FREE], ids=["one freedom", "two freedoms"])
+def test_inverse_dynamics_of_coupled_joints_give_the_power_of_the_kinetic_energy(tmp_path, rods):
+    path = tmp_path / "rods.urdf"
+    path.write_text(urdf(rods))
+    model = RobotModel(load_robot(path))
+    leading = np.array([rod.mimic is None for rod in rods])
+    q, v = np.random.default_rng(4).uniform(-1.0, 1.0, (2, len(rods))) * leading
+    v *= 5.0
+    ahead, behind = (0.5 * v @ model.mass_matrix(q + way * v) @ v for way in (1e-5, -1e-5))
+    torques = model.inverse_dynamics(q, v, np.zeros(len(rods))) - model.gravity_torques(q)
+    assert abs(ahead - behind) > 1e-9
+    assert torques @ v == pytest.approx((ahead - behind) / 2e-5, rel=1e-6)
 
 
 @pytest.mark.parametrize("rods", [RODS, TWO_FREE], ids=["one freedom", "two freedoms"])

@@ -111,6 +111,17 @@ def test_numbers_of_random_seas_are_their_closed_forms(seed):
     assert statics.best_power()[0] == pytest.approx(float(np.max(np.minimum(drive, torque) * speed)), rel=1e-4)
 
 
+def test_either_motor_of_equal_springs_limits_preset_and_deflection():
+    """The springs pull the two motors in opposite directions."""
+    (source,) = sources_of(["qbmove"])
+    first, second = (
+        Statics(drive=replace(source.drive, values={**source.drive.values, f"motor_{i}_max_torque": 0.5})) for i in (1, 2)
+    )
+    whole = Statics(drive=source.drive).highest_preset
+    assert first.highest_preset == pytest.approx(second.highest_preset)
+    assert second.highest_preset < 0.9 * whole
+
+
 def test_the_bandwidth_of_an_sea_is_that_of_its_transfer_function(sea):
     k, kp, kd, inertia, motor, drag = 20.0, 125.0, 4.5, 0.05, 0.0233, 0.5
     damping = 2 * 0.2 * math.sqrt(20.0 * 0.05)

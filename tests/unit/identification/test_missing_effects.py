@@ -186,6 +186,29 @@ def test_the_order_of_two_recordings_does_not_change_what_is_proposed(tmp_path):
     assert both > 2.0 * first
 
 
+def test_a_link_that_slides_is_not_elastic_but_the_next_link_can_be(tmp_path):
+    scenario = write(tmp_path, "lab", LAB, duration=0.5)
+    robot = tmp_path / "lab.urdf"
+    text = robot.read_text()
+    cart = (
+        '<joint name="cart" type="prismatic"><parent link="world"/><child link="base"/><axis xyz="1 0 0"/>'
+        '<limit lower="-1" upper="1" effort="9" velocity="9"/></joint><link name="base"><inertial><mass value="2"/>'
+        '<inertia ixx="1" iyy="1" izz="1"/></inertial></link>'
+    )
+    text = text.replace('<parent link="world"/>', '<parent link="base"/>')
+    robot.write_text(text.replace('<link name="world"/>', f'<link name="world"/>{cart}'))
+    scenario.write_text(f"{scenario.read_text()}compiled: false\n")
+    time = np.arange(0.0, 0.5, 0.005)
+    heading = "time [s],joint_1.reference_1 [rad],cart.link_position [m],joint_1.link_position [rad]"
+    goal = 0.1 * np.sin(20.0 * time) ** 3
+    table = save(tmp_path / "a.csv", heading, time, goal, 0.01 * np.sin(13.0 * time), 0.9 * goal)
+    with ExitStack() as stack:
+        problem = set_up(task_of(scenario, [table], free=["joint_1.damping"]), stack).problem
+        x = np.zeros(len(problem.layout))
+        texts = [one.text for name in CAUSES for one in CAUSES.get(name).extensions(problem, x)]
+    assert [text for text in texts if "elastic" in text] == ["a second mode, such as an elastic link_1,"]
+
+
 @pytest.mark.slow
 def test_an_equally_likely_cause_is_named_beside_the_suspected_one(tmp_path):
     """The torque of a pendulum is 0.8 times the recorded one. A heavier link with more damping and inertia moves equally."""

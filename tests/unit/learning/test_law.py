@@ -10,8 +10,10 @@ from asrsim.errors import InputError
 from asrsim.learning import FixedGain, LearningProblem, iterate, zero_phase
 from asrsim.learning.figure import learning_charts
 from asrsim.learning.state import LearningState, load_state, motion_basis, save_state
+from asrsim.scenario import load_scenario
 from asrsim.scenario.goals import Learning
 from asrsim.signals.pieces import Constant
+from support.paths import EXAMPLES
 
 STEP = 1e-3
 TIME = np.arange(2001) * STEP
@@ -149,3 +151,9 @@ def test_the_filter_keeps_a_ramp_to_its_ends(cutoff, order):
     time = np.arange(0, 20, 0.005)
     ramp = np.column_stack([time, 3 - 0.5 * time])
     assert np.abs(zero_phase(ramp, cutoff, order, 0.005) - ramp).max() < 1e-3 / cutoff
+
+
+@pytest.mark.parametrize(("decay", "found"), [("none", None), ("3.5", 3.5)])
+def test_a_scenario_states_the_decay_of_the_gain_or_none(decay, found):
+    scenarios = load_scenario(EXAMPLES / "scenarios" / "ilc_2dof.yaml", overrides=[f"ilc.gain_decay={decay}"])
+    assert {one.learning.gain_decay for one in scenarios} == {found}

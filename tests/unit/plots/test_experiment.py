@@ -13,6 +13,7 @@ from asrsim.errors import InputError
 from asrsim.log import LogWriter, read_log
 from asrsim.metrics import MEASURES, Measure, read_metrics
 from asrsim.plots import read_curves
+from asrsim.plots.claims import claimed_recording
 from asrsim.plots.job import PlotJob, plot
 from asrsim.plots.overlay import comparison_pages, overlay_figure
 from asrsim.plots.pairing import assign
@@ -231,6 +232,13 @@ def test_recordings_go_to_the_variant_before_the_equals_sign(tmp_path):
         assign(labels, ["stif=lab.csv"])
 
 
+def test_a_recording_without_times_is_read_at_the_given_rate(tmp_path):
+    lab = tmp_path / "lab.csv"
+    lab.write_text("\n".join(["joint_1_position [rad]", *(f"{0.01 * i:.3f}" for i in range(40))]))
+    position = claimed_recording(lab, [], rate=50.0).column("joint_1", "link_position")
+    np.testing.assert_allclose(np.diff(position.time), 0.02, rtol=0.0, atol=1e-12)
+
+
 def test_bode_finds_the_gain_and_delay_of_an_experiment(tmp_path):
     log = simulated_log("chirp_1dof_qbmove", tmp_path / "log.mcap", variant="stiff", duration=8.0)
     samples = read_log(log).samples
@@ -257,6 +265,7 @@ def test_a_recording_without_a_reference_is_said_to_have_that_of_the_simulation(
     assert "reference-of-simulation" not in {one.code for one in simulated}
     said = [one for one in measured if one.code == "reference-of-simulation"]
     assert [(one.file, one.key) for one in said] == ([] if recorded else [(file, "joint_1")])
+    assert [one.code for one in measured if one not in said] == ["low-coherence"]
 
 
 def test_the_response_of_each_joint_is_its_own_from_the_joint_that_is_named(tmp_path):

@@ -56,12 +56,12 @@ def corners(triangles):
     return {frozenset(map(tuple, triangle)) for triangle in np.round(triangles, 9).tolist()}
 
 
-@pytest.mark.parametrize("group", GROUPS)
-def test_nodes_place_and_scale_faces_in_the_file_s_unit(tmp_path, group):
+@pytest.mark.parametrize(("group", "name"), [*((group, "m.dae") for group in GROUPS), ("triangles", "M.DAE")])
+def test_nodes_place_and_scale_faces_in_the_file_s_unit(tmp_path, group, name):
     inner = f'<node id="i"><translate>1 0 0</translate>{SHOWN}</node>'
     nodes = f'<node id="o"><rotate>0 0 1 90</rotate>{inner}</node>'
-    (tmp_path / "m.dae").write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))
-    ((mesh, colour),) = shown(tmp_path, '<mesh filename="m.dae"/>')
+    (tmp_path / name).write_text(document(GROUPS[group], nodes, '<unit meter="0.01"/>'))
+    ((mesh, colour),) = shown(tmp_path, f'<mesh filename="{name}"/>')
     turned = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]], float)
     np.testing.assert_allclose(mesh.triangles, 0.01 * np.add(FANS, (1, 0, 0)) @ turned.T, atol=1e-8)
     np.testing.assert_allclose(colour, [1, 0, 0])

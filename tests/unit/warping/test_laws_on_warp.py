@@ -11,7 +11,7 @@ from asrsim.actuators.motor import velocity_bounds
 from asrsim.actuators.vectorised import energy_law
 from asrsim.plugins import load_plugin_file
 from asrsim.warping import FLOAT, TranslationError, WarpProgram
-from asrsim.warping.values import constant
+from asrsim.warping.values import Row, constant
 from support.paths import EXAMPLES
 
 SHIPPED = ("sea", "qbmove", "bavs", "awas_ii")
@@ -93,7 +93,8 @@ def bracketed(x, y):
 def in_python(text):
     """Functions of a translated program, run by Python: its text is Python that calls functions of Warp."""
     warp = types.SimpleNamespace(func=lambda made: made, where=lambda said, one, other: one if said else other)
-    warp.min, warp.max, warp.abs, warp.pow = min, max, abs, pow
+    warp.min, warp.max, warp.abs = min, max, abs
+    warp.__dict__.update({name: made for name, made in vars(math).items() if not name.startswith("_")})
     names = {"wp": warp}
     exec(text.replace("import warp as wp", ""), names)
     return names
@@ -105,6 +106,42 @@ def test_operators_bind_as_in_python_and_functions_of_one_name_stay_apart():
     translated = in_python(program.text)[name]
     for x, y in np.random.default_rng(3).uniform(-1.5, 1.5, (300, 2)).tolist():
         assert translated(x, y) == pytest.approx(bracketed(x, y), abs=1e-12)
+
+
+def circles(x):
+    return (
+        math.sin(x),
+        math.cos(x),
+        math.tan(x),
+        math.asin(x),
+        math.acos(x),
+        math.atan(x),
+        math.atan2(x, 0.3),
+        math.hypot(x, 2.0),
+    )
+
+
+def curves(x):
+    return math.sinh(x), math.cosh(x), math.tanh(x), math.exp(x), math.expm1(x), math.log1p(x), math.pow(2.0, x), math.cbrt(x)
+
+
+def logarithms(x):
+    y = x * x + 0.1
+    return math.log(y), math.log2(y), math.log10(y), math.sqrt(y), math.fabs(x), math.copysign(2.0, x), math.hypot(x, 2.0)
+
+
+def parts(x):
+    y = 3.0 * x
+    return math.floor(y), math.ceil(y), int(y), float(math.isfinite(x)), float(math.isnan(x))
+
+
+@pytest.mark.parametrize("function", [circles, curves, logarithms, parts])
+def test_functions_of_math_are_those_of_warp(function):
+    program = WarpProgram()
+    name, _ = program.function(function, [FLOAT])
+    translated = in_python(program.text)[name]
+    for x in (-0.9, -0.2, 0.4, 0.8):
+        assert translated(x) == pytest.approx(function(x), abs=1e-12)
 
 
 def test_functions_with_several_results_are_translated_with_their_callees():
@@ -121,6 +158,15 @@ def reading(x):
 def test_code_without_translation_is_refused_with_its_line():
     with pytest.raises(TranslationError, match=r"test_laws_on_warp\.py, line \d+: `with open"):
         WarpProgram().function(reading, [FLOAT])
+
+
+def named(x, parameters):
+    return x * parameters.spring_stiffness
+
+
+def test_a_name_of_a_row_without_names_is_refused_with_its_line():
+    with pytest.raises(TranslationError, match=r"test_laws_on_warp\.py, line \d+: .*: '\.spring_stiffness' has no"):
+        WarpProgram().function(named, [FLOAT, Row(FLOAT, 3)])
 
 
 @pytest.mark.parametrize(
