@@ -48,7 +48,7 @@ SAID = {
     "rerun": r"^out/step_2dof/soft/log\.mcap: 4001 samples compared: identical, bit for bit$",
     "plot out/step_2dof/soft/log": r"^two_joints\.csv beside soft: 12\.5 s late \(start\)$",
     "plot out/step_2dof/soft --bode": r"^note soft: joint_1: the input explains little of the output: median coherence 0\.",
-    "identify": r"^joint_1\.spring_damping: no effect: .*\n(.*\n)*to identify more parameters:\n  ",
+    "identify": r"^joint_1\.\w+: no effect: .*\n(.*\n)*to identify more parameters:\n  ",
     "export": r"^Replayed in MuJoCo \(.*\)\.\nNot in the file:\n  ",
     "twin": r"^joint_1: its positions follow the commands .* s later than in the model",
     "sweep": r"^step_2dof: 20 of 20 runs, 20 complete$",
