@@ -167,8 +167,8 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     target = base - EXPLAINED * excess
     found, trials = Extended((), problem, x, least), list[Extended]()
     alone, faults = found, {f"{one}. It was not tried": None for one in CAUSES.broken()}
-    for begin in (alone, None):
-        first, kinds = begin or _timed(problem), [partial(_tried, faults, name) for name in CAUSES]
+    kinds = [partial(_tried, faults, name) for name in CAUSES]
+    for first in _beginnings(alone, start):
         there = extended(
             first.problem, first.x, kinds, chosen=first.chosen, most=MOST, rounds=ROUNDS, least=least,
             enough=lambda wider, there: mean_square(wider, there) <= target,
@@ -197,6 +197,16 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         yield Suspicion(text=text)
     if faults:
         yield Suspicion(remarks=tuple(faults))
+
+
+def _beginnings(alone: Extended, start: Array) -> Iterator[Extended]:
+    """Problems and estimates at which searches for missing effects begin: the estimate without effects; the problem with zero
+    offsets and a delay of the commands; and the start values, since the fit may have moved parameters to values at which
+    nothing has an effect.
+    """
+    yield alone
+    yield _timed(alone.problem)
+    yield Extended((), alone.problem, start, huber(residuals(alone.problem, start)))
 
 
 def _with_either_command(found: Extended) -> Extended:
