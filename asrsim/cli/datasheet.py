@@ -60,8 +60,8 @@ def datasheet(
     quiet: bool,
 ) -> Done:
     """Write the data sheet of an actuator: torque, speed, power, stiffness, energy, times and bandwidths, with curves and
-    simulated responses. Each number states its origin. A number that the file does not determine is left empty, with the tag
-    that would state this number.
+    simulated responses. Each number states its origin. If a number needs a parameter that the
+    file does not state, its field is empty, and the sheet names the missing tag.
 
     Example: asrsim datasheet qbmove
 

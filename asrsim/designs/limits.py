@@ -26,7 +26,7 @@ class DesignLimits:
 
     limits: Mapping[str, Mapping[str, Any]] = declare(
         MapOf(of=MapOf(of=_RANGE, noun="quantity or reference", star=False), star=False),
-        doc="joint -> quantity or reference -> size, or `[low, high]`; `motor_torque` stands for the torque of each motor",
+        doc="joint -> quantity or reference -> largest magnitude, or `[low, high]`; `motor_torque` limits each motor",
     )
     choose: Mapping[str, Any] = declare(
         MapOf(of=ListOf(of=Either((NUMBER, Text())), minimum=1), noun="key", star=False),

@@ -111,9 +111,9 @@ def _solve(square: Any, values: Any, parent: Any, size: int) -> None:
         b = parent[a]
         while b >= 0:
             factor = square[a, b] * inverse
-            # A loop over all columns is faster than a loop along the branch from the base to b, since its loads do not wait for
-            # each other. It also changes entries outside the branch. They are 0, or NaN after a run that diverged, and have no
-            # effect.
+            # Loop over all columns, not along the branch from the base to b: this is faster, since no read from memory depends
+            # on the read before. The loop also changes entries outside the branch. They are 0, or NaN after a run that
+            # diverged, and have no effect.
             for c in range(b + 1):
                 square[b, c] -= factor * square[a, c]
             square[a, b] = factor

@@ -401,8 +401,8 @@ def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
 
 
 def weighed(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem in which the weight of each channel is the size of its residuals, but at least the rounding error. A recording
-    whose simulation diverges keeps its weights.
+    """Problem in which the residuals of each channel are divided by their own size, or by the rounding error if this is larger.
+    A recording whose simulation diverges keeps its divisors.
     """
     found: dict[int, list[float]] = {}
     for part, left in differences(problem, x):

@@ -30,7 +30,7 @@ _LOST = ("wrapped", "unsigned", "missing-numbers", "not-a-number", "ragged-row",
 
 
 def places_text(noun: str, numbers: Iterable[int]) -> str:
-    """Numbers of places as text, such as `lines 3, 11`."""
+    """The noun and the numbers as text, for example `lines 3, 11`."""
     words = [*map(str, numbers)]
     return f"{noun}{'s' if len(words) > 1 else ''} {listed(words, 8)}"
 

@@ -208,7 +208,8 @@ def _meanings(
                 first = re.sub(r"(?<![\[\d])\d+", "0", name, count=1)
                 unnamed = joints and quantity and column.joint is None
                 if unnamed and first != name and first in names:
-                    joint_of(0, joints, indexed=False)  # joint numbers from 0 need a robot with joint numbers from 0
+                    # The file counts its joints from 0. Raise DoubtError unless the names of the robot's joints also do.
+                    joint_of(0, joints, indexed=False)
                 if unnamed and name.startswith("field.") and "0" in name and name.replace("0", "1", 1) in names:
                     raise DoubtError("the file has several joints, but does not name them")
                 if quantity and uses[column.file, name] > 1:

@@ -22,7 +22,10 @@ DIGITS = 7
 
 
 def motion_data(films: Sequence[Film], labels: Sequence[str]) -> dict[str, Any]:
-    """Data of the moving view for one film or more. Runs with the same shapes share the data of these shapes."""
+    """Data of the page's animation of one or several runs. Runs with the same shapes share the data of these shapes.
+
+    films: the motion of each run, ready to be drawn; labels: the name of each run.
+    """
     scenes: list[list[dict[str, Any]]] = []
     runs = []
     for film, label in zip(films, labels, strict=True):

@@ -14,7 +14,10 @@ HINT = (
     "quantity share their range, and one cursor marks the time in all of them.</p>"
 )
 """Instructions for using the plots of a page, as HTML."""
-NO_SCRIPT = "<noscript><p class='bad'>The plots need JavaScript, which this page contains.</p></noscript>"
+NO_SCRIPT = (
+    "<noscript><p class='bad'>The plots need JavaScript: enable it in the browser. The page loads nothing from the network.</p>"
+    "</noscript>"
+)
 
 
 def asset(name: str) -> str:

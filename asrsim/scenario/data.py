@@ -219,7 +219,7 @@ class Scenario:
         default={},
         unit="rad",
         shown="locked",
-        doc="for the engine bench: link positions, for example a CSV file by `playback`",
+        doc="only with `engine: bench`: the prescribed link positions, for example a `playback` signal that reads a CSV file",
     )
     """Prescribed link positions; joints without an entry are locked."""
     joint_order: tuple[str, ...] = declare(

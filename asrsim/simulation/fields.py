@@ -44,7 +44,7 @@ class MotorState:
     position: float = value("position of the motor at the beginning of the next substep", "rad")
     velocity: float = value("velocity of the motor after the last kick", "rad/s")
     anchor: float = value("position at which the bristles of the friction stick (Dahl's w)", "rad")
-    integral: float = value("integral action of the motor's controller, in units of the command", "N m")
+    integral: float = value("integral action of the motor's controller, in the unit of its command", "N m")
     theta: float = value("position at which the laws of the spring are evaluated", "rad")
     pull: float = value("torque of the motor's spring at theta", "N m")
     kick_position: float = value("position of the motor at the kick", "rad", log="motor_{}_position")
@@ -70,7 +70,7 @@ class MotorState:
     kick: Kick = record(Kick, "inputs of the stages' laws at the kick")
     limit: float = value("largest torque of the motor, for joints with stages", "N m")
     read_error: float = value("position error of the motor's sensor: measured minus true position", "rad")
-    read_push: float = value("torque caused by the error of the measured velocity, in units of the command", "N m")
+    read_push: float = value("part of the command due to the error of the measured velocity", "N m")
 
 
 @dataclass(slots=True)
