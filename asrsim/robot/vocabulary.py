@@ -337,7 +337,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
     "gazebo": {
         "@reference": READ, "plugin": Word(use="read", inside="plugin"),
         **_words(SILENT, "sensor:* controller:* interface:* xacro:* gripper"),
-        **_words(left("<joint> in <gazebo> closed a loop in an older Gazebo; it is left out", neutral=None), "joint:*"),
+        **_words(left("this joint closes a loop in older versions of Gazebo; it is left out", neutral=None), "joint:*"),
         **_words(SILENT, "@name @xmlns @version sensor controller material laserRetro provideFeedback disableFixedJointLumping"
                          " preserveFixedJoint implicitSpringDamper visual pose light include frame ignition:model"
                          " stopCfm stopErp cfmDamping fudgeFactor physics canonicalBody @parent audio_sink"
