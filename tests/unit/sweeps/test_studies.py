@@ -483,6 +483,7 @@ def test_the_measured_value_of_a_claim_is_a_result_that_names_the_claim(tiny, as
     assert done.code == 0, done.err
     (row,) = [line for line in done.out.splitlines() if "claim_0" in line]
     assert re.split(r"\s{2,}", row.strip())[0] == "claim_0.measured (elbow link_position: maximum)"
+    assert Table("study").unit("claim_0.measured") == "rad"
     assert "overshoot" not in done.out
     assert over_key(Table("study"), "claim_0.measured").words == "elbow link_position: maximum"
 
