@@ -27,6 +27,8 @@ SLACK = 1.2
 """Largest error of the fitted scenario that its claims allow, relative to the error of the fit. Results of engines differ
 slightly.
 """
+CLOCKS = 1e-6
+"""Largest difference between the start of a command in the fit and in a run of the scenario, s."""
 
 
 def write_scenario(
@@ -79,15 +81,19 @@ def _written_commands(
     """Write the commands that a run plays instead of the recorded commands. Return the files and, by the key of each command,
     the delay of its samples in s and the name of its file.
 
-    The written samples include the zero offsets, scales and instants of jumps, and the delays that `imperfections` of the
-    scenario cannot state.
+    A command is also written if the scenario plays it at other times than the fit. The written samples include the zero
+    offsets, scales and instants of jumps, and the delays that `imperfections` of the scenario cannot state.
     """
     files, shifts = list[Path](), dict[str, tuple[float, str]]()
     recorded = {command.key: command for command in result.played}
     for number, reading in enumerate(result.replay.commands, start=1):
         late = 0.0 if reading.joint in delays else reading.late
         signal = result.scenario.references_of(reading.joint).get(reading.reference)
-        if (reading.corrected or late) and isinstance(signal, Playback):
+        if not isinstance(signal, Playback):
+            continue
+        # The scenario's playback may begin at another time than the command did in the fit, for example because of its `start`.
+        moved = abs(float(signal.samples[0][0] - recorded[reading.key].time[0])) > CLOCKS
+        if reading.corrected or late or moved:
             files.append(folder / f"command_{number}.csv")
             write_text(files[-1], played_table(recorded[reading.key], reading, late), "fitted command")
             shifts[reading.key] = late, files[-1].name

@@ -85,8 +85,13 @@ class LogReader:
         return (chunks[-1].end - chunks[0].start) * 1e-9 if chunks else 0.0
 
     def read(self, **selection: Unpack[Selection]) -> Log:
-        """Log with all samples or a selection. Arguments as in `iter_samples`."""
+        """Log with all samples or a selection. Arguments as in `iter_samples`. Raises LogError also if no sample lies between
+        `start` and `end`."""
         parts = list(self.iter_samples(**selection))
+        window = (selection.get("start"), selection.get("end")) != (None, None)
+        if not parts and window and (chunks := self._structure.chunks):
+            hint = f"It lasts from {chunks[0].start * 1e-9:g} to {chunks[-1].end * 1e-9:g} s"
+            raise LogError("the log contains no samples in that time", file=self.path, hint=hint, code="empty-log")
         names, members = self._selection(selection.get("quantities"), selection.get("joints"))
         return Log(
             path=self.path,
@@ -116,12 +121,14 @@ class LogReader:
             stride: Number n, if only every n-th of these samples is read.
 
         Raises:
-            LogError: Unknown name, or damaged chunk.
+            LogError: Unknown name, `end` before `start`, or damaged chunk.
         """
         names, members = self._selection(quantities, joints)
         step = 1 if stride is None else stride
         if step < 1:
             raise LogError("the stride must be 1 or more", key="stride", value=stride, code="bad-stride")
+        if start is not None and end is not None and end < start:
+            raise LogError(f"must not be before the start, {start:g} s", key="end", value=end, code="bad-window")
         columns = ColumnReader(self._structure.channels)
         skip, last = 0, np.empty(0)
         for place, found in self._chunks(columns, set(names), set(members), start, end):

@@ -125,19 +125,25 @@ def evaluate_expectation(
         moving = unrest(expectation.measure, time, series, reference, **options) if math.isnan(measured) else 0.0
     except InputError as error:
         raise _error(expectation, "; ".join(p.message for p in error.problems)) from None
-    found = MEASURES.get(expectation.measure)
-    if expectation.quantity in QUANTITIES or expectation.quantity in DERIVED:
-        series_unit = unit_of(expectation.quantity, prismatic=prismatic)
-    else:
-        series_unit = "N" if expectation.quantity.startswith("contact_force") else "m"
     return ExpectationResult(
         expectation=expectation,
         holds=holds(expectation, measured),
         measured=measured,
-        unit=found.unit_of(series_unit),
+        unit=claim_unit(expectation, prismatic=prismatic),
         moving=moving,
-        moving_unit=series_unit,
+        moving_unit=_series_unit(expectation, prismatic=prismatic),
     )
+
+
+def claim_unit(expectation: Expectation, *, prismatic: bool = False) -> str:
+    """Unit of a claim's measured number; "" for a pure number. prismatic: as in `evaluate_expectation`."""
+    return MEASURES.get(expectation.measure).unit_of(_series_unit(expectation, prismatic=prismatic))
+
+
+def _series_unit(expectation: Expectation, *, prismatic: bool) -> str:
+    if expectation.quantity in QUANTITIES or expectation.quantity in DERIVED:
+        return unit_of(expectation.quantity, prismatic=prismatic)
+    return "N" if expectation.quantity.startswith("contact_force") else "m"
 
 
 def holds(expectation: Expectation, measured: float) -> bool:

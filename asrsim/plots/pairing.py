@@ -148,7 +148,8 @@ def _in_both(
     common = [name for name in drawable_quantities(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
         # Call the comparison only since it raises an error that is more precise than the error below.
-        compare(reader.read(joints=sorted(wanted), end=0.0).samples, recordings[0], infos=reader.info.joints)
+        if (first := next(reader.iter_samples(joints=sorted(wanted)), None)) is not None:
+            compare(first, recordings[0], infos=reader.info.joints)
         message = "log and recording share none of the selected joints and quantities"
         raise RecordingError(message, file=recordings[0].path, code="nothing-shared")
     return paired, common

@@ -88,8 +88,7 @@ class Film:
         ).samples
         """Logged positions, poses and contacts; the samples of a long log are thinned."""
         if not len(self.samples.time):
-            what = "the log contains no samples" + ("" if start is None and end is None else " in that time")
-            raise LogError(what, file=self.path, hint=f"It lasts {reader.duration:g} s", code="empty-log")
+            raise LogError("the log contains no samples", file=self.path, code="empty-log")
         positions = self.samples.values["link_position"]
         rest = DERIVED_FUNCTIONS["equilibrium_position"](self.samples, self.info.joints)
         self._equilibria = np.where(np.isfinite(rest), rest, positions)

@@ -126,7 +126,8 @@ def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                     f"plays nothing of {played.file.name}: its samples lie from {first:g} to {last:g} s, the run from 0 to "
                     f"{scenario.duration:g} s"
                 )
-                hint = "`start: 0` in the playback shifts the first sample to the start of the run"
+                start = f"`start: {played.earliest - first:.9g}`"
+                hint = f"{start} in all playbacks of the file shifts the first sample of this column to the start of the run"
                 yield Problem(message, key=key, hint=hint, code="playback-outside")
 
 

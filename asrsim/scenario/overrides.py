@@ -13,6 +13,7 @@ from asrsim.document.node import Node, node_from_data
 from asrsim.document.yaml_reader import parse_yaml
 from asrsim.errors import InputError, ScenarioError, did_you_mean
 from asrsim.renamed import new_key
+from asrsim.robot.vary import JOINT_NAMES, LINK_NAMES
 from asrsim.scenario.data import SCENARIO
 
 _PART = re.compile(r'"([^"]*)"|([^."]+)')
@@ -85,7 +86,9 @@ def _check_key(key: str) -> None:
             "is not a key of a scenario",
             key=key,
             code="override",
-            hint=f"A joint's parameter is parameters.{key}, its reference references.{key}",
+            hint=f"Numbers of the URDF are changed there, by `asrsim sweep --over {key}=...`, or by reset(parameters=...)"
+            if path[1] in (*LINK_NAMES, *JOINT_NAMES)
+            else f"A joint's parameter is parameters.{key}, its reference references.{key}",
         )
 
 

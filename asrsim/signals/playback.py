@@ -18,7 +18,7 @@ from asrsim.signals.curve import CubicCurve, curve_through
 from asrsim.signals.recorded import read_column
 
 STAMP_LIMIT = 1e6
-"""First time of a recording above which its times count as stamps of a clock, s. Such times are shifted to start at 0."""
+"""Earliest time of a recording above which its times count as stamps of a clock, s. Such times are shifted to start at 0."""
 
 _RECORDING = File(noun="recording", folder=True, beside=".yaml")
 
@@ -45,8 +45,8 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the first sample; by default, its time in the recording. Times of a wall clock are counted from "
-        "the earliest time in the file",
+        doc="simulated time of the earliest sample in the file, of any of its columns; by default, its time in the "
+        "recording, or 0 if the times are those of a wall clock",
         unit="s",
         default=None,
     )
@@ -58,22 +58,28 @@ class Playback(Signal):
         default="linear",
     )
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
+    _earliest: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
-        times, values = read_column(path, self.column)
-        first = float(times[0])
-        if self.start is not None:
-            times = shifted(times, first, self.start)
-        elif abs(first) > STAMP_LIMIT:
-            times = shifted(times, first)
+        times, values, earliest = read_column(path, self.column)
+        start = 0.0 if self.start is None and abs(earliest) > STAMP_LIMIT else self.start
+        if start is not None:
+            # Shift all columns of a file by the same time, since columns with separate clocks begin at different times.
+            times = shifted(times, earliest, start)
         object.__setattr__(self, "_series", (times, self.scale * values + self.offset))
+        object.__setattr__(self, "_earliest", earliest if start is None else start)
 
     @property
     def samples(self) -> tuple[Array, Array]:
         """Times in s and values of the played samples, (n,) each."""
         return self._series
+
+    @property
+    def earliest(self) -> float:
+        """Simulated time of the earliest sample in the file, of any of its columns, s."""
+        return self._earliest
 
     @cached_property
     def _curve(self) -> CubicCurve:

@@ -18,8 +18,11 @@ _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
 """Codes of findings that report samples which the reading of a recording has removed."""
 
 
-def read_column(path: Path, column: str) -> tuple[Array, Array]:
-    """Strictly increasing times in s and values of a column, in SI units where the header or a document states the unit.
+def read_column(path: Path, column: str) -> tuple[Array, Array, float]:
+    """Strictly increasing times (n,) in s and values (n,) of a column, and the earliest time of all columns in the file in s.
+
+    Values are in SI units where the header or a document states the unit. If only some times of the file have a date, the
+    earliest time is that of the columns with a date if this column has a date, and otherwise that of the other columns.
 
     Args:
         path: Path of the recording.
@@ -53,7 +56,9 @@ def read_column(path: Path, column: str) -> tuple[Array, Array]:
         problems.append(Problem(message, file=path, line=table.line(bad[0]), key=found.source, code="missing-numbers"))
     if problems:
         raise RecordingError(problems)
-    return found.time, found.values
+    # Times with a date and times without a date cannot be compared.
+    earliest = min(float(one.time[0]) for one in content.tables if bool(one.zero) is bool(table.zero))
+    return found.time, found.values, earliest
 
 
 def series_names(path: Path) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from asrsim.errors import InputError, Problem, ScenarioError, listed
 from asrsim.log.derived import DERIVED_FUNCTIONS, recorded_sources
 from asrsim.metrics import MEASURES, ExpectationResult, check_expectation, evaluate_expectation
 from asrsim.metrics.asked import measure_text
-from asrsim.metrics.expect import body_columns, holds, measure_options, subject_of
+from asrsim.metrics.expect import body_columns, claim_unit, holds, measure_options, subject_of
 from asrsim.recordings.align import SampleReader
 from asrsim.samples import Array, JointInfo, Samples
 from asrsim.scenario.data import Expectation
@@ -150,6 +150,15 @@ def claim_titles(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> 
         names += [joint.name for joint in _joints_of(claim, joints)]
         what = measure_text(claim.measure, measure_options(claim))
         found += [f"{name} {claim.quantity}: {what} {claim.comparison} {claim.value:g}" for name in names]
+    return found
+
+
+def claim_units(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> list[str]:
+    """Unit of the measured number of each result of `claim_results`, in the order of the results."""
+    found = []
+    for claim in claims:
+        found += [claim_unit(claim)] if claim.body is not None else []
+        found += [claim_unit(claim, prismatic=joint.prismatic) for joint in _joints_of(claim, joints)]
     return found
 
 

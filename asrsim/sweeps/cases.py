@@ -26,7 +26,7 @@ from asrsim.scenario.overrides import split_path
 from asrsim.simulation.examine import Plan, examine_all
 from asrsim.simulation.prepare import prepare
 from asrsim.simulation.prepared import Prepared
-from asrsim.summary.claims import claim_titles
+from asrsim.summary.claims import claim_titles, claim_units
 from asrsim.sweeps.keys import KeyPlan, plan_keys
 from asrsim.sweeps.study import Study
 
@@ -58,6 +58,9 @@ class Case:
     """`substeps` and `motor_substeps` of every run; a missing number is in the scenario or is determined by each run."""
     joints: tuple[JointInfo, ...]
     claims: tuple[str, ...]
+    """Titles of the claims."""
+    claim_units: tuple[str, ...]
+    """Units of the measured numbers of the claims."""
 
     def scenario(self, settings: Mapping[str, Any]) -> Scenario:
         """The variant's scenario with these settings, given as value by `--set` key. Raises ScenarioError."""
@@ -128,6 +131,7 @@ def _case(study: Study, plan: Plan, numeric: Mapping[str, bool]) -> Case:
         substeps={},
         joints=(),
         claims=(),
+        claim_units=(),
     )
     probed, substeps = _probe(study, case)
     return replace(
@@ -135,6 +139,7 @@ def _case(study: Study, plan: Plan, numeric: Mapping[str, bool]) -> Case:
         substeps={name: value for name, value in substeps.items() if getattr(scenario, name) is None},
         joints=probed.info.joints,
         claims=tuple(claim_titles(probed.scenario.expect, probed.info.joints)),
+        claim_units=tuple(claim_units(probed.scenario.expect, probed.info.joints)),
     )
 
 
@@ -202,7 +207,10 @@ def _columns(
         yield from ((f"{joint.name}.{name}_count", "int", "") for name in LIMITS)
     yield from ((f"tip.{name}", "float", "m") for name in TIP if task)
     for index in range(max(len(case.claims) for case in cases.values())):
-        yield from ((f"claim_{index}", "bool", ""), (f"claim_{index}.measured", "float", ""))
+        units = {unit for case in cases.values() for unit in case.claim_units[index : index + 1]}
+        # If the claims of variants differ, their numbers may have different units.
+        unit = units.pop() if len(units) == 1 else ""
+        yield from ((f"claim_{index}", "bool", ""), (f"claim_{index}.measured", "float", unit))
     yield from (("warnings", "text", ""), ("substeps", "int", ""), ("motor_substeps", "int", ""))
     yield from (("simulated_time", "float", "s"), ("seconds", "float", "s"))
 

@@ -130,7 +130,10 @@ def sobol(table: Table, result: str) -> SobolIndices | None:
         used = block[:, complete]
         if not np.ptp(used[:2]):
             return SobolIndices({}, **counts, reason="the result is the same in all runs")
+        # In a resample without variation, the indices are undefined.
         drawn = np.random.default_rng(0).integers(used.shape[1], size=(RESAMPLES, used.shape[1]))
+        if not all(np.ptp(used[:2, places]) for places in drawn):
+            return SobolIndices({}, **counts, reason="the result is the same in the runs of most base samples")
         spread = np.std([_estimates(used[:, places]) for places in drawn], axis=0, ddof=1)
         found.append(np.concatenate([_estimates(used), 1.96 * spread]))
     indices = np.mean(found, axis=0)

@@ -8,7 +8,7 @@ from typing import Any
 
 from asrsim.errors import InputError, Problem
 from asrsim.quantities import prefixed
-from asrsim.sweeps.sensitivity import notes
+from asrsim.sweeps.sensitivity import notes, sobol
 from asrsim.sweeps.table import Table, shares
 
 HEADS = ("result", "unit", "runs", "least", "5 %", "median", "95 %", "largest", "least in", "largest in")
@@ -84,6 +84,7 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
 
 def study_data(table: Table, results: Sequence[str] = ()) -> dict[str, Any]:
     """The study and its results as data for JSON. results: names of the results; by default, those that vary."""
+    found = {name: sobol(table, name) for name in results or varying(table)}
     quantiles = {name: table.quantiles(name) for name in results or varying(table)}
     return {
         "ok": table.missing == 0,
@@ -92,6 +93,9 @@ def study_data(table: Table, results: Sequence[str] = ()) -> dict[str, Any]:
         "statuses": table.statuses(),
         "claims": table.claims(),
         "notes": notes(table, list(quantiles)),
+        "sobol": {
+            name: {key: index._asdict() for key, index in own.indices.items()} for name, own in found.items() if own is not None
+        },
         "results": {name: asdict(found) for name, found in quantiles.items() if found is not None},
         "folder": str(table.folder),
     }

@@ -15,6 +15,7 @@ from asrsim.identification.resume import resumed
 from asrsim.identification.write import fit_data, write_robot
 from asrsim.outfile import write_json
 from asrsim.plots.job import PlotJob, plot
+from asrsim.scenario import load_scenario
 from support.identify_files import SEA, prepared, save, write
 
 TIME = np.arange(0.0, 2.0005, 2e-3)
@@ -66,6 +67,18 @@ def test_a_resumed_fit_writes_the_scenario_of_the_fit(fitted, tmp_path):
     write_robot(again, tmp_path)
     texts = [(folder / "lab.urdf").read_text() for folder in (tmp_path, place)]
     assert texts[0] == texts[1]
+
+
+def test_the_written_scenario_plays_the_command_when_the_fit_did(fitted, tmp_path):
+    """The scenario of the fit plays its own file 0.5 s late; the fit used the command of the recording."""
+    result, place = fitted
+    text = (place.parent / "lab.yaml").read_text().replace("column: goal", "column: goal, start: 0.5")
+    late = place.parent / "late.yaml"
+    late.write_text(text)
+    (scenario,) = load_scenario(late)
+    write_robot(replace(result, scenario=scenario), tmp_path)
+    (claim,) = asrsim.run(tmp_path / "scenario.yaml", out=tmp_path / "run").summary.claims
+    assert claim.holds
 
 
 def test_the_clock_and_the_start_of_a_fit_are_in_its_replay(tmp_path):

@@ -94,6 +94,19 @@ def test_selection_by_time_and_stride(log_path, samples, start, end, stride):
     np.testing.assert_array_equal(log.samples.bodies["ball"], samples.bodies["ball"][chosen])
 
 
+@pytest.mark.parametrize(
+    ("window", "said"),
+    [
+        ({"start": 3.0, "end": 1.0}, r"end: must not be before the start, 3 s \(got 1\.0\)"),
+        ({"start": 50.0}, r"no samples in that time.*It lasts from 0 to 5\.998 s"),
+        ({"start": -2.0, "end": -1.0}, r"no samples in that time.*It lasts from 0 to 5\.998 s"),
+    ],
+)
+def test_a_window_without_samples_is_refused(log_path, window, said):
+    with pytest.raises(LogError, match=re.compile(said, re.DOTALL)):
+        read_log(log_path, **window)
+
+
 def test_unknown_names_are_all_listed(log_path):
     with pytest.raises(LogError) as caught:
         read_log(log_path, quantities=["link_positon"], joints=["shoulder", "hip"])

@@ -1,7 +1,9 @@
 """Warnings about scenarios that are probably mistakes, and errors about signals and presets that nobody can follow."""
 
+import numpy as np
 import pytest
 import yaml
+from scipy.io import savemat
 
 from asrsim.robot import load_robot
 from asrsim.robot.doubts import warnings_of
@@ -162,3 +164,24 @@ def test_a_recording_whose_times_lie_outside_the_run_gets_a_warning(first, told,
     more = f"references: {{elbow: {{equilibrium_position: {played}}}}}"
     assert ("playback-outside" in warned(tiny, more)) == told
     assert "playback-outside" not in warned(tiny, more.replace("column: goal", "column: goal, start: 0"))
+
+
+def test_the_advised_start_lets_a_column_play_that_begins_after_the_run(tiny):
+    """The other table of the file begins 100 s earlier, so that `start: 0` does not suffice."""
+    time = np.linspace(0.0, 1.0, 10)
+    savemat(tiny.folder / "lab.mat", {"a": {"time": time, "x": time}, "b": {"time": time + 100.0, "goal": time}})
+    keys = "file: lab.mat, column: b.goal"
+
+    def hints():
+        played = f"{{playback: {{{keys}}}}}"
+        text = f"robot: pendulum.urdf\nduration: 1.5\nreferences: {{elbow: {{equilibrium_position: {played}}}}}\n"
+        tiny.scenario.write_text(text)
+        (scenario,) = load_scenario(tiny.scenario)
+        _, warnings = check_against_robot(scenario, load_robot(scenario.robot))
+        return [one.hint for one in warnings if one.code == "playback-outside"]
+
+    (hint,) = hints()
+    advised = hint.split("`")[1]
+    assert advised == "start: -100"
+    keys += f", {advised}"
+    assert not hints()

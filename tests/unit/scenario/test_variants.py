@@ -99,6 +99,8 @@ def test_an_empty_override_takes_the_key_away(path):
         ("=1", "is not key=value"),
         ("duratoin=1", "Did you mean 'duration'?"),
         ("elbow.spring_k_1=1", "A joint's parameter is parameters.elbow.spring_k_1"),
+        ("forearm.mass=1", "Numbers of the URDF are changed there, by `asrsim sweep --over forearm.mass=...`"),
+        ("elbow.damping=1", "Numbers of the URDF are changed there, by `asrsim sweep --over elbow.damping=...`"),
         ("robt.file=x", "Did you mean 'robot'?"),
         ("duration=[1", "not valid YAML"),
         ("duration=x", "must be a number > 0 (got 'x')"),

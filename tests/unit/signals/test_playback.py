@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from asrsim.errors import ScenarioError
 from asrsim.signals import parse_signal
@@ -31,6 +32,19 @@ def test_a_topic_that_begins_late_is_played_late(tmp_path):
     write_bag(tmp_path / "run", "mcap", late, START + 10**8 * np.arange(11))
     signal = parse_signal({"playback": {"file": "run", "column": "/late"}}, base=tmp_path)
     assert signal.values(np.array([0.0, 0.4, 0.75, 2.0])) == pytest.approx([0.4, 0.4, 0.75, 1.0])
+
+
+@pytest.mark.parametrize("begin", [62.0, 2e6])
+@pytest.mark.parametrize(("keys", "shift"), [({"start": 0}, 0.0), ({"start": 1.5}, 1.5), ({}, None)])
+def test_columns_with_separate_clocks_keep_the_time_between_them(tmp_path, begin, keys, shift):
+    """The second table begins 0.25 s after the first. Without `start`, times above 1e6 s are those of a wall clock."""
+    time = begin + np.array([0.0, 0.5, 1.0])
+    savemat(tmp_path / "lab.mat", {"a": {"time": time, "q1": time}, "b": {"time": time + 0.25, "q2": time}})
+    kept = begin if begin < 1e6 else 0.0
+    for column, late in (("a.q1", 0.0), ("b.q2", 0.25)):
+        signal = parse_signal({"playback": {"file": "lab.mat", "column": column, **keys}}, base=tmp_path)
+        assert signal.earliest == (kept if shift is None else shift)
+        assert signal.samples[0] == pytest.approx(signal.earliest + late + np.array([0.0, 0.5, 1.0]))
 
 
 def test_unit_of_the_header_is_converted(tmp_path):

@@ -456,6 +456,23 @@ def test_sobol_indices_leave_out_base_samples_with_empty_results(tmp_path):
     assert any("without 4 of 256 base samples" in line for line in remarks(table))
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_result_that_is_the_same_in_most_base_samples_has_no_sobol_indices(tmp_path):
+    """Many resamples contain none of the two samples with another value, so that the intervals are unknown."""
+    table = designed(tmp_path, 64, lambda x, y, z: {"peak": np.where(np.arange(len(x)) % 64 < 2, x, 0.5)})
+    found = sobol(table, "peak")
+    assert (found.indices, found.reason) == ({}, "the result is the same in the runs of most base samples")
+    assert any("peak: no Sobol indices: the result is the same in the runs of most" in line for line in remarks(table))
+
+
+def test_the_data_of_a_study_contain_the_sobol_indices(tmp_path):
+    table = designed(tmp_path, 64, lambda x, y, z: {"sum": 3.0 * x - 2.0 * y})
+    data = study_data(table, ["sum"])["sobol"]["sum"]
+    assert data == {key: index._asdict() for key, index in sobol(table, "sum").indices.items()}
+    assert list(data["a.x"]) == ["first", "total", "first_error", "total_error"]
+    assert data["a.x"]["first"] == pytest.approx(9 / 13, abs=0.1)
+
+
 def test_results_are_ordered_by_varied_joint_and_relative_change(tmp_path):
     results = {
         "tip.last": [1.0, 2.0, 3.0],
@@ -483,6 +500,7 @@ def test_the_measured_value_of_a_claim_is_a_result_that_names_the_claim(tiny, as
     assert done.code == 0, done.err
     (row,) = [line for line in done.out.splitlines() if "claim_0" in line]
     assert re.split(r"\s{2,}", row.strip())[0] == "claim_0.measured (elbow link_position: maximum)"
+    assert Table("study").unit("claim_0.measured") == "rad"
     assert "overshoot" not in done.out
     assert over_key(Table("study"), "claim_0.measured").words == "elbow link_position: maximum"
 
