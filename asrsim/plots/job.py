@@ -15,7 +15,7 @@ from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
-from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
+from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves, require_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
 from asrsim.plots.measured import measured_rows
 from asrsim.plots.output import check_formats, save_figure, styled
@@ -192,6 +192,8 @@ def _read_runs(job: PlotJob, progress: Tell | None) -> list[RunCurves]:
         )
         if progress is not None:
             progress(Progress(task="reading", fraction=(number + 1) / len(job.logs)))
+    if alone and job.quantities is not None:
+        require_curves(runs, job.quantities)
     return distinct_labels(runs)
 
 
