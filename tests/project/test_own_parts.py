@@ -783,6 +783,24 @@ def test_the_stepping_of_the_page_runs_and_is_of_its_order(monkeypatch, tmp_path
         rerun(tmp_path / "out" / "log.mcap")
 
 
+def test_two_steppings_with_one_name_are_refused():
+    with pytest.raises(InputError, match=r"two steppings have this name; each needs its own \(got 'leapfrog'\)"):
+        type(STEPPINGS)(*STEPPINGS.values(), Stepping(name="leapfrog", order=2, doc="mine"))
+
+
+@pytest.mark.parametrize(("name", "declared", "measured"), [("euler", 2, 1), ("leapfrog", 1, 2), ("euler", 1, None)])
+def test_a_wrongly_declared_order_of_a_stepping_is_remarked(name, declared, measured, monkeypatch, tmp_path):
+    monkeypatch.setitem(STEPPINGS._table, name, replace(STEPPINGS[name], order=declared))
+    (tmp_path / "swinging.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", PENDULUM, flags=re.DOTALL))
+    keys = {"duration": 0.2, "initial": {"elbow": 0.5}, "stepping": name, "engine": "mujoco"}
+    remarks = run(make_scenario(tmp_path / "swinging.urdf", **keys), certify=True).summary.certificate["warnings"]
+    if measured is None:
+        assert not remarks
+    else:
+        assert re.search(rf"declared order {declared}, measured ([\d.]+)", remarks[0])
+        assert float(re.search(r"measured ([\d.]+\d)", remarks[0])[1]) == pytest.approx(measured, abs=0.1)
+
+
 @pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])
 def test_a_plugin_that_adds_a_stepping_is_referred_to_the_page(attempt, tmp_path):
     text = 'from asrsim.registry.steppings import *\nMINE = Stepping(name="mine", order=1, doc="mine")\n'
