@@ -148,6 +148,9 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
     findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    # If an actuator is unknown, its finding says why the quantities that follow from its springs are not drawn.
+    if not (job.experiments or job.bode or findings):
+        require_curves(runs, job.quantities or ())
     for run in runs:
         findings += unknown_quantities(run.info.joints, run.info.attachments, job.quantities)
     findings += [finding for recording in recordings for finding in recording.findings]
@@ -192,8 +195,6 @@ def _read_runs(job: PlotJob, progress: Tell | None) -> list[RunCurves]:
         )
         if progress is not None:
             progress(Progress(task="reading", fraction=(number + 1) / len(job.logs)))
-    if alone and job.quantities is not None:
-        require_curves(runs, job.quantities)
     return distinct_labels(runs)
 
 
