@@ -26,12 +26,13 @@ WIDTH = 900
 
 def run_picture(result: Result, *, joints: Sequence[str] | None = None, quantities: Sequence[str] | None = None) -> Figure:
     """The first picture that `asrsim plot` draws for the run. It shows the joints of the run, or only the given quantities."""
-    from asrsim.plots.curves import read_curves
+    from asrsim.plots.curves import read_curves, require_curves
     from asrsim.plots.figures import run_pages
     from asrsim.plots.output import styled
 
     with _logged(result) as log:
         curves = read_curves(log, joints=joints, quantities=quantities, bodies=quantities is None)
+        require_curves([curves], quantities or ())
     with styled():
         return next(iter(run_pages([curves], quantities=quantities))).figure
 

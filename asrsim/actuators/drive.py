@@ -140,7 +140,7 @@ class Drive:
             lag=electric.lag, emf=electric.damping, stall=electric.stall, limit=electric.limit,
             coulomb=own["friction_torque"], excess=own["stribeck_friction"], fade=1.0 / own["stribeck_velocity"],
             share=own["load_friction"], bristles=own["friction_stiffness"], low=low, high=high,
-            most=self.max_velocity[index - 1], max_torque=own["max_torque"],
+            most=self.max_velocity[index - 1],
             torque_constant=own["torque_constant"] * own["gear_ratio"], resistance=own["resistance"],
         )  # fmt: skip
 

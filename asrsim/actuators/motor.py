@@ -43,7 +43,6 @@ class MotorConstants:
     low: float = constant("lower stop", "rad")
     high: float = constant("upper stop", "rad")
     most: float = constant("speed limit", "rad/s")
-    max_torque: float = constant("smallest torque at which the motor counts as saturated", "N m")
     torque_constant: float = constant("torque constant at the output; 0: the motor is not electric", "N m/A")
     resistance: float = constant("resistance of the winding", "ohm")
 

@@ -54,7 +54,8 @@ def declare(
 def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
     """Keys that a dataclass declares by `declare`, in order.
 
-    groups: Keys whose values are mappings that contain the keys with dotted names; their kinds are blocks without keys.
+    groups: Keys whose values are mappings that contain the keys with dotted names; their kinds are blocks without keys. A group
+        that contains a required key is required.
     """
     found: dict[str, Key] = {}
     named = {group.name: group for group in groups}
@@ -67,7 +68,8 @@ def declared_keys(cls: Any, groups: Sequence[Key] = ()) -> tuple[Key, ...]:
         if dot:
             group = found.get(head, named[head])
             block = cast("Block[Any]", group.kind)
-            key = dataclasses.replace(group, kind=dataclasses.replace(block, keys=(*block.keys, key)))
+            default = REQUIRED if key.required else group.default
+            key = dataclasses.replace(group, kind=dataclasses.replace(block, keys=(*block.keys, key)), default=default)
         found[head] = key
     return tuple(found.values())
 

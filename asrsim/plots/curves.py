@@ -186,6 +186,27 @@ def read_curves(
     return source.run(curves, envelope.samples)
 
 
+def require_curves(runs: Sequence[RunCurves], quantities: Sequence[str]) -> None:
+    """Raise LogError for quantities of which the selected joints of all runs have neither a curve nor logged values."""
+    selected = [(run, joint) for run in runs for joint in run.joints]
+    lacking = [
+        name for name in quantities if not any(run.get(joint.name, name) or name in joint.quantities for run, joint in selected)
+    ]
+    if not (runs and lacking):
+        return
+    others = [read_curves(run.path, quantities=lacking, bodies=False) for run in runs]
+    names = [f"'{name}'" for name in dict.fromkeys(joint.name for _, joint in selected)]
+    who = f"joint {names[0]} has" if len(names) == 1 else f"joints {', '.join(names)} have"
+    problems = []
+    for name in lacking:
+        owners = dict.fromkeys(joint for run in others for joint, quantity in run.curves if quantity == name)
+        rest = f"; {', '.join(owners)} {'has' if len(owners) == 1 else 'have'} it" if owners else ""
+        problems.append(
+            Problem(f"{who} no quantity '{name}'{rest}", file=runs[0].path, key="quantity", code="unknown-quantity")
+        )
+    raise LogError(problems)
+
+
 def distinct_labels(runs: Sequence[RunCurves]) -> list[RunCurves]:
     """The runs with distinct labels. The labels are the present labels if these are distinct, or the parts of the paths in
     which the runs differ, or the present labels with numbers."""

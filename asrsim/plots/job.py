@@ -15,7 +15,7 @@ from asrsim.outfile import make_folder
 from asrsim.plain import finite_or_none
 from asrsim.plots.bode import bode_pages, pair_in_words
 from asrsim.plots.claims import claimed_clocks, claimed_recording, judge
-from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves
+from asrsim.plots.curves import REFERENCE, RunCurves, distinct_labels, drawable_quantities, read_curves, require_curves
 from asrsim.plots.figures import FIGURES, FigurePage, run_pages
 from asrsim.plots.measured import measured_rows
 from asrsim.plots.output import check_formats, save_figure, styled
@@ -148,6 +148,9 @@ def plot(job: PlotJob, progress: Tell | None = None) -> PlotResult:
     assigned = assign(labels, job.experiments)
     recordings = _read_recordings(job, [path for path, _ in assigned], runs)
     findings = [one for run in runs for one in unknown_actuators(run.info.joints, run.info.attachments)]
+    # If an actuator is unknown, its finding says why the quantities that follow from its springs are not drawn.
+    if not (job.experiments or job.bode or findings):
+        require_curves(runs, job.quantities or ())
     for run in runs:
         findings += unknown_quantities(run.info.joints, run.info.attachments, job.quantities)
     findings += [finding for recording in recordings for finding in recording.findings]

@@ -45,7 +45,12 @@ class _Steppings(Mapping[str, Stepping]):
     """A table that cannot be changed: see `docs/architecture.md`."""
 
     def __init__(self, *steppings: Stepping) -> None:
-        self._table = {stepping.name: stepping for stepping in steppings}
+        self._table: dict[str, Stepping] = {}
+        for stepping in steppings:
+            if stepping.name in self._table:
+                message = "two steppings have this name; each needs its own"
+                raise InputError(message, key="stepping", value=stepping.name, code="stepping")
+            self._table[stepping.name] = stepping
 
     def __getitem__(self, name: str) -> Stepping:
         return self._table[name]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -216,8 +216,11 @@ def whole(ratio: float) -> int | None:
 def build_scenario(
     root: Node, reading: DocumentReading, *, name: str, variant: str, path: Path | None = None, text: str = ""
 ) -> Scenario:
-    """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`."""
-    keys = {"robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
+    """Scenario built from a mapping. If `reading` has problems, the scenario lacks the invalid keys, listed in `unread`.
+    A required key without a default is then None."""
+    # Without its required keys, a scenario is still built, so that the check of its other keys can go on.
+    required = {one.name: None for one in fields(Scenario) if one.default is MISSING and one.default_factory is MISSING}
+    keys = {**required, "robot": Path(), "duration": 1.0, **SCENARIO.read(root, (), reading)}
     stated = keys["engine"] is not None
     keys["engine"] = keys["engine"] or default_engine()
     wrong = list(contradictions(keys, {key for key, *_ in reading.unread}))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from asrsim.actuators import Actuator, Mode
+from asrsim.actuators import ACTUATORS, Actuator, Mode
 from asrsim.actuators.drive import Drive
 from asrsim.actuators.electric import largest_command
 from asrsim.actuators.stages import STAGES, Stage
@@ -174,7 +174,7 @@ class SteppedJoint:
 
 def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[SteppedJoint, ...]:
     """All moving joints of `robot` with their drives and the scenario's initial state, in the order of the robot."""
-    blocks = {block.joint: block for block in robot.actuators}
+    blocks = {block.joint: _of_toolbox(block) if stepping.released else block for block in robot.actuators}
     positions = start_positions(scenario, robot)
     velocities = start_velocities(scenario, robot, positions)
     drives = []
@@ -197,6 +197,13 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
             )
         )
     return tuple(drives)
+
+
+def _of_toolbox(block: ActuatorBlock) -> ActuatorBlock:
+    """The block without the models that the toolbox lacks: their parameters have the defaults, with which they are off."""
+    declared = ACTUATORS.get(block.actuator).all_parameters()
+    off = {one.name: replace(block.parameters[one.name], value=one.default) for one in declared if one.optional}
+    return replace(block, parameters={**block.parameters, **off})
 
 
 def with_sensors(drives: Sequence[SteppedJoint], scenario: Scenario, substep: float) -> tuple[SteppedJoint, ...]:

@@ -15,6 +15,9 @@ from asrsim.simulation.layout import EXTERNAL, GOALS, TASK
 from asrsim.simulation.sensing import read_sensors, remember_positions
 from asrsim.simulation.staged import begin_stages, end_stages, lead_stages, note_kick
 
+FULL = 1.0 - 1e-9
+"""Fraction of its largest voltage or speed above which a motor counts as being at this limit."""
+
 
 def load_joint(
     joint: JointState, link: JointConstants, kind: JointKind, scheme: Scheme, inputs: Any, lengths: Any, exchange: Any, j: int,
@@ -256,7 +259,8 @@ def _kick(
     motor.velocity, motor.last_velocity, motor.anchor, motor.integral = velocity, speed, anchor, integral - pushed
     if step > 0.0 and (velocity >= fastest or velocity <= slowest):
         motor.at_limit = 2.0
-    resistance = friction + drive.damping * (speed + scheme.implicitness * (velocity - speed))
+    middle = speed + scheme.implicitness * (velocity - speed)
+    resistance = friction + drive.damping * middle
     work, way = motor.work, 0.5 * step * speed
     driven, lost, sprung = work.drive + torque * way, work.loss + resistance * way, work.spring + held * way
     if noted:
@@ -265,6 +269,7 @@ def _kick(
         driven = lost = sprung = 0.0
         constant = drive.torque_constant
         motor.torque, motor.friction, motor.mean_velocity = torque, friction, mean
+        motor.full_voltage = 1.0 if abs(torque + drive.emf * middle) >= FULL * drive.stall else 0.0
         if constant > 0.0:
             motor.current = torque / constant
             motor.voltage = drive.resistance * motor.current + constant * mean

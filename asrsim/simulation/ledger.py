@@ -8,6 +8,7 @@ as h^2. If the step is too large for a spring, the residual stays large, which r
 from __future__ import annotations
 
 from asrsim.simulation.fields import JointConstants, JointKind, JointState, Pushes, Scheme
+from asrsim.simulation.joint import FULL
 from asrsim.simulation.laws import drive_of, motor_of, spring_law
 from asrsim.simulation.layout import TASK
 
@@ -15,8 +16,6 @@ AT_STOP = 1e-12
 """Distance in rad or m from a stop below which a motor or a link counts as being at the stop, as a margin for rounding."""
 SHARE = 0.5
 """Residual of the energy balance, as a fraction of the turnover, above which a run counts as diverged."""
-FULL = 1.0 - 1e-9
-"""Fraction of the speed limit above which a motor counts as being at this limit."""
 
 
 def update_ledger(
@@ -119,7 +118,7 @@ def _update_motors(joint: JointState, link: JointConstants, kind: JointKind, ste
             heat = drive.resistance * motor.current * motor.current
             joint.winding_loss += 0.0 if first else 0.5 * step * (heat + motor.last_power)
             motor.last_power = heat
-        if abs(motor.torque) >= (motor.limit if kind.stages and motor.limit < drive.limit else drive.max_torque):
+        if motor.full_voltage != 0.0 or abs(motor.torque) >= (motor.limit if kind.stages else drive.limit):
             saturated = True
         if theta <= drive.low + AT_STOP or theta >= drive.high - AT_STOP:
             joint.motor_stop_count += 1.0

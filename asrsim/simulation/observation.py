@@ -76,7 +76,7 @@ class Counts:
     velocity: Array
     """Substeps in which the link was faster than the URDF's velocity limit, which is reported but not enforced."""
     saturation: Array
-    """Substeps in which a motor was at its torque limit."""
+    """Substeps in which a motor was at its largest torque, current or voltage."""
     motor_stop: Array
     """Substeps in which a motor was at its position stop."""
     motor_speed: Array

@@ -36,7 +36,7 @@ class JointReport:
     velocity: int
     """Number of substeps in which the link was faster than the velocity limit in the URDF, which is not enforced."""
     saturation: int
-    """Number of substeps in which a motor of the joint was at its torque limit."""
+    """Number of substeps in which a motor of the joint was at its largest torque, current or voltage."""
     motor_stop: int
     """Number of substeps in which a motor of the joint was at its position stop."""
     motor_speed: int

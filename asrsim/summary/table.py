@@ -102,7 +102,7 @@ def limit_note(summary: RunSummary) -> str:
         return "nothing was simulated"
     if any(any(joint.limits.values()) for joint in summary.joints):
         return f"limits: share of {summary.total_substeps} substeps at or beyond the limit"
-    return "no limit of effort, velocity, motor torque, deflection or position was reached"
+    return "no limit of effort, velocity, motors, deflection or position was reached"
 
 
 def rest_note(joints: Joints) -> str:

@@ -94,6 +94,25 @@ def test_stall_torque_and_limits(mode, reference, limits, torque):
     assert column(result, "motor_1_voltage")[-1] == pytest.approx(2.0 * torque, rel=1e-6)
 
 
+@pytest.mark.parametrize("stepping", ["leapfrog", "euler"])
+@pytest.mark.parametrize(
+    ("mode", "reference", "limits", "reached"),
+    [
+        (7, {"motor_1_voltage": -6.0}, {"motor_1_max_voltage": 4.0}, True),
+        (7, {"motor_1_voltage": 3.9}, {"motor_1_max_voltage": 4.0}, False),
+        (8, {"motor_1_current": 3.0}, {"motor_1_max_current": 2.5}, True),
+        (8, {"motor_1_current": 2.4}, {"motor_1_max_current": 2.5}, False),
+        (4, {"motor_1_torque": 3.0}, {"motor_1_max_torque": 2.5}, True),
+    ],
+)
+def test_substeps_at_the_voltage_or_current_limit_are_counted(mode, reference, limits, reached, stepping):
+    """The motor is accelerated by a constant input, without a spring that holds it."""
+    parameters = {**FREE, **DC, "spring_stiffness": 1e-12, **limits}
+    result = bench(mode, parameters, references=reference, duration=0.05, stepping=stepping)
+    assert np.abs(column(result, "motor_1_velocity")).max() > 0.5
+    assert result.counts.saturation[0] == (result.counts.substeps if reached else 0)
+
+
 def test_a_servo_of_voltage_droops_by_its_gain_in_volts():
     """With u = P (r - theta) and tau = n k_t u / R, the steady error is tau R / (n k_t P), also at an equilibrium start."""
     values = {**FREE, **DC, "spring_stiffness": 20.0, "max_deflection": 3.0, "controller_1_proportional": 40.0}

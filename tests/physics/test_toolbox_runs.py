@@ -107,3 +107,31 @@ def test_gazebo_spring_holds_a_passive_joint(tmp_path, engine, stepping):
     assert result.samples is not None
     q = float(result.samples.values["link_position"][-1, 0])
     assert 200.0 * (-0.26 - q) == pytest.approx(0.3 * 9.81 * 0.1 * np.sin(q), abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"spring_cubic": 30.0},
+        {"hysteresis_torque": 0.3},
+        {"backlash": 0.1},
+        {"motor_1_load_friction": 0.3},
+        {"motor_1_torque_constant": 0.1, "motor_1_max_current": 2.0},
+    ],
+)
+def test_toolbox_stepping_ignores_effects_that_the_toolbox_lacks_and_warns(effect):
+    runs = [
+        run(
+            chain(Body(actuator="sea", inertia=1e-2)),
+            mode=5,
+            stepping=stepping,
+            duration=0.1,
+            references={"reference_1": 0.8},
+            parameters=parameters,
+        )
+        for stepping, parameters in (("toolbox", {}), ("toolbox", effect), ("leapfrog", {}), ("leapfrog", effect))
+    ]
+    moved = [column(one, "link_position") for one in runs]
+    np.testing.assert_array_equal(moved[0], moved[1])
+    assert np.abs(moved[2] - moved[3]).max() > 1e-4
+    assert "released-model" in {problem.code for problem in runs[1].warnings}

@@ -3,14 +3,17 @@
 import json
 import re
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from asrsim import make_scenario, prepare, run
 from asrsim.actuators.stages import STAGES
+from asrsim.document.block import declare, declared_keys
+from asrsim.document.kinds import Integer
 from asrsim.engines import ENGINES
 from asrsim.errors import ActuatorError, InputError, RecordingError, RobotError
 from asrsim.log import read_log
@@ -23,8 +26,8 @@ from asrsim.plugins import blame_plugins, load_plugin_file
 from asrsim.recordings import READERS, Reader, read_recording
 from asrsim.registry.steppings import STEPPINGS, Stepping
 from asrsim.runs.rerun import rerun
-from asrsim.scenario import names
-from asrsim.scenario.data import Expectation
+from asrsim.scenario import load, names
+from asrsim.scenario.data import KEYS, Expectation, Scenario, for_joint
 from asrsim.signals import SIGNALS
 from asrsim.sweeps.samplers import SAMPLERS
 from support.paths import EXAMPLES, ROOT
@@ -513,6 +516,42 @@ def test_the_keys_of_the_page_are_keys_of_a_document():
             assert isinstance(eval(re.sub(r"(\w+=)(?=[,)])", r"\g<1>None", kind), names), kinds.Kind)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Numbered(Scenario):
+    bench_number: int = declare(Integer(minimum=1), doc="number of the bench")
+    base_number: int = declare(Integer(minimum=1), key="base.number", doc="number of the base")
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("base: {number: 2}", "key.yaml:1: the key 'bench_number' is missing"),
+        ("base: {number: 2}\nbench_number: none", "key.yaml:4: bench_number: must be a whole number >= 1"),
+        ("bench_number: 3", "key.yaml:1: the key 'base' is missing"),
+        ("bench_number: 3\nbase: {fixed: true}", "key.yaml:4: base: the key 'number' is missing"),
+    ],
+)
+def test_a_required_key_of_ones_own_is_asked_for(keys, said, monkeypatch, tmp_path):
+    groups = tuple(
+        replace(key, kind=replace(key.kind, keys=())) for key in KEYS if key.name in ("robot", "base", "imperfections")
+    )
+    monkeypatch.setattr(load, "Scenario", Numbered)
+    monkeypatch.setattr(load, "SCENARIO", replace(load.SCENARIO, keys=declared_keys(Numbered, groups)))
+    (tmp_path / "key.yaml").write_text(f"robot: {EXAMPLES / 'urdf' / 'plain_arm.urdf'}\nduration: 0.1\n{keys}")
+    with pytest.raises(InputError, match=re.escape(said)) as error:
+        load.load_scenario(tmp_path / "key.yaml")
+    assert len(error.value.problems) == 1
+
+
+def test_the_value_of_a_joint_in_a_map_is_read_as_the_page_says():
+    """The entry of a joint takes the place of the entry for all joints."""
+    text = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8").partition("### A key of the scenario")[2]
+    code = re.search(r"`(for_joint\(.*?\))` \(`scenario/data.py`\)", text)[1]
+    for padding, value in (({}, 0.0), ({"*": 2.0}, 2.0), ({"*": 2.0, "elbow": 3.0}, 3.0)):
+        scenario = SimpleNamespace(padding=padding)
+        assert eval(code, {"for_joint": for_joint, "scenario": scenario}) == value
+
+
 def test_a_map_of_joints_takes_joints_with_actuators_unless_its_key_is_listed(monkeypatch):
     """The page says which joints a key of one's own may name, and where this is changed."""
     scenario = make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", duration=0.1, actuators={"shoulder": "sea"})
@@ -742,6 +781,24 @@ def test_the_stepping_of_the_page_runs_and_is_of_its_order(monkeypatch, tmp_path
     monkeypatch.undo()
     with pytest.raises(InputError, match=r"stepping: is not one of the choices \(got 'damped'\)"):
         rerun(tmp_path / "out" / "log.mcap")
+
+
+def test_two_steppings_with_one_name_are_refused():
+    with pytest.raises(InputError, match=r"two steppings have this name; each needs its own \(got 'leapfrog'\)"):
+        type(STEPPINGS)(*STEPPINGS.values(), Stepping(name="leapfrog", order=2, doc="mine"))
+
+
+@pytest.mark.parametrize(("name", "declared", "measured"), [("euler", 2, 1), ("leapfrog", 1, 2), ("euler", 1, None)])
+def test_a_wrongly_declared_order_of_a_stepping_is_remarked(name, declared, measured, monkeypatch, tmp_path):
+    monkeypatch.setitem(STEPPINGS._table, name, replace(STEPPINGS[name], order=declared))
+    (tmp_path / "swinging.urdf").write_text(re.sub("<gazebo>.*</gazebo>", "", PENDULUM, flags=re.DOTALL))
+    keys = {"duration": 0.2, "initial": {"elbow": 0.5}, "stepping": name, "engine": "mujoco"}
+    remarks = run(make_scenario(tmp_path / "swinging.urdf", **keys), certify=True).summary.certificate["warnings"]
+    if measured is None:
+        assert not remarks
+    else:
+        assert re.search(rf"declared order {declared}, measured ([\d.]+)", remarks[0])
+        assert float(re.search(r"measured ([\d.]+\d)", remarks[0])[1]) == pytest.approx(measured, abs=0.1)
 
 
 @pytest.mark.parametrize("attempt", ["STEPPINGS[MINE.name] = MINE", "STEPPINGS.add(MINE.name, MINE)"])

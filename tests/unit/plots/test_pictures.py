@@ -1,10 +1,12 @@
 """Pictures of runs: what is drawn, with which units and colours, into which files."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from asrsim import make_scenario, run
 from asrsim.errors import InputError
 from asrsim.log import LogWriter
 from asrsim.plots import draw_run, read_curves
@@ -18,6 +20,7 @@ from asrsim.plots.panels import PANELS, draw_panel
 from asrsim.plots.view import label_values, show_values
 from support.log_example import INFO, example_samples
 from support.overlaps import outside, overlapping
+from support.paths import EXAMPLES
 from support.plot_example import made_up_log, simulated_log
 
 
@@ -221,6 +224,31 @@ def test_bad_requests_say_what_there_is(tmp_path, options, words):
     log = made_up_log(tmp_path / "log.mcap", count=50)
     with pytest.raises(InputError, match=words):
         plot(PlotJob(logs=(log,), folder=tmp_path, **options))
+
+
+@pytest.fixture(scope="module")
+def half_driven(tmp_path_factory):
+    """Log of an arm with an SEA in the shoulder and no motor in the elbow."""
+    folder = tmp_path_factory.mktemp("half")
+    arm = make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", duration=0.01, actuators={"shoulder": "sea"})
+    return run(arm, out=folder).log
+
+
+@pytest.mark.parametrize("quantity", ["motor_1_position", "deflection", "reference_position"])
+def test_a_quantity_that_only_other_joints_have_is_an_error_that_names_them(half_driven, tmp_path, quantity):
+    said = f"joint 'elbow' has no quantity '{quantity}'; shoulder has it"
+    job = PlotJob(logs=(half_driven,), folder=tmp_path / "out", joints=("elbow",), quantities=("link_position", quantity))
+    with pytest.raises(InputError, match=said):
+        plot(job)
+    assert not job.folder.exists()
+    assert plot(replace(job, joints=("shoulder", "elbow"))).files
+
+
+def test_a_derived_quantity_that_no_joint_has_is_an_error(tmp_path):
+    """An arm without motors has no springs."""
+    log = run(make_scenario(EXAMPLES / "urdf" / "plain_arm.urdf", duration=0.01), out=tmp_path).log
+    with pytest.raises(InputError, match=r"joints 'shoulder', 'elbow' have no quantity 'deflection'$"):
+        plot(PlotJob(logs=(log,), folder=tmp_path, quantities=("deflection",)))
 
 
 def test_a_part_of_a_run_is_drawn_alone(tmp_path):

@@ -11,7 +11,7 @@ import pytest
 
 import asrsim
 from asrsim.metrics.summary import JointSummary
-from asrsim.quantities import shown
+from asrsim.quantities import LIMITS, shown
 from asrsim.runs.rerun import rerun
 from asrsim.samples import JointInfo, Samples
 from asrsim.scenario import load_scenario
@@ -123,6 +123,12 @@ def test_limits_are_counted_in_substeps(tiny):
     assert "effort\nlimit" in headings
     assert "motor\nlimit" not in headings
     assert limit_note(result.summary) == f"limits: share of {result.summary.total_substeps} substeps at or beyond the limit"
+
+
+def test_the_page_explains_each_column_of_the_limits(tiny):
+    page = (ROOT / "docs" / "running.md").read_text(encoding="utf-8")
+    assert not [heading for heading in LIMITS.values() if f"| {heading} | " not in page]
+    assert limit_note(asrsim.run(tiny.scenario).summary).startswith("no limit of effort, velocity, motors, ")
 
 
 def test_a_run_stopped_at_once_simulated_nothing(tiny):
