@@ -96,7 +96,7 @@ def test_the_documentation_runs(tmp_path, monkeypatch):
     shutil.copy(ROOT / "examples/urdf/dof1_qbmove.urdf", tmp_path / "arm.urdf")
     text = (ROOT / "examples/scenarios/step_1dof_qbmove.yaml").read_text()
     (tmp_path / "scenario.yaml").write_text(text.replace("../urdf/dof1_qbmove.urdf", "arm.urdf"))
-    for folder in ("urdf", "scenarios"):
+    for folder in ("urdf", "scenarios", "plugins"):
         shutil.copytree(ROOT / "examples" / folder, tmp_path / "examples" / folder)
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "docs/library.md").read_text(), re.DOTALL)
