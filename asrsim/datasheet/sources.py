@@ -77,9 +77,9 @@ def sources_of(
         elif target in ACTUATORS:
             found.append(_by_name(target, "defaults of the toolbox" if target in _TOOLBOX else "defaults", tuple(plugins)))
         else:
-            found_none = ACTUATORS.unknown(target)
+            unknown = ACTUATORS.unknown(target)
             hint = "Or give a robot (.urdf, .xacro), a scenario (.yaml), or a plugin file (.py)"
-            raise InputError(replace(found_none, hint=f"{found_none.hint}. {hint}"))
+            raise InputError(replace(unknown, hint=f"{unknown.hint}. {hint}"))
     if joints and not any(Path(target).suffix.lower() in (*ROBOTS, *SCENARIOS) for target in targets):
         raise InputError("requires a robot file or a scenario", key="--joint", value=joints[0], code="no-robot")
     names = [one.name for one in found]

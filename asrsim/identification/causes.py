@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 from itertools import chain
 from typing import Any
 
@@ -31,6 +31,7 @@ from asrsim.identification.extensions import (
     is_significant,
     pruned,
     tied_to,
+    with_all,
 )
 from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import ENOUGH, FOLLOWED, explains, missing_mode
@@ -105,7 +106,7 @@ RINGING, DRIVEN = 0.1, 0.3
 deviation of the recorded motion.
 DRIVEN: a command does not cause an oscillation if the two frequencies differ by more than this fraction.
 """
-DELAYS = (2.0, 25.0, 50.0)
+LATE = (2.0, 25.0, 50.0)
 """Delays that are tried, in typical sizes: 4, 50 and 100 ms. From a small delay, the search does not find a large one.
 """
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
@@ -205,7 +206,7 @@ def _beginnings(alone: Extended, start: Array) -> Iterator[Extended]:
     nothing has an effect.
     """
     yield alone
-    yield _timed(alone.problem)
+    yield _with_command_errors(alone.problem)
     yield Extended((), alone.problem, start, huber(residuals(alone.problem, start)))
 
 
@@ -413,27 +414,31 @@ def unexplained_drives(problem: FitProblem, x: Array) -> Iterator[str]:
             )
 
 
-def _timed(problem: FitProblem) -> Extended:
-    """Problem with zeros and a delay of the commands, and its estimate from a search that begins at the start values.
+def _with_command_errors(problem: FitProblem) -> Extended:
+    """Problem with zero offsets and a delay of the commands, and its estimate from a search that begins at the start values.
 
-    A wrong delay or zero changes the estimates of inertia and friction, and friction that falls with speed imitates both.
-    Therefore a search without them ends far from the estimates of the right model.
+    A wrong delay or zero offset changes the estimates of inertia and friction, and friction that falls with speed imitates
+    both. Therefore a search without them ends far from the estimates of the right model.
     """
-    chosen, commands = (*_command_zeros(problem), *_command_delay(problem)), [one.key for one in _played(problem)]
-    wider = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
-    layout = wider.layout
-    late = np.array([one.key.endswith(".delay") and one.key.rpartition(".")[0] in commands for one in layout.entries])
-    x = level_by_level(wider, [late * begin for begin in (0.0, *DELAYS)])
+    chosen, delays = (*_command_zeros(problem), *_command_delay(problem)), _delay_keys(problem)
+    wider = with_all(problem, chosen)
+    late = np.array([one.key in delays for one in wider.layout.entries])
+    x = level_by_level(wider, [late * begin for begin in (0.0, *LATE)])
     return Extended(chosen, wider, x, huber(residuals(wider, x)))
+
+
+def _delay_keys(problem: FitProblem) -> list[str]:
+    """Keys of the delays of all commands of the fitted recordings."""
+    return [f"{one.key}.delay" for one in _played(problem)]
 
 
 def _command_delay(problem: FitProblem) -> Iterator[Extension]:
     """Extension that frees a common delay of all commands; none if a delay is free."""
-    commands = [f"{one.key}.delay" for one in _played(problem)]
-    if commands and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
-        first, *others = commands
+    delays = _delay_keys(problem)
+    if delays and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
+        first, *others = delays
         ties = tied_to(first, others)
-        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=ties, begins=DELAYS)
+        yield Extension(text="a delay of the commands", parameters=(_delay(first),), ties=ties, begins=LATE)
 
 
 def _command_zeros(problem: FitProblem) -> Iterator[Extension]:
@@ -458,7 +463,7 @@ def _delays(problem: FitProblem, _: Array) -> Iterator[Extension]:
     channels = dict.fromkeys(one.key for own in data for one in own.channels)
     for key in channels if len(channels) > 1 else ():
         if f"{key}.delay" not in free:
-            yield Extension(text=f"a delay of {key}", parameters=(_delay(f"{key}.delay"),), begins=DELAYS)
+            yield Extension(text=f"a delay of {key}", parameters=(_delay(f"{key}.delay"),), begins=LATE)
 
 
 def _delay(key: str) -> FitParameter:

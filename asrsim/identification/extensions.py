@@ -301,13 +301,18 @@ def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
     return [one for one in ranked if one.criterion(samples) <= ranked[0].criterion(samples) + within]
 
 
+def with_all(problem: FitProblem, extensions: Iterable[Extension]) -> FitProblem:
+    """Problem to which all these extensions are added, in this order."""
+    return reduce(lambda wider, one: one.added_to(wider), extensions, problem)
+
+
 def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
     """Extended problem without the extensions that the other extensions make unnecessary. An extension is necessary if it
     leaves at most the fraction `FURTHER` of the mean square error. problem: problem without extensions.
     """
     for extension in found.chosen if len(found.chosen) > 1 else ():
         chosen = tuple(one for one in found.chosen if one is not extension)
-        fewer = reduce(lambda wider, one: one.added_to(wider), chosen, problem)
+        fewer = with_all(problem, chosen)
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
         if mean_square(found.problem, found.x) > FURTHER * mean_square(fewer, x):

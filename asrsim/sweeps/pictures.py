@@ -66,8 +66,7 @@ def unit_of(table: Table, name: str) -> str:
 
 def in_words(table: Table, result: str) -> str:
     """Result in words; the measured value of a claim as the joint, quantity and measure of the claim."""
-    claim = table.label(result).removeprefix(result)
-    return claim.strip(" ()") or style.in_words(result)
+    return table.claim(result) or style.in_words(result)
 
 
 def over_key(table: Table, result: str) -> Chart:

@@ -84,15 +84,16 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
 
 def study_data(table: Table, results: Sequence[str] = ()) -> dict[str, Any]:
     """The study and its results as data for JSON. results: names of the results; by default, those that vary."""
-    found = {name: sobol(table, name) for name in results or varying(table)}
-    quantiles = {name: table.quantiles(name) for name in results or varying(table)}
+    names = list(results) or varying(table)
+    found = {name: sobol(table, name) for name in names}
+    quantiles = {name: table.quantiles(name) for name in names}
     return {
         "ok": table.missing == 0,
         "runs": table.manifest["runs"],
         "rows": len(table),
         "statuses": table.statuses(),
         "claims": table.claims(),
-        "notes": notes(table, list(quantiles)),
+        "notes": notes(table, names),
         "sobol": {
             name: {key: index._asdict() for key, index in own.indices.items()} for name, own in found.items() if own is not None
         },

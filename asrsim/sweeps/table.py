@@ -119,12 +119,19 @@ class Table:
         """SI unit of a column; an empty text for counts and fractions."""
         return self._units.get(name, "")
 
-    def label(self, name: str) -> str:
-        """Name of a column; for the measured value of a claim, with the joint, quantity and measure of the claim."""
+    def claim(self, name: str) -> str:
+        """Joint, quantity and measure of the claim whose measured value is in a column. Empty for other columns, and if the
+        claims of the variants differ.
+        """
         match, variants = re.fullmatch(r"claim_(\d+)\.measured", name), self.manifest["claims"].values()
         titles = {one for own in variants for one in own[int(match[1]) :][:1]} if match else set()
         # A title ends with the comparison and the number.
-        return f"{name} ({titles.pop().rsplit(' ', 2)[0]})" if len(titles) == 1 else name
+        return titles.pop().rsplit(" ", 2)[0] if len(titles) == 1 else ""
+
+    def label(self, name: str) -> str:
+        """Name of a column; for the measured value of a claim, with the joint, quantity and measure of the claim."""
+        claim = self.claim(name)
+        return f"{name} ({claim})" if claim else name
 
     def statuses(self) -> dict[str, int]:
         """Number of runs with each status."""
