@@ -30,7 +30,7 @@ SECTIONS: tuple[Section, ...] = (
         text=(
             "Simulations are compared with solutions in closed form. If the true frequency is omega, a leapfrog simulation "
             "with step h oscillates at 2 / h asin(omega h / 2). Simulated frequencies are compared with this value, so only "
-            "rounding errors remain. The load is that of the paper (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
+            "rounding errors remain. The load is the paper's load (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
         ),
         measures=(
             closed_forms.static_equilibrium,
@@ -48,9 +48,9 @@ SECTIONS: tuple[Section, ...] = (
         title="Contacts",
         text=(
             "By default, PyBullet stops its contact solver after 50 iterations, or at a residual of 1e-7. Boxes and joints "
-            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim stops it after 500 iterations, "
-            "or at a residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a time "
-            "constant of several steps. Bodies at rest neither sink nor creep. A box that slides fast sometimes loses "
+            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim stops the solver after 500 "
+            "iterations, or at a residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a "
+            "time constant of several steps. Bodies at rest neither sink nor creep. A box that slides fast sometimes loses "
             "contact, so its friction is correct only on average. The logged contact force is the force on the first body of"
             " the pair in the last substep before the sample. In every step, the sum of all forces on a body equals its mass"
             " times its acceleration (`tests/physics/test_contact_worlds.py`)."
