@@ -45,7 +45,7 @@ class Playback(Signal):
     )
     start: float | None = declare(
         NUMBER,
-        doc="simulated time of the earliest sample in the file, of any of its columns; by default, its time in the "
+        doc="simulated time of the earliest sample in any column of the file; by default, the sample's time in the "
         "recording, or 0 if the times are those of a wall clock",
         unit="s",
         default=None,
@@ -78,7 +78,7 @@ class Playback(Signal):
 
     @property
     def earliest(self) -> float:
-        """Simulated time of the earliest sample in the file, of any of its columns, s."""
+        """Simulated time of the earliest sample in any column of the file, s."""
         return self._earliest
 
     @cached_property
