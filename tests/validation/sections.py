@@ -82,8 +82,8 @@ SECTIONS: tuple[Section, ...] = (
             "between steps. The order of a single robot may be lower, because a torque that reaches its limit within a step "
             "adds an error that depends on the phase of the step. With dry friction of joints and Dahl friction of motors, "
             "the order is also two, because a step is split where the velocity of a link becomes 0. If torques push a link "
-            "back while it strikes its stop, it leaves the stop at the time of the impact. The error of this motion is of "
-            "second order (`tests/physics/test_joint_stops.py`). In an arm with several joints, velocity torques are "
+            "back while it strikes its stop, the link leaves the stop at the time of the impact. The error of this motion is "
+            "of second order (`tests/physics/test_joint_stops.py`). In an arm with several joints, velocity torques are "
             "constant within the step of an impact, so the order may be one. With delayed, sampled, noisy and quantised "
             "commands and measurements, the order is two (`tests/physics/test_sensors.py`). For 16 sensors with random rates"
             " of 90 to 900 Hz and delays of .1 to 6 ms, the error is 3e-6 to 1.1e-5 rad at 1 ms. The order that is computed "
@@ -99,7 +99,7 @@ SECTIONS: tuple[Section, ...] = (
         title="Independent dynamics",
         text=(
             "The mass matrix, gravity torques and velocity torques of the engines are obtained from single steps. They are "
-            "compared with those of Pinocchio at 20 random states of each robot."
+            "compared with Pinocchio's matrices and torques at 20 random states of each robot."
         ),
         measures=(dynamics.rigid_body,),
         needs="pinocchio",
@@ -129,7 +129,7 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Real Gazebo, with friction and limits",
         text=(
-            "The recorded runs of Gazebo differ from those of asrsim by up to 2e-2 rad (RMS over 5 s), which is the error "
+            "The recorded runs of Gazebo differ from asrsim's runs by up to 2e-2 rad (RMS over 5 s), which is the error "
             "that Gazebo's time step causes. With dry friction, links also come to rest at different positions: a link may "
             "rest at any position at which the torques of spring and weight differ by less than the friction. AwAS-II at .04"
             " m is unstable in Gazebo."
