@@ -153,7 +153,7 @@ def task_of(
         read_document(path, "scenario")
         if not experiments:
             raise InputError(
-                "no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording"
+                "no recording is named", key="experiments", hint="Name a recording: --experiment FILE", code="no-recording"
             )
         options |= {"experiments": _recordings(experiments), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})

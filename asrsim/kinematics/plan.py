@@ -96,7 +96,7 @@ def _check_path(
             f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
             f"{_text(trajectory.positions[0])} m",
             key="task.poses",
-            hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give it a later time",
+            hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give the pose a later time",
             code="start-off-path",
         )
     turn = max(ORIENTATION_TOLERANCE, task.tolerance)
@@ -200,7 +200,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot, model: RobotModel | Non
                     f"the motion is out of reach: {demand}",
                     key=f"references.{demand.joint}",
                     code="spring-too-weak",
-                    hint="a stiffer spring or preset, or a slower motion",
+                    hint="Take a stiffer spring or preset, or a slower motion",
                 )
                 for demand in unheld
             ]

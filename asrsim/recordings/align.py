@@ -317,7 +317,7 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
     if end <= start:
         raise RecordingError(
             "no overlap in time: the simulation lasts from "
-            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
+            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, and the recording lasts from {time_recording[0] - lag:g} to "
             f"{time_recording[-1] - lag:g} s",
             code="no-overlap",
             hint="Align the first samples with --align start, or set the lag with --align SECONDS",

@@ -343,7 +343,8 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
         step, rate = coarse
         message = f"has steps of {step:g} s, so {len(repeated)} of {len(valid)} samples repeat the time of the sample before"
         hint = (
-            f"For even samples state their rate, --rate {rate:.3g}; if the rows alternate between several joints, `joint: name`"
+            f"If the samples are even, state --rate {rate:.3g}; if the rows alternate between several joints, state "
+            "`joint: name`"
         )
         raise RecordingError(message, key=name, line=table.line(repeated[0]), hint=hint, code="coarse-clock")
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)
