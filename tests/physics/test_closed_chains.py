@@ -173,8 +173,29 @@ def test_a_loop_that_the_file_states_is_closed(tmp_path, engine, words):
     """q = T t^2 / (2 I): the links of a parallelogram turn by equal angles, and its inertia is constant."""
     q = swing(tmp_path, engine, words)
     np.testing.assert_allclose(q[-1], turned(pair.INERTIA) * np.array([1.0, -1.0, 1.0]), rtol=0.0, atol=1e-6)
-    free = swing(tmp_path, engine, "")
-    assert np.abs(free[-1, 2] - 1.2) < 1e-12
+
+
+SECOND = (
+    pair.BALL
+    + pair.joint("other", "base", "D", 0)
+    + pair.link("D", pair.ARM, pair.A)
+    + pair.joint("knee", "D", "rod", pair.A)
+    + pair.link("rod", pair.BAR, pair.B)
+    + pair.joint("guide", "base", "E", pair.B)
+    + pair.link("E", pair.ARM, pair.A)
+    + pair.BALL.replace('"close"', '"more"').replace('"bar"', '"rod"').replace('"C"', '"E"')
+)
+"""The loop of the parallelogram, and another parallelogram."""
+
+
+@pytest.mark.parametrize("engine", INSTALLED)
+def test_two_linkages_of_a_robot_move_by_themselves(tmp_path, engine):
+    """The second linkage has twice the torque of the first."""
+    initial = pair.START | {"other": 1.2, "knee": -1.2, "guide": 1.2}
+    torques = {"crank": TORQUE / 10, "other": TORQUE / 5}
+    q = swing(tmp_path, engine, SECOND, initial=initial, external_torques=torques)[-1]
+    for own, torque in ((q[:3], TORQUE / 10), (q[3:], TORQUE / 5)):
+        np.testing.assert_allclose(own, turned(pair.INERTIA, torque) * np.array([1.0, -1.0, 1.0]), rtol=0.0, atol=1e-6)
 
 
 def test_the_scenario_states_another_point_for_the_loop_of_a_file(tmp_path):
