@@ -157,7 +157,7 @@ def main() -> None:
     axes.legend()
     figure.savefig(FOLDER / "curve.png", dpi=120)
     watched.film(FOLDER / "film.gif")
-    print(f"{time.process_time():.0f} s of the processor in all")
+    print(f"{time.process_time():.0f} s of processor time in total")
 
 
 if __name__ == "__main__":

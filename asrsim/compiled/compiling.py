@@ -34,8 +34,9 @@ NUMERIC: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
 substep, and without tests for divisions by 0, which give inf or NaN.
 """
 VECTORISED = 0
-"""Numba's setting for the vectorisation of loops: off. The loops over joints and motors are short, and read numbers that have
-just been written one by one. To load such numbers as a vector, the processor would have to wait until all are written.
+"""Numba's setting for the vectorisation of loops: off. The loops over joints and motors are short. They read numbers that the
+program has just written one by one. To load such numbers as a vector, the processor would have to wait until all of them are
+written.
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """Functions that this process has compiled or loaded, by the digest of their code and the folder of the cache."""

@@ -299,7 +299,7 @@ class Choice(Kind[str]):
 
 @dataclass(frozen=True)
 class Entry(Kind[str]):
-    """Kind of value: the name of an entry of a registry, which is searched only when needed."""
+    """Kind of value: the name of an entry of a registry. The registry is searched only when the names are needed."""
 
     registry: Registry[Any]
     noun: str = ""

@@ -440,8 +440,8 @@ def _leave_stops(room: Any, state: Any) -> None:
         if abs(room.regime[i]) != POSITIVE or abs(room.velocity[i]) > abs(state[old + i]):
             room.rebound[i] = 1.0
         elif room.rebound[i] != 1.0:
-            # Twice a sliding state is the state at a stop. In this state, `solve_states` gives the joint the velocity that is
-            # prescribed here.
+            # The number of a sliding state, doubled, is the number of the state at a stop. In the state at a stop,
+            # `solve_states` gives the joint the velocity that is prescribed here.
             room.slowest[i] = room.fastest[i] = room.rebound[i] * room.velocity[i]
             room.regime[i] *= AT_UPPER
             leaving += 1

@@ -1,4 +1,4 @@
-"""Access to simulation, engines and actuators. Only this module of the package imports their inner modules."""
+"""Access to simulation, engines and actuators. No other module of this package imports modules inside those packages."""
 
 from __future__ import annotations
 

@@ -25,7 +25,8 @@ from asrsim.scenario.data import Scenario
 
 STEP = 1e-6
 """Step of finite differences, in units of the parameter vector (logarithms, or typical sizes). The rounding error of a
-simulation is much smaller, about 1e-13 of the motion. Residuals are linear over much larger steps.
+simulation is much smaller, about 1e-13 of the motion. Residuals are nearly linear in the parameters over steps that are much
+larger than this step.
 """
 FAR = 1e3
 """Residual of a diverged simulation, in standard deviations of the noise. It exceeds the residuals of any model that follows

@@ -90,8 +90,8 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
     from its start value, which the robot file states.
 
     others: for each other model, such as a model with suspected causes, its estimates by parameter name. The intervals are
-    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zeros
-    and positions then differ by convention, and do not count.
+    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zero
+    offsets and positions then depend on how commands are interpolated, and are ignored.
     """
     for one in known:
         ratio = one.value / one.start if one.start else 1.0

@@ -111,7 +111,9 @@ LONGEST = 4.0
 cannot follow a whole period.
 """
 KEPT = 6
-"""Number of predictions that a track caches, of sets of played commands, and of sets of sampling times of each channel."""
+"""Largest number of predictions that a track caches. It also limits the cached sets of played commands, and the cached sets of
+sampling times of each channel.
+"""
 
 
 TrackSettings = tuple[tuple[str, float], ...]

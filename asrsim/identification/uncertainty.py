@@ -69,8 +69,8 @@ CORRECTIONS = 3
 error by about the ratio of parameters to samples.
 """
 STATIONARY = 1e-3
-"""Smallest allowed distance of an autoregressive model from instability. At this distance, the correlation time of the noise is
-a thousand samples.
+"""Lower bound of the gain of the filter that whitens the noise: 1 minus the sum of the autoregression's coefficients at
+frequency 0. With this gain, the correlation time of the noise is a thousand samples.
 """
 
 

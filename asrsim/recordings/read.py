@@ -29,6 +29,7 @@ from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
+from asrsim.recordings.turns import turn_of, unwrapped
 from asrsim.recordings.units import Unit, fits, split_header, unsure_units
 from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
@@ -263,19 +264,21 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     if commands:
         usual = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
     assumed = usual or ("SI" if commands else "")
+    numbers, period = raw.values, meaning.period
+    if meaning.unwrapped and period is None:
+        period = turn_of(numbers[np.isfinite(numbers)], unit.factor, meaning.scale)
+    if meaning.unwrapped and period is not None:
+        numbers = unwrapped(numbers, period)
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
         (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),
         (meaning.scale != 1.0, f"x {meaning.scale:g}"),
-        (meaning.unwrapped, "unwrapped"),
+        (period, f"unwrapped by {period:.6g}" if meaning.period else "unwrapped"),
         (meaning.offset, f"{meaning.offset:+g}"),
         (meaning.late, f"{-meaning.late:+g} s"),
     )
-    values = raw.values * unit.factor * meaning.scale
+    values = numbers * unit.factor * meaning.scale
     values[np.abs(values) > LARGEST] = np.nan
-    if meaning.unwrapped:
-        good = np.isfinite(values)
-        values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
         time=time - meaning.late if meaning.late else time,

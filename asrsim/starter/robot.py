@@ -218,7 +218,7 @@ class Starter:
         moved = Lines({one.joint.name: one.start for one in joints if one.start})
         if self.at_rest:
             data["initial"] = "equilibrium"
-            comments["initial",] = "at rest under the arm's own weight; without this line the arm first falls into its springs"
+            comments["initial",] = "at rest under the arm's weight; without this line, the arm first sags"
         elif moved:
             data["initial"] = moved
             comments["initial",] = "rad, m; 0 is at or near the stops of these joints"
