@@ -285,7 +285,8 @@ def test_warnings_of_all_runs_are_on_their_page_as_the_command_says_them(tiny, a
     warning about gravity."""
     robot = tiny.robot.read_text().replace('mass value="0.5"', 'mass value="51"').replace('upper="3"', 'upper="90"')
     tiny.robot.write_text(robot)
-    tiny.scenario.write_text(f"{tiny.scenario.read_text()}compiled: false\nvariants: {{a: {{gravity: [0, 0, 9.81]}}, b: {{}}}}\n")
+    variants = "variants: {a: {gravity: [0, 0, 9.81]}, b: {}}\n"
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}compiled: false\n{variants}")
     asrsim_command("run", tiny.scenario, "--no-plot", "-o", "out", "--set", "duration=0.2")
     told = " ".join(asrsim_command("check", tiny.scenario).out.replace(f"{tiny.folder}/", "").split())
     shown = " ".join(Page(write_report(tiny.folder / "out", film=False)).text.split())
