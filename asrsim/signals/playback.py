@@ -85,7 +85,9 @@ class Playback(Signal):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI units that the column may have before it is scaled, with "1" for a pure number; no unit if its unit is unknown."""
+        """SI units that the column may have before it is scaled, with "1" for a pure number, or an unknown unit in its header.
+        No unit if neither header nor name states one.
+        """
         return self._units
 
     @cached_property
