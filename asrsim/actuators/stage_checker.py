@@ -236,7 +236,7 @@ class StageTrial:
         """Rows of numbers, one for each kick, in the order of the fields of `Kick`."""
 
     def _largest(self, unit: str) -> float:
-        """Largest magnitude of the stage's parameters that have this unit; 0 if none has it."""
+        """Largest magnitude of the stage's parameters that have this unit; 0 if no parameter has it."""
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 

@@ -39,7 +39,7 @@ class EquationEngine(RigidEngine):
 
     A derived class defines `version`, `mass_matrix` and `bias`. The step has friction, stops, damping and wrenches as in all
     engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Write `mass_matrix` and `bias`
-    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
+    as if no joint followed another joint (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:

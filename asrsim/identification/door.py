@@ -73,7 +73,7 @@ class Door:
         """Quantities that the joints have."""
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
-        """Worlds with these numbers of substeps. Of the given quantities, they record those that the joints have."""
+        """Worlds with these numbers of substeps. They record the given quantities, except quantities that no joint has."""
         # Record only these quantities, since each further quantity lengthens a simulation by 1 %.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)

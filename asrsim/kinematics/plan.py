@@ -130,7 +130,8 @@ def _text(point: Array) -> str:
 
 
 def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> Scenario:
-    """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither.
+    """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither a task nor
+    desired motions.
 
     robot: the robot with the scenario's modes and parameters. model: model of the robot; None: a model with the masses of the
     robot file. Presets in the scenario's references are kept, and gravity compensation accounts for them. Raises ScenarioError
