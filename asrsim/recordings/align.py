@@ -149,7 +149,7 @@ _CLEARLY = 0.1
 """The recorded sign counts as reversed if the reversed sign increases the correlation by more than this value. Both signs of an
 oscillation fit almost equally, with lags that differ by half a period.
 """
-_BETTER = 0.05
+_BETTER = 0.02
 """Difference of correlations above which one lag fits better than another."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source. Up to two lost samples are filled."""
@@ -217,7 +217,7 @@ def align(
         # The clocks may differ by more than the search allows, even if a wrong lag correlates well. Search again around the lag
         # at which both records begin at the same time.
         together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
-        if _trust(together) > (_trust(result) + _BETTER if _trust(result) else 0.0):
+        if _is_better(_trust(together), _trust(result)):
             return replace(together, lag=together.lag + start)
     return result
 
@@ -225,6 +225,14 @@ def align(
 def _trust(alignment: Alignment) -> float:
     """Correlation of an alignment; 0 if the records are not aligned."""
     return 0.0 if alignment.found is None or alignment.how.startswith("not aligned") else alignment.found.correlation
+
+
+def _is_better(correlation: float, other: float) -> bool:
+    """Whether a lag with this correlation is clearly better than a lag with the other correlation, 0 if that is not trusted. A
+    clearly better lag leaves less than half of the variance unexplained.
+    """
+    unexplained, before = 1.0 - correlation**2, 1.0 - other**2
+    return correlation > other + _BETTER and (not other or unexplained < 0.5 * before)
 
 
 def _correlated(
