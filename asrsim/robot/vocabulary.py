@@ -119,8 +119,9 @@ _BASE = "State `base: {rpy: [...]}` in the scenario"
 
 
 def _model_pose(tag: Any, text: str) -> Effect | None:
-    """Orientation of the whole robot in Gazebo. A position has no effect on the motion. A `<gazebo>` with a reference places only
-    a part of a link.
+    """Orientation of the whole robot in Gazebo.
+
+    A position has no effect on the motion. A `<gazebo>` with a reference places only a part of a link.
     """
     angles = [number_of(part) or 0.0 for part in text.split()[3:6]]
     if tag.getparent().get("reference") or not any(angles):
