@@ -116,6 +116,7 @@ def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
 
 
 _BASE = "State `base: {rpy: [...]}` in the scenario"
+"""Hint for a robot that Gazebo turns."""
 
 
 def _model_pose(tag: Any, text: str) -> Effect | None:
