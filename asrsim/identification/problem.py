@@ -4,9 +4,9 @@ derivatives, and search for the solution. `dataclasses.replace` makes a changed 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -106,7 +106,7 @@ class Slopes:
         simulations.
         """
         own = self.problem
-        same = (problem.tracks, problem.playing, problem.ends) == (own.tracks, own.playing, own.ends)
+        same = (problem.tracks, problem.playing, problem.ends, problem.own) == (own.tracks, own.playing, own.ends, own.own)
         if not same or problem.layout is not own.layout:
             return None
         if problem.weights == own.weights:
@@ -167,6 +167,14 @@ class FitProblem:
     ends: tuple[float, ...]
     """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
+    own: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
+    """Values of parameters, by key, that replace those of the parameter vector in recordings that are predicted but not fitted,
+    by the index of the recording. An example is the recording's initial state.
+    """
+
+    def table(self, x: Array, track: int) -> dict[str, float]:
+        """Values by key with which a recording is simulated."""
+        return {**self.layout.table(x, track), **self.own.get(track, {})}
 
     @property
     def fitted(self) -> tuple[int, ...]:
@@ -320,7 +328,7 @@ def differences(problem: FitProblem, x: Array) -> Differences:
     """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
-        values = problem.layout.table(x, track)
+        values = problem.table(x, track)
         predicted += problem.tracks[track].predict(values, problem.playing, problem.ends[track])
         problem.meter.count()
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
@@ -369,7 +377,7 @@ def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
 
 
 def _at(problem: FitProblem, points: Iterable[Array], track: int) -> Iterator[Array]:
-    tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
+    tables, parts = [problem.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
     for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.ends[track]):
         problem.meter.count()
         pairs = zip(predicted, parts, strict=True)
@@ -394,7 +402,7 @@ def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
     needed = []
     for number, track in enumerate(problem.tracks):
         with suppress(RobotError, UnresolvedSpringError):
-            needed.append(track.door.substeps_of(numbers_of(problem.layout.table(x, number))))
+            needed.append(track.door.substeps_of(numbers_of(problem.table(x, number))))
     substeps = max(needed, default=problem.playing.substeps)
     if substeps == problem.playing.substeps:
         return problem

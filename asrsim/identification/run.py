@@ -42,7 +42,7 @@ from asrsim.identification.result import (
 )
 from asrsim.identification.search import Best, OutOfTime, Stopped, followed_by, reaches, refined, search, settle
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.transfer import failed_predictions
+from asrsim.identification.transfer import failed_predictions, transfers, with_own_values
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.metrics.values import root_mean_square
 from asrsim.progress import Progress, Stop
@@ -238,9 +238,13 @@ def _judged(
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
+    if status != CHECKED:
+        problem = with_own_values(problem, trained)
     # Judge a free simulation, since users simulate the written robot without an observer.
     free, observed, slow = problem.observed(0.0), problem.playing.bandwidth > 0.0, best.slow or ((problem, trained),)
+    slow = tuple((replace(wider, own=problem.own), there) for wider, there in slow)
     fits = channel_fits(free, before, trained)
+    foretold = transfers(free, trained, fits) if status != CHECKED else []
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
     of_channels = [*misfit]
     others, suspected, untried = list[Mapping[str, float]](), list[Suspicion](), dict[str, None]()
@@ -272,7 +276,7 @@ def _judged(
             if not any(one.added for one in suspected):
                 causes += [text for text in foreign(fits) if observed and text not in causes]
                 causes += unexplained_drives(*slow[0]) if read else ()
-            causes += failed_predictions(*slow[0])
+            causes += failed_predictions(*slow[0], [one for one in foretold if not one.succeeds])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -294,6 +298,7 @@ def _judged(
     result = FitResult(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
+        transfers=tuple(foretold),
         remarks=(*untried, *_remarks(setup, problem, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
@@ -358,8 +363,12 @@ def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], 
             why = "which has a smaller error; since the model does not fit, this does not show that each sample was held"
             why += ", and with the suspected effects, smooth interpolation has a smaller error" if smooth else ""
         yield f"{', '.join(sorted(staircases))}: played as a staircase, {why}"
-    for track in problem.tracks:
+    for number, track in enumerate(problem.tracks):
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
+        if own := problem.own.get(number):
+            known = ((problem.known[key], value) for key, value in own.items() if not key.startswith(JUMP))
+            values = ", ".join(f"{one.key} = {value:.4g} {one.unit}" for one, value in known)
+            yield f"{track.data.name}: these parameters belong to the recording, and were fitted to it: {values}"
         for key in track.uncertain:
             if key in problem.layout.keys:
                 yield (
