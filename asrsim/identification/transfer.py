@@ -80,7 +80,7 @@ class Transfer:
             return f"{self.recording} was predicted, not fitted: its simulation diverges{self._short}"
         numbers = f"{self.error:.3g} for {self.fitted:.3g} {self.unit}".rstrip()
         return (
-            f"{self.recording} was predicted, not fitted: its RMS error is {self.ratio:.2g} times that of the fitted "
+            f"{self.recording} was predicted, not fitted: its RMS error is {self.ratio:.2g} times the RMS error of the fitted "
             f"recordings ({self.key}: {numbers}){self._short}"
         )
 
