@@ -24,7 +24,7 @@ UNIT = 2e-4
 """Largest deviation of an axis from length 1 without a warning; it covers rounded values such as 0.707 and 0.7071."""
 LONGEST_NAME = 255
 """Largest length of a name, characters; PyBullet crashes at 1024 bytes."""
-EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"
+EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs no limits"
 """Hint for limits of 0."""
 _SLACK = 0.1
 """Range of limits, and difference of this range from a turn, that exporters write for a continuous joint, rad."""

@@ -133,8 +133,9 @@ def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _played_units(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: recorded columns whose unit is not that of the quantity that they drive, such as a velocity played as a
-    position."""
+    """Warnings: recorded columns whose unit differs from the unit of the driven quantity, such as a velocity played as a
+    position.
+    """
     driven: dict[str, tuple[Signal, set[str]]] = {}
     for key, signal, unit in _units(scenario, robot):
         driven.setdefault(key, (signal, set()))[1].add(unit)

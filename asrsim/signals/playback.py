@@ -86,7 +86,7 @@ class Playback(Signal):
     @property
     def units(self) -> tuple[str, ...]:
         """SI units that the column may have before it is scaled, with "1" for a pure number, or an unknown unit in its header.
-        No unit if neither header nor name states one.
+        No unit if neither header nor name states a unit.
         """
         return self._units
 
