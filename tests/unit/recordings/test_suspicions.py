@@ -129,3 +129,17 @@ def test_constant_columns_and_missing_numbers_are_said(tmp_path):
     said = {one.code: one for one in recording.findings}
     assert said["missing-numbers"].message == "10 of 1000 samples have no number, the first at t = 1 s"
     assert said["constant-column"].key == "dq1"
+
+
+@pytest.mark.parametrize(
+    ("header", "item", "told"),
+    [
+        ("tau1 [cNm]", "2=joint_1.link_torque", True),
+        ("tau1 [cNm]", "2=0.01*joint_1.link_torque", False),
+        ("tau1 [cNm]", "2=joint_1.link_torque [N m]", False),
+        ("q [1]", "2=joint_1.link_position", False),
+    ],
+)
+def test_an_unknown_unit_in_the_header_of_a_mapped_column_is_said(tmp_path, header, item, told):
+    said = [one for one in read(tmp_path, header, (Q,), mapping=[item]).findings if one.code == "suspected-unit"]
+    assert bool(said) == told
