@@ -588,8 +588,8 @@ class Calculation:
         *,
         own: Collection[str] = (),
     ) -> None:
-        """make: function that returns the compiled function for records of a Numba type; None: the record is a `Room`. own: names
-        of the record's arrays that only this function uses."""
+        """make: function that returns the compiled function for records of a Numba type; None: the record is a `Room`. own:
+        names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make
         self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
@@ -759,8 +759,8 @@ class RigidEngine(Engine):
 
     @property
     def native(self) -> Native | None:
-        """None, since `look` calls the library from Python. After `native` has been read, the rest of the step runs compiled, if
-        Numba is installed. The results are bitwise the same."""
+        """None, since `look` calls the library from Python. After `native` has been read, the rest of the step runs compiled,
+        if Numba is installed. The results are bitwise the same."""
         if compiling.numba_available():
             self._calculation.compile()
         return None
