@@ -33,7 +33,7 @@ DERIVED = ("equilibrium_position", "deflection")
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit. With so many substeps, compiling the kernel saves time."""
 ENGINES_KEPT = 3
-"""Number of settings (substeps and recorded quantities) whose engines stay open. A fit alternates between settings."""
+"""Number of settings (substeps and recorded quantities) whose engines stay open."""
 THREADED = 3
 """Smallest number of joints of a robot at which several worlds run in parallel threads. In fits of 4 s with one or two joints,
 threads took 3 to 5 % more CPU time, and between 5 % less and 5 % more wall-clock time.

@@ -56,8 +56,8 @@ HUBER = 3.0
 370 samples, so that without outliers the loss is nearly the square.
 """
 INSIDE = 1e-5
-"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three. It is ten times `STEP`, so that the
-steps of finite differences stay inside what is physically possible.
+"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three second moments. It is ten times `STEP`,
+so that inertias with a step of finite differences are still physically possible.
 """
 
 

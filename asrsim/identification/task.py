@@ -34,14 +34,17 @@ class Payload:
     link: str = declare(Text(text="name of a link"), doc="link that carries the payload")
     mass: float = declare(Number(above=0.0), unit="kg", doc="mass of the payload")
     centre: tuple[float, float, float] = declare(
-        ListOf(of=NUMBER, names=("x", "y", "z")), default=(0.0, 0.0, 0.0), unit="m", doc="its centre in the frame of the link"
+        ListOf(of=NUMBER, names=("x", "y", "z")),
+        default=(0.0, 0.0, 0.0),
+        unit="m",
+        doc="centre of mass of the payload in the frame of the link",
     )
     inertia: Inertia = declare(
         ListOf(of=NUMBER, names=INERTIAS),
         default=(0.0,) * 6,
         shown="a point mass",
         unit="kg m^2",
-        doc="its ixx, ixy, ixz, iyy, iyz, izz about its centre, along the axes of the link",
+        doc="ixx, ixy, ixz, iyy, iyz, izz of the payload about its centre of mass, along the axes of the link",
     )
 
 

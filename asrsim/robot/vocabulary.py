@@ -129,7 +129,8 @@ def _model_pose(tag: Any, text: str) -> Effect | None:
         return None
     shown = ", ".join(f"{angle:g}" for angle in angles)
     message = (
-        f"Gazebo turns the robot by rpy [{shown}]; in asrsim it keeps its orientation, so gravity acts in another direction"
+        f"Gazebo turns the robot by rpy [{shown}]; in asrsim the robot keeps its orientation, so gravity acts in another "
+        "direction"
     )
     return Effect(message, max(map(abs, angles)))
 
@@ -368,7 +369,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(left(_STOP), "stopKp stopKd"),
         "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; in asrsim it moves without this loss"),
         "velocity_decay": left("Gazebo slows the link in every step; in asrsim it moves without this loss", neutral=None),
-        "pose": special(_model_pose, "Gazebo turns the robot; in asrsim it keeps its orientation", hint=_BASE),
+        "pose": special(_model_pose, "Gazebo turns the robot; in asrsim the robot keeps its orientation", hint=_BASE),
         "static": left("Gazebo holds the whole robot in place (static); in asrsim it moves"),
         "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
         "enable_wind": left("wind does not act in asrsim"),

@@ -46,7 +46,7 @@ class Playback(Signal):
     start: float | None = declare(
         NUMBER,
         doc="simulated time of the earliest sample in any column of the file; by default, the sample's time in the "
-        "recording, or 0 if the times are those of a wall clock",
+        "recording, or 0 if the times come from a wall clock",
         unit="s",
         default=None,
     )
