@@ -117,7 +117,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
     for law in LAWS:
         if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
-            yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
+            yield law, "must be a @staticmethod: laws have no state except the memory", "bad-law"
             return
     for own in vars(stage):
         if own in LAWS or own == "constants" or own.startswith("_"):
