@@ -172,7 +172,7 @@ def _own_entries(problem: FitProblem, x: Array, number: int) -> Iterator[FitPara
     zeros = (key.removesuffix(".link_position.offset") for key in separate if key.endswith(".link_position.offset"))
     starts = (f"{joint}.{INITIAL}position" for joint in zeros)
     for key in dict.fromkeys((*separate, *track.uncertain, *starts)):
-        # The bounds of an initial state are those of its recording.
+        # The bounds of an initial state belong to its recording.
         one = problem.known[key] if INITIAL in key else separate[key]
         start, far = track.initial.get(key, one.start), track.within.get(key, inf)
         low, high = max(one.low, start - far), min(one.high, start + far)

@@ -1,6 +1,6 @@
 """Style of all pictures: colours, line styles, sizes.
 
-Colours are those of Okabe and Ito (Color Universal Design, 2008), which colour-blind readers can distinguish. In pictures of
+Colours are from Okabe and Ito (Color Universal Design, 2008), which colour-blind readers can distinguish. In pictures of
 one run a colour marks the part: vermilion marks the link and blue marks the equilibrium, as in the paper's figures. In pictures
 of several runs a colour marks the run, and a line style marks the quantity.
 """

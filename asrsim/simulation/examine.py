@@ -96,7 +96,7 @@ def examine(
         robot: Robot in place of the scenario's robot: a file, or a robot that has been read from a file and possibly changed.
         variant, overrides: Variant and overrides of a scenario file, as in `asrsim.run`.
         plugins: Python files with users' actuators, signals and so on, which are loaded first.
-        beside: Function that returns further problems, such as those of the folder for results. The function is called only if
+        beside: Function that returns further problems, such as problems of the results' folder. The function is called only if
             the examination finds problems.
 
     Raises RobotError or ScenarioError with all problems, each with file, line, key, value and valid choices.

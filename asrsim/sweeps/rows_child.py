@@ -22,7 +22,7 @@ def fault_of(path: str, schema: Any, tables: list[Any]) -> str:
     try:
         file = pq.ParquetFile(path, page_checksum_verification=True)
         if not file.schema_arrow.equals(schema):
-            return "its columns are not those of the study"
+            return "its columns are not the columns of the study"
         tables.append(table := file.read(use_threads=False))
         table.validate(full=True)
     except MemoryError:
