@@ -19,7 +19,8 @@ from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import FitParameter, Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
-from asrsim.robot.model import Robot
+from asrsim.robot.inertia import nearest_possible
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
@@ -53,6 +54,10 @@ the change of a logarithm that is known within 1 % only by the fraction 1e-12.
 HUBER = 3.0
 """The Huber loss is linear for residuals above this number of standard deviations of the noise. Noise alone exceeds it once in
 370 samples, so that without outliers the loss is nearly the square.
+"""
+INSIDE = 1e-5
+"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three. It is ten times `STEP`, so that the
+steps of finite differences stay inside what is physically possible.
 """
 
 
@@ -173,8 +178,45 @@ class FitProblem:
     """
 
     def table(self, x: Array, track: int) -> dict[str, float]:
-        """Values by key with which a recording is simulated."""
-        return {**self.layout.table(x, track), **self.own.get(track, {})}
+        """Values by key with which a recording is simulated. Inertias are changed to physically possible ones."""
+        values = {**self.layout.table(x, track), **self.own.get(track, {})}
+        for link in self._tensors:
+            values |= self._possible(link, values, 0.0)
+        return values
+
+    @cached_property
+    def _tensors(self) -> tuple[str, ...]:
+        """Links whose three moments of inertia are free or tied. `asrsim.robot.vary.physical` adapts the inertias of the other
+        links.
+        """
+        owners = dict.fromkeys(key.rpartition(".")[0] for key in self.layout.keys if key.endswith(".ixx"))
+        return tuple(one for one in owners if {f"{one}.iyy", f"{one}.izz"} <= self.layout.keys)
+
+    def _possible(self, link: str, values: Mapping[str, float], least: float) -> dict[str, float]:
+        """Free numbers of a link's inertia by key, changed to a physically possible inertia. least: as in
+        `asrsim.robot.inertia.nearest_possible`.
+        """
+        keys = [f"{link}.{name}" for name in INERTIAS]
+        xx, xy, xz, yy, yz, zz = (values[key] if key in values else self.known[key].start for key in keys)
+        found = nearest_possible((xx, xy, xz, yy, yz, zz), least)
+        return {key: value for key, value in zip(keys, found, strict=True) if key in values}
+
+    def possible(self, x: Array) -> Array:
+        """Parameter vector in which the inertias are physically possible."""
+        values = self.layout.table(x, 0)
+        found = {key: value for link in self._tensors for key, value in self._possible(link, values, INSIDE).items()}
+        moved = [
+            entry.place(found[entry.key]) if found.get(entry.key, values.get(entry.key)) != values.get(entry.key) else place
+            for entry, place in zip(self.layout.entries, x.tolist(), strict=True)
+        ]
+        return np.array(moved)
+
+    def at_limit(self, x: Array) -> list[str]:
+        """Links whose inertia is at the limit of what is physically possible."""
+        values = self.table(x, 0)
+        return [
+            link for link in self._tensors if self._possible(link, values, 2.0 * INSIDE) != self._possible(link, values, 0.0)
+        ]
 
     @property
     def fitted(self) -> tuple[int, ...]:

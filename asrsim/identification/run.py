@@ -214,6 +214,7 @@ def _fitted(
                 search(best, watch.stage)
                 watch.stage("adapting substeps and weights to the estimates")
                 settle(best)
+                best.x = best.problem.possible(best.x)
     except OutOfTime:
         status = UNFINISHED
     except Stopped:
@@ -299,7 +300,7 @@ def _judged(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
         transfers=tuple(foretold),
-        remarks=(*untried, *_remarks(setup, problem, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
+        remarks=(*untried, *_remarks(setup, final, x, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
@@ -338,13 +339,13 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
         refit = refined(whole, x)
         # Short predictions may improve while a free simulation leaves the recording: keep the estimates of the training part.
         if mean_square(whole, refit) < mean_square(whole, x) and reaches((whole, refit), followed_by(whole, x)):
-            x = refit
+            x = whole.possible(refit)
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
     return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
+def _remarks(setup: Setup, problem: FitProblem, x: Array, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
     """Sentences on the reading of recordings, and on parameters that were freed automatically. suspected: effects that the
     model may lack; fits: whether the model fits.
     """
@@ -363,6 +364,11 @@ def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], 
             why = "which has a smaller error; since the model does not fit, this does not show that each sample was held"
             why += ", and with the suspected effects, smooth interpolation has a smaller error" if smooth else ""
         yield f"{', '.join(sorted(staircases))}: played as a staircase, {why}"
+    for link in problem.at_limit(x):
+        yield (
+            f"the inertia of {link} is at the limit of what is physically possible: its largest principal moment is the sum of "
+            "the other two"
+        )
     for number, track in enumerate(problem.tracks):
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
         if own := problem.own.get(number):

@@ -180,7 +180,7 @@ def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest tensor without one."""
+    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest physical tensor."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{_listed(moments)} kg m^2"
