@@ -69,7 +69,8 @@ def fine_noise(values: Array, quantum: float = 0.0, time: Array | None = None) -
 
     Each difference is divided by the size that white noise of standard deviation 1 would give it. A motion enlarges
     the differences, mostly the differences of low order, so the smallest estimate is the best. time: times (n,) of the
-    samples, s; None: the samples are evenly spaced. The result is at least the rounding error of `quantum`, and at least a millionth of the range.
+    samples, s; None: the samples are evenly spaced. The result is at least the rounding error of
+    `quantum`, and at least a millionth of the range.
     """
     at = None
     if time is not None and len(time) > 1:
