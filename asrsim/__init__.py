@@ -7,7 +7,7 @@ The library in a few lines::
     result = asrsim.run("scenario.yaml", variant="soft")
     result.time, result["joint_1"].link_position
 
-Names are imported when they are used, so that `import asrsim` costs nothing.
+Names are imported when they are used, so that `import asrsim` takes hardly any time.
 """
 
 from __future__ import annotations

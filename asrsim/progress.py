@@ -1,4 +1,4 @@
-"""Progress of long work, and requests to stop it: the types of the functions `progress` and `stop` that callers may pass."""
+"""Progress of a long computation, and requests to stop it: types of the functions `progress` and `stop` of callers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """Progress of long work: its current part, and the finished fraction of this part."""
+    """Progress of a long computation: its current part, and the finished fraction of this part."""
 
     task: str = ""
     """Name of the current part of the work, such as `finer steps`; "": the work does not consist of parts."""
@@ -21,9 +21,9 @@ class Progress:
 
 
 Tell: TypeAlias = Callable[[Progress], None]
-"""Function that long work calls now and then with its progress."""
+"""Function that a long computation calls from time to time with its progress."""
 Stop: TypeAlias = Callable[[], bool]
-"""Function that long work calls often. If it returns True, the work ends early."""
+"""Function that a long computation calls often. If the function returns True, the computation ends early."""
 
 
 def tell_nobody(_: Progress) -> None:

@@ -33,7 +33,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         Published(
             key="stiffness_max", source=f"{CJT}WMBig10k_ds.m, WMBig2300_ds.m, WMBig10k.m",
             text="torsion bars of Walk-Man's big motor: 10000 and 2300 N m/rad by data sheet, 12823 N m/rad identified",
-            why="the spring of a leg; the default of the toolbox is that of a desk-top joint",
+            why="this is the spring of a leg; the default spring of the toolbox suits a desk-top joint",
         ),
         Published(
             key="peak_torque", source=f"{CJT}WMBig10k_ds.m",
@@ -70,7 +70,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         Published(
             key="stiffness_max", source=RICHI,
             text="k = 0.0222 N m, a = 6.7328 1/rad: 8.49 N m/rad at preset 0.6 rad, 0.299 at preset 0; 4.85 N m at 0.8 rad",
-            why="the springs of the data sheet before the Advanced Kit: stiffer at rest, less progressive (exponent 6.7 for 9)",
+            why="springs of the data sheet before the Advanced Kit: stiffer at rest, less progressive (exponent 6.7, not 9)",
         ),
         Published(
             key="top_speed", text="3.75 rad/s, measured as rise over time of a step without load", source=PARNENZINI,
@@ -88,7 +88,8 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
             why="the file of the toolbox states no limits; mot_1_minPos and similar tags would",
         ),
         Published(
-            key="resolution", text="16 bits over 360 to 92160 degrees, as chosen: 9.6e-5 rad at the finest", source=QB_FIRMWARE,
+            key="resolution", text="16 bits over a selectable range of 360 to 92160 degrees; finest resolution: 9.6e-5 rad",
+            source=QB_FIRMWARE,
             why="sensors belong to scenarios: `quantum: 9.6e-5` states it",
         ),
     ),
@@ -124,9 +125,9 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
                 "of the sheet was chosen by asrsim",
         ),
     ),
-    "awas": (Published(key="", text=NONE, source="Jafari et al. (2010)", why="the law is theirs, the numbers are ours"),),
+    "awas": (Published(key="", text=NONE, source="Jafari et al. (2010)", why="the law is published; asrsim chose numbers"),),
     "quadratic_cam": (
-        Published(key="", text=NONE, source="Migliore et al. (2005)", why="the law is theirs, the numbers are ours"),
+        Published(key="", text=NONE, source="Migliore et al. (2005)", why="the law is published; asrsim chose numbers"),
     ),
 }  # fmt: skip
 """Publications by the name of the actuator."""

@@ -1,4 +1,4 @@
-"""Experiment design (`asrsim design`): finds the motion within limits that tells the most about unknown parameters."""
+"""Experiment design (`asrsim design`): finds the motion that gives, within limits, the most information about parameters."""
 
 from __future__ import annotations
 

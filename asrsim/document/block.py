@@ -151,7 +151,8 @@ class Block(Kind[T], Generic[T]):
                 inner_key = problem.key if elsewhere else None
                 message = str(dataclasses.replace(problem, key=inner_key, choices=(), hint=None, value=None))
                 if item is node and (overridden := [*node.overridden()]):
-                    # The values of a block contradict each other, and overrides have set some of them: no line has the fault.
+                    # The values of a block contradict each other, and overrides have set some of them. The fault is in no line
+                    # of the file.
                     (names, item), several = overridden[0], len(overridden) > 1
                     place = path if several else (*path, *names)
                     hint = f"Overrides set {', '.join('.'.join(one) for one, _ in overridden)}" if several else None

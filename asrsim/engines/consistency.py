@@ -5,9 +5,9 @@ and springs, which are b(q, 0), must be the gradient of an energy. The rest of t
 
     v' (b(q, v) - b(q, 0)) >= 1/2 v' (dM/dt) v        for every q and v
 
-The two sides are equal without drag. Coriolis and centrifugal terms change their sign with v. So a wrong term violates the
-inequality at v or at -v, also beside a drag, if v is large enough. Murray, Li and Sastry (1994), A Mathematical Introduction to
-Robotic Manipulation, section 4.3.
+The two sides are equal without drag. The power of Coriolis and centrifugal terms changes its sign with v. So a wrong term
+violates the inequality at v or at -v, also beside a drag, if v is large enough. Murray, Li and Sastry (1994), A Mathematical
+Introduction to Robotic Manipulation, section 4.3.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def own_numbers(prepared: Prepared, values: Mapping[str, float]) -> dict[str, di
 
 
 def write_ranges(fit: JointDistribution, compiled: Callable[[dict[str, float]], Any], path: Path, source: Path) -> Path:
-    """Write what the 95 % intervals of a fit mean for fields of the model at `path`. Returns the path of the written file.
+    """Write the 95 % intervals of a fit as ranges of fields of the model at `path`. Returns the path of the written file.
 
     compiled: function that returns the MjModel for other values of the robot's parameters; all models have equal numbers of
     knots. source: file of the fit. Raises OutputError.

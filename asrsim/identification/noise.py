@@ -20,9 +20,10 @@ residuals of the right model are as large as the noise. Without noise, the estim
 and the residuals are smaller.
 """
 ORDERS, SAMPLES_EACH = (3, 8), 20
-"""Lowest and highest order of the differences from which noise is estimated: a motion of 0.4 rad and 5 Hz, recorded at 50 Hz,
-looks like noise of 20 mrad in differences of order 3, and of 0.08 mrad in those of order 8. Smallest number of samples for each
-order, so that the medians are reliable.
+"""ORDERS: lowest and highest order of the differences from which the noise is estimated. For example, a motion with an
+amplitude of 0.4 rad and a frequency of 5 Hz, recorded at 50 Hz, looks like noise of 20 mrad in differences of order 3, but like
+noise of 0.08 mrad in differences of order 8. SAMPLES_EACH: number of samples for each order. With fewer samples, the medians
+are unreliable.
 """
 CLIPPED = 4.0
 """Residuals are clipped to this multiple of their robust standard deviation. Noise exceeds it once in 16,000 samples."""
@@ -74,7 +75,8 @@ def fine_noise(values: Array, quantum: float = 0.0, time: Array | None = None) -
     if time is not None and len(time) > 1:
         steps = np.diff(time)
         usual = max(float(np.median(steps)), 1e-12)
-        # If steps differ by a millionth, the motion within a step is wrong by less than a millionth of its range.
+        # Treat steps that differ by less than a millionth as equal: the error is less than a millionth of the motion within a
+        # step.
         at = time / usual if float(np.ptp(steps)) > 1e-6 * usual else None
     orders = range(ORDERS[0], max(ORDERS[0], min(ORDERS[1], len(values) // SAMPLES_EACH)) + 1)
     found = [_difference_noise(at, values, order) for order in orders if len(values) > order]

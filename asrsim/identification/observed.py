@@ -32,7 +32,7 @@ the unexplained acceleration with the recorded sign. The right sign explains mor
 hide a part of the difference.
 """
 GAP = 3.0
-"""The position between two samples counts as not measured if their distance in time is at least this number of usual sampling
+"""Positions between two samples count as not measured if the time between the samples is at least this number of usual sampling
 intervals. If only one sample is lost, a spline is still close to the motion.
 """
 

@@ -18,6 +18,7 @@ from asrsim.identification.problem import FitProblem, differences
 from asrsim.identification.profiles import Profile
 from asrsim.identification.replay import FitReplay
 from asrsim.identification.task import Task, Tie
+from asrsim.identification.transfer import Transfer
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
@@ -90,8 +91,8 @@ def doubted(known: Sequence[Estimate], *, fits: bool, others: Sequence[Mapping[s
     from its start value, which the robot file states.
 
     others: for each other model, such as a model with suspected causes, its estimates by parameter name. The intervals are
-    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zeros
-    and positions then differ by convention, and do not count.
+    widened to contain these estimates. If the model fits, the other models explain the recording as well; their delays, zero
+    offsets and positions then depend on how commands are interpolated, and are ignored.
     """
     for one in known:
         ratio = one.value / one.start if one.start else 1.0
@@ -209,6 +210,8 @@ class FitResult:
     """Reasons why the model does not fit; empty if the model fits."""
     causes: tuple[str, ...]
     """Effects that the model may lack."""
+    transfers: tuple[Transfer, ...]
+    """Errors of the recordings that were predicted but not fitted."""
     remarks: tuple[str, ...]
     evaluations: int
     """Number of simulations."""

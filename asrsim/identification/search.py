@@ -13,8 +13,8 @@ errors of the model accumulate in the free simulation, and the level to keep is 
 1. A level is a candidate if a free simulation of the whole recordings with its estimates explains as many channels as the
 fitted free simulation. Three limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free
 simulation is kept.
-2. Of the candidates, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ
-equally within chance, the level is kept whose estimates give the smallest error of a free simulation.
+2. The candidate whose estimates differ least between tenths of the recordings is kept. If several levels differ equally within
+chance, the level is kept whose estimates give the smallest error of a free simulation.
 3. If this is the first level, further levels with higher bandwidths are tried, as long as their estimates differ as little
 between tenths, within chance. The highest of these levels is kept.
 
@@ -326,7 +326,8 @@ def settle(best: Best) -> None:
 
 def _hold(best: Best) -> None:
     """Play the commands as staircases if that explains the recordings decisively better. A delay of half a sampling interval
-    imitates a staircase, and the motions of the training part may be too slow to tell them apart: held-out parts decide, too.
+    has nearly the same effect as a staircase. If the motions of the training part are too slow to distinguish the two, the
+    held-out parts are also used.
     """
     problem, x, data = best.problem, best.x, [best.problem.tracks[i].data for i in best.problem.fitted]
     smooth = {one.key for own in data for one in own.commands if not one.hold and not one.is_motion}
@@ -354,14 +355,18 @@ def _hold(best: Best) -> None:
 
 
 def _acts_early(problem: FitProblem, x: Array) -> bool:
-    """Whether a command acts earlier than it was recorded, by more than half of the difference between held and smooth ones."""
+    """Whether the delay of a command is below minus a quarter of a sampling interval. A staircase differs from a smooth command
+    by half an interval.
+    """
     delays = {f"{one.key}.delay": track.sampling for track in problem.tracks for one in track.data.commands}
     entries = zip(problem.layout.entries, x.tolist(), strict=True)
     return any(one.value(place) < -0.25 * delays[one.key] for one, place in entries if one.key in delays)
 
 
 def _sooner(problem: FitProblem, x: Array) -> Array:
-    """Vector with delays of the commands that are shorter by half a sampling interval; a clock delays all commands."""
+    """Vector in which the delays of the commands are shorter by half a sampling interval. If no delay of a command is free, the
+    clock offset is shorter instead.
+    """
     delays = {f"{one.key}.delay" for track in problem.tracks for one in track.data.commands}
     free = {one.key for one in problem.layout.entries} & delays or {CLOCK}
     shorter = x.copy()

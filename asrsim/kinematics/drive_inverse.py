@@ -189,7 +189,9 @@ def drive_backwards(drive: Drive, time: Array, position: Array, velocity: Array,
         commanded = _lagging(drive, across, time, d)
 
         def apart(row: int, s: Array, d: Array) -> Array:
-            """Distances d in which this row has the value that the motors' controllers hold at the common positions s."""
+            """The distances d with a new value in this row: the distance that the motors' controllers hold at the common
+            positions s.
+            """
 
             def missing(value: Array) -> Array:
                 trial = d.copy()

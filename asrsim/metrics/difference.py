@@ -37,8 +37,8 @@ def bias(time: Array, values: Array, reference: Array) -> float:
 
 def r2(time: Array, values: Array, reference: Array) -> float:
     """Coefficient of determination 1 - mean (r - v)^2 / mean (r - mean r)^2 over time. It is 1 for equal series, 0 if the
-    values are as close to the reference as its mean, and negative if they are less close. It is undefined for a constant
-    reference.
+    values are as close to the reference as the mean of the reference is, and negative if they are less close. It is
+    undefined for a constant reference.
     """
     # Test the range and not the variance, since the mean of equal values may differ from them by rounding.
     if not np.ptp(reference) > 0.0:

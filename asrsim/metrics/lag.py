@@ -140,7 +140,7 @@ def _choose(lags: Array, rho: Array) -> tuple[int, bool]:
     """Index of the best peak (the smallest lag among equal peaks), and whether there were equal peaks."""
     best = int(np.argmax(rho))
     inner = np.flatnonzero((rho[1:-1] >= rho[:-2]) & (rho[1:-1] > rho[2:])) + 1
-    # Also compare the best sample, since it may be at the edge of the search, on the flank of a peak outside.
+    # Also compare the best sample, since it may be at the edge of the search, beside a peak outside of the search.
     near = np.union1d(inner[rho[inner] >= rho[best] - max(_NEAR, 4 * _roughness(rho))], [best])
     # Adjacent maxima without a valley between them are ripples on one peak, which the highest of them represents. A valley
     # separates two peaks.

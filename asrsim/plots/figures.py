@@ -141,8 +141,8 @@ for name, figure in {
         pages=_joint_pages,
     ),
     "energy": RunFigure(
-        title="per joint: work of the motors, energy in the springs, losses, work on the link; what is left over (the "
-        "residual)",
+        title="per joint: work of the motors, energy in the springs, losses, work on the link; the residual of the "
+        "energy balance",
         pages=_energy_pages,
     ),
     "objects": RunFigure(

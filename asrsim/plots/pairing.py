@@ -147,7 +147,7 @@ def _in_both(
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}
     common = [name for name in drawable_quantities(reader) if is_comparable(name, quantities) and name in recorded]
     if not paired or not common:
-        # Call the comparison only since it raises an error that is more precise than the error below.
+        # The only purpose of this call is its error, which is more precise than the error below.
         if (first := next(reader.iter_samples(joints=sorted(wanted)), None)) is not None:
             compare(first, recordings[0], infos=reader.info.joints)
         message = "log and recording share none of the selected joints and quantities"

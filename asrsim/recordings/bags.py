@@ -167,7 +167,7 @@ def _series(groups: Sequence[_Group]) -> Iterator[_Group]:
 
 
 def _together(groups: Sequence[_Group], labels: Sequence[Label]) -> _Group:
-    """Numbers with these labels of all messages of the groups, in the order in which they were received."""
+    """Numbers with these labels in all messages of the groups, in the order in which the messages were received."""
     if len(groups) == 1 and len(labels) == len(groups[0].labels):
         return groups[0]
     received, stamped = (np.concatenate(times) for times in zip(*map(_times, groups), strict=True))

@@ -117,8 +117,8 @@ def compare(
         infos: The simulated joints (`RunInfo.joints`). Derived quantities (deflection, equilibrium, position error) need them.
         quantities: Quantities to compare; None: all shared quantities except energies.
         lag: See `LagChoice`: auto, off, start, or the delay of the recording in s.
-        measures: Further measures, NAME or NAME:OPTION=VALUE,... Measures that need a reference compare the link positions of
-            run and recording each with its own reference.
+        measures: Further measures, NAME or NAME:OPTION=VALUE,... Measures that need a reference compare the link position of
+        the run with the reference of the run, and the link position of the recording with the reference of the recording.
 
     Raises:
         RecordingError: The simulation and the recording have no common joint, no common quantity, or no overlap in time.

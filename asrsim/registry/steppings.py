@@ -31,13 +31,13 @@ class Stepping:
     and no substeps, its motors start at 0, and its step is not passive."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a fraction outside 0 to 1, with which a step would gain energy or look into the future."""
+        """Raises InputError for a fraction outside 0 to 1, with which a step would gain energy or use future values."""
         for name in ("implicitness", "first_drift"):
             if not 0.0 <= (value := getattr(self, name)) <= 1.0:
                 raise InputError("must be from 0 to 1", key=f"stepping {self.name}.{name}", value=value, code="out-of-range")
 
 
-OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what takes its place"
+OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what to use instead"
 """Hint for an unknown stepping."""
 
 

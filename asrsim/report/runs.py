@@ -143,7 +143,7 @@ def _plots(data: Mapping[str, Any]) -> str:
 
 
 _TABLES = {
-    "certificate": "Estimated from runs at a half and a quarter of the step. Model errors come on top.",
+    "certificate": "Estimated from runs at a half and a quarter of the step. Errors of the model are not included.",
     "cross_check": "Differences between engines.",
 }
 """Entries of `summary.json` about accuracy, each with its description on the page."""

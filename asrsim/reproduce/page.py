@@ -33,7 +33,7 @@ def page(reproductions: Sequence[Reproduction], *, seconds: float) -> str:
     head = f"""<p>{_verdict(not failed, f"claims of figure {failed} do not hold" if failed else "every claim holds")}</p>
 {table(heads, overview, raw=(0, 1, 2, 3), long=(1,))}
 <p class="note">{escape(SOURCE)}. The paper's claims are given in our own words. They are checked on numbers, because the
-data behind the paper's plots are not available. Results beyond the paper's figures are folded away.</p>"""
+data behind the paper's plots are not available. Results beyond the paper's figures are in collapsed sections.</p>"""
     foot = f"Made by asrsim {__version__} with <code>asrsim reproduce</code> in {seconds:.0f} s."
     return page_html("The paper's experiments, run again", [_section(one) for one in reproductions], head=head, foot=foot)
 

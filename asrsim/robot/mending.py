@@ -9,7 +9,9 @@ from pathlib import Path
 from asrsim.errors import Problem
 
 Mend = Callable[[bytes], tuple[bytes, str, int] | None]
-"""Function of a text: text without one kind of fault, the fault as a phrase, and its line; None without this fault."""
+"""Function that removes one kind of fault from a text. It returns the mended text, a phrase for the fault, and the fault's
+line; None if the text lacks this fault.
+"""
 
 _BLANKS = b" \t\r\n"
 _COMMENT = re.compile(rb"<!\[CDATA\[.*?\]\]>|<!--(.*?)-->", re.DOTALL)

@@ -35,7 +35,7 @@ ORDER_TOLERANCE = 0.35
 is reported, and the estimate of the error uses the measured order.
 """
 FASTER = 0.75
-"""Smallest difference by which the measured order of all joints is above the order of the scheme if it is reported. At coarse
+"""A warning is given if the measured order of every joint exceeds the order of the scheme by more than this value. At coarse
 steps, a scheme of order two has a measured order of up to 2.5.
 """
 RESOLVED = 1e-12

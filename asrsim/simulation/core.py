@@ -240,7 +240,7 @@ class Core:
         return self.done, self.fault, self.joint_states, self.P, self.held, self.rows, self.strides
 
     def state(self, world: int) -> tuple[Any, ...]:
-        """A copy of the complete state of a world, with the world's engine: only this engine can continue from its state."""
+        """A copy of the complete state of a world, with the world's engine: only this engine can continue from this state."""
         return *(table[world].copy() for table in self._tables), self._engines[world], self._engines[world].state(world)
 
     def put(self, world: int, prepared: Prepared, state: tuple[Any, ...]) -> None:
@@ -330,7 +330,7 @@ class Core:
 
 
 def _widened(table: Array, columns: int) -> Array:
-    """The table (..., k) with further columns of zeros. A zero means that no stage acts."""
+    """The table, extended by columns of zeros to (..., columns). A zero means that no stage acts."""
     wide = np.zeros((*table.shape[:-1], columns))
     wide[..., : table.shape[-1]] = table
     return wide

@@ -200,7 +200,9 @@ def make_drives(robot: Robot, stepping: Stepping, scenario: Scenario) -> tuple[S
 
 
 def _of_toolbox(block: ActuatorBlock) -> ActuatorBlock:
-    """The block without the models that the toolbox lacks: their parameters have the defaults, with which they are off."""
+    """The block without the effects that the toolbox lacks. The parameters of these effects get their defaults, which switch
+    the effects off.
+    """
     declared = ACTUATORS.get(block.actuator).all_parameters()
     off = {one.name: replace(block.parameters[one.name], value=one.default) for one in declared if one.optional}
     return replace(block, parameters={**block.parameters, **off})

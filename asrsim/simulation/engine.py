@@ -58,7 +58,7 @@ def _check_fit(engine: Engine, scenario: Scenario, robot: Robot) -> None:
             f"the engine '{scenario.engine}' takes no wrenches: the wrenches of the scenario would have no effect"
         )
     weightless = [link.name for link in robot.links if link.weightless[0]] if any(scenario.gravity) else []
-    # Engines may lack the member `takes_weightless`. An engine without this member does not accept links without mass.
+    # Engines may lack the member `takes_weightless`. Such an engine does not accept links on which gravity does not act.
     if weightless and not getattr(engine, "takes_weightless", False):
         raise SimulationError(
             f"the engine '{scenario.engine}' does not state `takes_weightless = True`, so gravity would act on the weightless "

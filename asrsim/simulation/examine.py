@@ -202,7 +202,7 @@ def findings(
     errors = [*map(scenario.placed, (*faults, *errors)), *_wrong_claims(scenario, joints)]
     if errors or source is None or robot is None or scenario.unread:
         found = () if source is None else warnings_of(source)
-        # The scenario has actuators for a file without them, even if one of its values is invalid.
+        # Do not warn that the robot's file has no actuators if the scenario states actuators, even with invalid values.
         equipped = bool(scenario.actuators) or any(key == "actuators" for key, *_ in scenario.unread)
         kept = (one for one in found if not (equipped and one.code == "no-actuators"))
         return None, tuple(errors), (*STAGES.broken(), *kept)

@@ -66,7 +66,7 @@ class Imperfect(Signal):
         """Values before they are rounded to the quantum."""
         imperfections = self.imperfections
         period = 1.0 / imperfections.rate if imperfections.rate else self.step
-        # A sample sees a tick at its time, even if a rounding error makes the tick slightly later.
+        # Include a tick at the time of the sample, even if a rounding error makes the tick slightly later.
         ticks = np.floor(time / period + 1e-6)
         seen = rounded(ticks * period) if imperfections.rate else time
         # Before the delay has passed, the delayed signal has its value at t = 0.

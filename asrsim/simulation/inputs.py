@@ -128,7 +128,7 @@ class Inputs:
         begins, ends, cuts = self._pieces(first, count)
         middles = 0.5 * (begins + ends)
         if first == 0 and len(cuts) and cuts[0, 2] - cuts[0, 1] == 1:
-            # Compute a first kick without jumps with the inputs at the start.
+            # If no input jumps in the first kick, use the inputs at the start of the run for the whole kick.
             middles[0] = begins[0]
         lengths = np.concatenate([np.ones(count), (ends - begins) / h])
         time = np.concatenate([now, middles])

@@ -1,9 +1,10 @@
 """Largest stiffness that the springs of a run can reach.
 
-A spring is deflected at most to max_deflection, and by no more than its pretension (half the references' spread) plus the
-deflections by load and motion. Ideal motors jump with their references. Motors with dynamics are at most as fast as their
-references or their speed limit; they deflect the springs at most until the springs have absorbed the joint's kinetic energy at
-this speed, and the springs' torque is at most the motors' largest torque (with a safety factor) plus the load.
+A spring is deflected at most to max_deflection. Its deflection is also at most its pretension (half the difference between the
+references) plus the deflections that load and motion cause. Ideal motors jump with their references. Motors with dynamics are
+at most as fast as their references or their speed limit; they deflect the springs at most until the springs have absorbed the
+joint's kinetic energy at this speed, and the springs' torque is at most the motors' largest torque (with a safety factor) plus
+the load.
 """
 
 from __future__ import annotations

@@ -6,9 +6,10 @@ motors' old positions, and the torque on the link from their new positions; this
 also have the second motor that the released code integrates. In the SEA the second motor drives nothing; in AwAS-II the second
 motor moves the adjuster, with constants of the released class.
 
-Faults of the released code are *not* reproduced if their effect is undefined or useless. In asrsim, references are 0 and not
-random memory before the first command; the load on AwAS-II's second motor is 0; the first step is as long as the second; mode 4
-does not overwrite its own reference; `inf` limits are infinite; constant arithmetic in tags is evaluated.
+Faults of the released code are *not* reproduced if their effect is undefined or useless. In asrsim, position references before
+the first command equal the initial position, and torque references are 0; the load on AwAS-II's second motor is 0; the first
+step is as long as the second; mode 4 does not overwrite its own reference; `inf` limits are infinite; constant arithmetic in
+tags is evaluated.
 """
 
 from __future__ import annotations

@@ -105,7 +105,7 @@ class WarpCore(Core):
         if self.prepared.scenario.world.empty:
             # Use simple friction cones, with which the solver is faster. Elliptic cones are only needed for contacts.
             model.opt.cone, model.opt.impratio = load().mjtCone.mjCONE_PYRAMIDAL, 1.0
-        # Clear the flag against automatic resets. MuJoCo Warp does not support this flag, and never resets a world
+        # Clear MuJoCo's flag that forbids automatic resets: MuJoCo Warp does not support this flag. It never resets a world
         # automatically.
         model.opt.disableflags &= ~int(load().mjtDisableBit.mjDSBL_AUTORESET)
         model.dof_solimp[freedoms] = HARD

@@ -34,20 +34,22 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     pictures = (
         picture(
             "figure_11",
-            "The chirp: link (solid) and equilibrium (dashed) of both presets.",
+            "The chirp: positions of link (solid) and equilibrium (dashed) for the two presets.",
             lambda: joints_figure(results, ("link", "deflection")),
         ),
         picture(
             "figure_11_response",
-            "Gain, phase and coherence of the link's position to its reference.",
+            "Gain, phase and coherence from the position reference to the link position.",
             lambda: response_figure(wide),
         ),
     )
     first = FigurePart(
         title="Chirp of 0.15 rad from 0.5 to 6 Hz",
-        text="One qbMove that carries a second one, hanging, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
-        "friction 0.025 N m. The paper leaves the chirp's law, its length and the load open: linear, 20 s, one cube. Gain and "
-        "phase come from a sweep at the same rate over a little more than the band, at whose ends a chirp's power fades.",
+        text="A qbMove carries a second qbMove, which hangs below it. It is in mode 6 and has AlterEgo's springs, a joint "
+        "damping of 0.065 N m s/rad and a joint friction of 0.025 N m. The paper does not state the law of the chirp, its "
+        "duration and the load. Here the chirp is linear and lasts 20 s, and the load is one cube. Gain and phase are computed "
+        "from a chirp with the same sweep rate and a slightly wider band, since the power of a chirp is small at the ends of "
+        "its band.",
         claims=(
             *_of_the_sweep(wide, found),
             *_of_resonance(results, wide, found),
@@ -60,7 +62,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
 
 
 def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]) -> list[Claim]:
-    """Claims about the sweep: the response of each preset is known, and the motors follow the sweep up to their bandwidth."""
+    """Claims about the chirp: the coherence is high with each preset, and the motors follow the chirp up to their bandwidth."""
     claims: list[Claim] = []
     for name in PRESETS:
         series, one = wide[name][JOINT], found[name]
@@ -69,15 +71,15 @@ def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyRespo
         claims += [
             Claim(
                 origin="theory",
-                text=f"{name}: the response is known over the whole sweep",
-                quantity=f"least coherence, {low:.2g} to {high:.2g} Hz",
+                text=f"{name}: the coherence is high over the whole band of the chirp",
+                quantity=f"smallest coherence, {low:.2g} to {high:.2g} Hz",
                 measured=float(np.min(one.coherence)),
                 bound=at_least(0.9),
             ),
             Claim(
                 origin="simulation",
-                text=f"{name}: the equilibrium follows the chirp until the motors' own bandwidth",
-                quantity="-3 dB of the equilibrium",
+                text=f"{name}: the equilibrium follows the chirp up to the bandwidth of the motors",
+                quantity="frequency at which the gain of the equilibrium is -3 dB",
                 measured=motor.bandwidth or float("nan"),
                 bound=near(4.6, 0.3, "Hz"),
             ),
@@ -88,47 +90,47 @@ def _of_the_sweep(wide: Mapping[str, Result], found: Mapping[str, FrequencyRespo
 def _of_resonance(
     results: Mapping[str, Result], wide: Mapping[str, Result], found: Mapping[str, FrequencyResponse]
 ) -> list[Claim]:
-    """Claims about the resonance of the soft joint and about the response of both presets at the low end of the sweep."""
+    """Claims about the resonance of the soft joint, and about the two presets at the low end of the chirp's band."""
     through = {name: from_equilibrium(wide[name]) for name in PRESETS}
     soft = through["soft"].resonance
     peak = {name: float(np.max(np.abs(results[name][JOINT].link_position))) for name in PRESETS}
     return [
         Claim(
             origin="simulation",
-            text="the soft joint resonates within the sweep",
-            quantity="peak of the gain from equilibrium to link",
+            text="the soft joint has its resonance within the band of the chirp",
+            quantity="frequency of the peak of the gain from equilibrium to link",
             measured=soft[0] if soft else float("nan"),
             bound=near(4.55, 0.3, "Hz"),
         ),
         Claim(
             origin="simulation",
-            text="there the soft link swings wider than its equilibrium",
+            text="at its resonance, the soft link has a larger amplitude than its equilibrium",
             quantity="gain from equilibrium to link at the peak",
             measured=soft[1] if soft else float("nan"),
             bound=near(1.49, 0.1),
         ),
         Claim(
-            text="the stiff link goes with its equilibrium, its resonance is beyond the sweep",
+            text="the stiff link follows its equilibrium, since its resonance is above the band of the chirp",
             quantity="largest gain from equilibrium to link, stiff",
             measured=float(np.max(through["stiff"].gain)),
             bound=below(1.1),
         ),
         Claim(
-            text="the stiff link is where it is told at the sweep's low end",
-            quantity="gain there, stiff",
+            text="at the lowest frequency, the stiff link follows its reference",
+            quantity="gain from reference to link at the lowest frequency, stiff",
             measured=float(found["stiff"].gain[0]),
             bound=near(1.0, 0.03),
         ),
         Claim(
-            text="the soft one is not: gravity and friction take their share",
-            quantity="gain there, soft",
+            text="at the lowest frequency, gravity and friction reduce the amplitude of the soft link",
+            quantity="gain from reference to link at the lowest frequency, soft",
             measured=float(found["soft"].gain[0]),
             bound=below(0.9),
         ),
         Claim(
             origin="simulation",
-            text="the largest deflection of the link is about the same in both presets",
-            quantity="peak soft / peak stiff",
+            text="the largest position of the link is about the same with the two presets",
+            quantity="largest position, soft / stiff",
             measured=peak["soft"] / peak["stiff"],
             bound=near(1.09, 0.08),
         ),
@@ -146,8 +148,8 @@ def _nominal(lab: Lab) -> FigurePart:
     claims = [
         Claim(
             origin="theory",
-            text="the soft link's springs are weaker than its joint's friction",
-            quantity=f"largest spring torque, friction {friction:g} N m",
+            text="the torque of the soft springs is smaller than the friction of the joint",
+            quantity=f"largest torque of the springs (friction: {friction:g} N m)",
             measured=torque,
             bound=below(friction, "N m"),
         ),
@@ -159,15 +161,15 @@ def _nominal(lab: Lab) -> FigurePart:
             bound=below(1e-6, "rad"),
         ),
         Claim(
-            text="the stiff link follows",
+            text="the stiff link follows the chirp",
             quantity="median coherence",
             measured=float(np.median(one.coherence)),
             bound=at_least(0.9),
         ),
     ]
-    text = "No link is held by friction."
+    text = "Friction holds no link at rest."
     if held:
-        text = f"Soft, {'; '.join(str(item) for item in held)}. A frequency response of such a joint does not exist."
+        text = f"Soft preset: {'; '.join(str(item) for item in held)}. Such a joint has no frequency response."
     return FigurePart(
         title="With the toolbox's default springs",
         text=text,
@@ -176,7 +178,7 @@ def _nominal(lab: Lab) -> FigurePart:
         pictures=(
             picture(
                 "figure_11_nominal",
-                "The same chirp with the default springs: the soft link rests.",
+                "The same chirp with the default springs: the soft link does not move.",
                 lambda: joints_figure(results, ("link", "torque")),
             ),
         ),
@@ -192,19 +194,19 @@ def _damped(lab: Lab, plain: Mapping[str, Result], before: Mapping[str, Frequenc
     peaks = [float(np.max(one.gain)) for one in (before["soft"], found["soft"])]
     claim = Claim(
         origin="beyond",
-        text="the soft resonance is lower with damping that grows with the stiffness",
-        quantity="largest gain with / without",
+        text="damping that grows with the stiffness reduces the peak of the soft joint's gain",
+        quantity="largest gain with / without this damping",
         measured=peaks[1] / peaks[0],
         bound=below(0.95),
     )
     return FigurePart(
         title="With link damping that grows with the stiffness",
-        text=f"The same chirp with an added damping ratio of {RATIO} at each moment's stiffness.",
+        text=f"The same chirp, with an additional damping that has the damping ratio {RATIO} at the present stiffness.",
         claims=(claim,),
         tables=(response_table(found),),
         pictures=(
             picture(
-                "figure_11_damped", "The response with damping that grows with the stiffness.", lambda: response_figure(results)
+                "figure_11_damped", "Response with damping that grows with the stiffness.", lambda: response_figure(results)
             ),
         ),
     )
@@ -214,8 +216,8 @@ FIGURE = PaperFigure(
     number=11,
     title="Frequency response of one joint",
     section="4.2.1",
-    paper="A chirp drives one joint, soft and stiff. The link's largest deflections are alike in both, the equilibrium "
-    "follows the chirp as the real joint's does, and the two presets differ in their bandwidth.",
+    paper="A joint follows a chirp with a soft and a stiff preset. The largest positions of the link are similar with the two "
+    "presets, the equilibrium follows the chirp as in the real joint, and the two presets have different bandwidths.",
     parts=parts,
     cost=4.0,
 )

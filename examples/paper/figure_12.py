@@ -33,26 +33,28 @@ LONG = "duration=8"
 
 
 def parts(folder: Path) -> tuple[FigurePart, ...]:
-    """Parts of the figure: AlterEgo's springs, the default springs, and both with damping that grows with the stiffness."""
+    """Parts of the figure: AlterEgo's springs, default springs, and default springs with damping that grows with stiffness."""
     lab = Lab(folder)
     plain = lab.pairs(SCENARIO, ("soft", "stiff"))
     nominal = {name: lab.run(SCENARIO, f"nominal_{name}", overrides=[LONG]) for name in ("soft", "stiff")}
     first = FigurePart(
         title="Steps of 0.8 rad, horizontal",
-        text="Two links, each a qbMove cube on its flange, mode 6, AlterEgo's springs, joint damping 0.065 N m s/rad and "
-        "friction 0.025 N m. A link may stop where friction outweighs the springs: how far off that is, the springs' law says.",
+        text="The arm has two links, each a qbMove cube on a flange. It is in mode 6 and has AlterEgo's springs, a joint "
+        "damping of 0.065 N m s/rad and a joint friction of 0.025 N m. A link may come to rest wherever the torque of its "
+        "springs is below the friction. The law of the springs gives the largest distance from the reference at which this is "
+        "possible.",
         claims=(
             *_settled(plain, "AlterEgo's springs"),
             *_faster(plain),
             *qbmove_claims(plain, level),
         ),
         tables=(_table(plain),),
-        pictures=(_picture("figure_12", "Both joints' links (solid) and equilibria (dashed), soft and stiff.", plain),),
+        pictures=(_picture("figure_12", "Links (solid) and equilibria (dashed) of the two joints, soft and stiff.", plain),),
     )
     rings = [
         Claim(
-            text=f"the stiff arm rings more than the soft one, {joint}",
-            quantity="swings beyond 2 % of the step, stiff - soft",
+            text=f"the stiff {joint} oscillates more than the soft {joint}",
+            quantity="number of swings above 2 % of the step, stiff - soft",
             measured=float(_swings(nominal["stiff"], joint) - _swings(nominal["soft"], joint)),
             bound=above(0.0),
         )
@@ -60,8 +62,8 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     ]
     second = FigurePart(
         title="With the toolbox's default springs",
-        text="Here it is as in the paper's simulation: the stiff arm oscillates. The soft springs are weak against the "
-        "joint's friction, so that a soft link may stop a sixth of a radian off.",
+        text="As in the paper's simulation, the stiff arm oscillates. The soft springs are weak compared with the friction of "
+        "the joints, so a soft link may come to rest up to a sixth of a radian from its reference.",
         claims=(*_settled(nominal, "default springs"), *rings),
         tables=(_table(nominal),),
         pictures=(_picture("figure_12_nominal", "The same steps with the toolbox's default springs.", nominal),),
@@ -75,7 +77,7 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Evidence = "pa
         claims.append(
             Claim(
                 origin=origin,
-                text=f"{name}: the equilibria arrive at the reference ({springs})",
+                text=f"{name}: the equilibria reach the reference ({springs})",
                 quantity="largest distance of an equilibrium from the reference at the end",
                 measured=max(abs(float(result[joint].equilibrium_position[-1]) - GOAL) for joint in JOINTS),
                 bound=at_most(MOTORS_OFF, "rad"),
@@ -86,7 +88,7 @@ def _settled(results: Mapping[str, Result], springs: str, origin: Evidence = "pa
 
 
 def _arrives(result: Result, name: str, joint: str, springs: str, origin: Evidence) -> Claim:
-    """Claim that the link settles on the reference, or, if its springs are too weak, that friction holds it elsewhere."""
+    """Claim that the link settles at the reference. If its springs are too weak: claim that friction holds it elsewhere."""
     from asrsim.kinematics import equilibria_for_loads
     from asrsim.robot import drive_of
 
@@ -98,14 +100,14 @@ def _arrives(result: Result, name: str, joint: str, springs: str, origin: Eviden
     if band <= SETTLED:
         return Claim(
             origin=origin,
-            text=f"{name}, {joint}: the link settles on the reference ({springs})",
+            text=f"{name}, {joint}: the link settles at the reference ({springs})",
             quantity="link at the end",
             measured=float(np.mean(series.link_position[-200:])),
             bound=near(GOAL, band + MOTORS_OFF, "rad"),
         )
     return Claim(
         origin="theory" if origin == "paper" else origin,
-        text=f"{name}, {joint}: the link stops short only where its springs give less than the joint's friction ({springs})",
+        text=f"{name}, {joint}: where the link rests, the torque of its springs is below the friction ({springs})",
         quantity="torque of the springs at the end",
         measured=abs(float(np.mean(series.link_torque[-200:]))),
         bound=at_most(FRICTION, "N m"),
@@ -116,7 +118,7 @@ def _faster(results: Mapping[str, Result]) -> list[Claim]:
     return [
         Claim(
             origin="theory",
-            text=f"the stiff {joint} swings faster than the soft one",
+            text=f"the stiff {joint} oscillates faster than the soft {joint}",
             quantity="frequency stiff / soft",
             measured=_frequency(results["stiff"], joint) / _frequency(results["soft"], joint),
             bound=above(2.0),
@@ -142,7 +144,7 @@ def _overshoot(result: Result, joint: str) -> float:
 
 
 def _settling(result: Result, joint: str) -> float:
-    """Settling time: time after the step at which the link enters, for good, a band of 5 % about its final position, s."""
+    """Settling time: time from the step until the link stays within 5 % of its final position, s."""
     q = result[joint].link_position
     outside = np.flatnonzero(np.abs(q - q[-1]) > 0.05 * GOAL)
     return float(result.time[outside[-1]]) - AT if len(outside) else 0.0
@@ -161,7 +163,7 @@ def _table(results: Mapping[str, Result]) -> FigureTable:
         for name, result in results.items()
         for joint in JOINTS
     ]
-    headings = ("", "end (rad)", "stiffness (N m/rad)", "beyond 0.8 rad", "swings beyond 2 %", "within 5 % after (s)")
+    headings = ("", "end (rad)", "stiffness (N m/rad)", "overshoot", "swings above 2 %", "settling to 5 % (s)")
     return FigureTable(caption="The steps in numbers", headings=headings, rows=tuple(rows))
 
 
@@ -180,30 +182,30 @@ def _damped(lab: Lab, plain: Mapping[str, Result], nominal: Mapping[str, Result]
         claims += [
             Claim(
                 origin="beyond",
-                text=f"the stiff {joint} no longer rings as in the paper's simulation (default springs)",
-                quantity="swings beyond 2 %, with - without",
+                text=f"this damping reduces the oscillations of the stiff {joint} (default springs)",
+                quantity="number of swings above 2 % of the step, with - without this damping",
                 measured=float(_swings(default["stiff"], joint) - _swings(nominal["stiff"], joint)),
                 bound=below(0.0),
             ),
             Claim(
                 origin="beyond",
-                text=f"the stiff {joint} settles sooner, as the real arm does (default springs)",
-                quantity="settling time with / without",
+                text=f"with this damping, the stiff {joint} settles sooner, as in the real arm (default springs)",
+                quantity="settling time with / without this damping",
                 measured=after / before,
                 bound=below(0.8),
             ),
         ]
     return FigurePart(
-        title="What the paper could not show: damping that changes with the preset",
-        text="The authors explain the stiff simulation's ringing by a damping that stays fixed, where the real "
-        "joint's grows with the preset. "
-        f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness and each joint's inertia.",
+        title="Beyond the paper: damping that changes with the preset",
+        text="The authors of the paper explain the oscillations of the stiff simulation by its constant damping, since the "
+        "damping of the real joint grows with the preset. The steps are repeated with an additional damping that has the "
+        f"damping ratio {RATIO} at the present stiffness and the inertia of each joint.",
         claims=tuple(claims),
         tables=(_table({f"default {name}": run for name, run in default.items()} | alterego),),
         pictures=(
             _picture(
                 "figure_12_nominal_damped",
-                "Default springs, with damping that grows with the stiffness: the ringing is gone.",
+                "Default springs, with damping that grows with the stiffness: the arm hardly oscillates.",
                 default,
             ),
             _picture("figure_12_damped", "AlterEgo's springs, with damping that grows with the stiffness.", alterego),
@@ -219,8 +221,9 @@ FIGURE = PaperFigure(
     number=12,
     title="Steps of a horizontal arm",
     section="4.2.2",
-    paper="Two joints step by 0.8 rad without gravity in the way. Links and equilibria reach the reference in both "
-    "presets; the stiff simulation oscillates more than the real arm, since its damping does not change with the preset.",
+    paper="The references of two joints step by 0.8 rad, in a plane without gravity. Links and equilibria reach the reference "
+    "with the two presets. The stiff simulation oscillates more than the real arm, since its damping does not change with the "
+    "preset.",
     parts=parts,
     cost=4.0,
 )

@@ -31,7 +31,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     results = lab.pairs(SCENARIO, PRESETS)
     first = FigurePart(
         title="0.8 sin(0.8 t) under gravity",
-        text="The arm of figure 12, hanging, mode 6, AlterEgo's springs.",
+        text="The arm of figure 12 hangs down. It is in mode 6 and has AlterEgo's springs.",
         claims=(
             *_claims(results),
             *qbmove_claims(results, hanging),
@@ -40,7 +40,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
         pictures=(
             picture(
                 "figure_13",
-                "Both joints' links (solid) and equilibria (dashed), soft and stiff.",
+                "Links (solid) and equilibria (dashed) of the two joints, soft and stiff.",
                 lambda: joints_figure(results, ("link", "deflection")),
             ),
         ),
@@ -51,8 +51,8 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     }
     second = FigurePart(
         title="With link damping that grows with the stiffness",
-        text=f"The same with an added damping ratio of {RATIO} at each moment's stiffness. The sag is a matter of springs "
-        "and weight: no damping takes it away.",
+        text=f"The same sinusoid, with an additional damping that has the damping ratio {RATIO} at the present stiffness. "
+        "Springs and weight determine the sag, so damping does not change it.",
         claims=tuple(_sags(damped, "beyond")),
         tables=(_table(damped),),
     )
@@ -81,7 +81,7 @@ def _claims(results: Mapping[str, Result]) -> list[Claim]:
         claims.append(
             Claim(
                 origin="simulation",
-                text=f"{name}, {joint}: the amplitude of an independent simulation of the same arm",
+                text=f"{name}, {joint}: the link has the amplitude that an independent simulation of the same arm gives",
                 quantity="amplitude of the link",
                 measured=_amplitude(results[name][joint].link_position),
                 bound=near(value, 0.015, "rad"),
@@ -97,7 +97,7 @@ def _sags(results: Mapping[str, Result], origin: Evidence) -> list[Claim]:
         claims += [
             Claim(
                 origin=origin,
-                text=f"the soft {joint} does not get where it is told: gravity holds it back",
+                text=f"the soft {joint} does not reach its reference, because of gravity",
                 quantity="amplitude of the link / of the reference",
                 measured=share["soft"],
                 bound=below(0.9),
@@ -144,8 +144,8 @@ FIGURE = PaperFigure(
     number=13,
     title="A sinusoid of a vertical arm",
     section="4.2.2",
-    paper="Both joints follow 0.8 sin(0.8 t) under gravity. The equilibrium tracks the reference in both presets; the "
-    "soft link does not, since its springs give way under the weight, and the stiff one does.",
+    paper="The reference of the two joints is 0.8 sin(0.8 t), under gravity. The equilibrium tracks the reference with the two "
+    "presets. The stiff link also tracks the reference, but the soft link does not, since its springs yield to the weight.",
     parts=parts,
     cost=6.0,
 )

@@ -48,9 +48,9 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     ]
     first = FigurePart(
         title="Pushing a box of 2 kg",
-        text="Five qbMoves, mode 6, AlterEgo's springs. The tip is to go 0.2 m sideways in 4 s; the inverse kinematics is "
-        "closed on the model, and the springs' deflection under gravity is added to the equilibrium. Half-way stands a box of "
-        "0.265 m and 2 kg with friction 0.23 on the ground.",
+        text="The arm has five qbMoves in mode 6 with AlterEgo's springs. The path of the tip is 0.2 m long and takes 4 s. The "
+        "loop of the inverse kinematics is closed on the model, and the springs' deflection under gravity is added to the "
+        "equilibrium. A box of 0.265 m and 2 kg stands half-way; its friction coefficient on the ground is 0.23.",
         claims=(
             *_claims(results, tips, "paper"),
             *qbmove_claims(results, five_links, until={name: _touch(run) - BEFORE for name, run in results.items()}),
@@ -59,7 +59,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
         pictures=(
             picture(
                 "figure_14",
-                "Tip and box along the push, and the force between them, soft and stiff.",
+                "Positions of tip and box in the direction of the push, and the force between them, soft and stiff.",
                 lambda: _figure(results, tips),
             ),
             *strips,
@@ -69,7 +69,7 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
     tips = {name: result.bodies[TIP] for name, result in damped.items()}
     second = FigurePart(
         title="With link damping that grows with the stiffness",
-        text=f"The same push with an added damping ratio of {RATIO} at each moment's stiffness.",
+        text=f"The same push, with an additional damping that has the damping ratio {RATIO} at the present stiffness.",
         claims=tuple(_claims(damped, tips, "beyond")),
         tables=(_table(damped, tips),),
     )
@@ -84,43 +84,43 @@ def _claims(results: Mapping[str, Result], tips: Mapping[str, Array], origin: Ev
     return [
         Claim(
             origin=origin,
-            text="soft, the box stays where it is",
-            quantity="displacement of the box along the push",
+            text="the soft arm does not move the box",
+            quantity="displacement of the box in the direction of the push",
             measured=abs(_moved(soft)),
             bound=below(1e-3, "m"),
         ),
         Claim(
             origin=origin,
-            text="soft, the box stops the end effector",
-            quantity="tip short of its goal",
+            text="the box stops the tip of the soft arm",
+            quantity="distance of the tip from its goal",
             measured=goal - float(tips["soft"][-1, Y]),
             bound=above(0.05, "m"),
         ),
         Claim(
             origin="theory" if origin == "paper" else origin,
-            text="soft, the arm pushes less than friction can take up",
-            quantity="contact force while it holds",
+            text="the soft arm pushes with a force below the friction limit of the box",
+            quantity="contact force while the arm presses on the box",
             measured=float(np.mean(force[holding])),
             bound=below(RESISTANCE, "N"),
         ),
         Claim(
             origin=origin,
-            text="stiff, the arm takes the box along to the goal",
-            quantity="box from its place at the goal",
+            text="the stiff arm moves the box to the goal",
+            quantity="distance of the box from its position at the goal",
             measured=abs(_box_goal(stiff) - float(stiff.bodies[BOX][-1, Y])),
             bound=at_most(0.01, "m"),
         ),
         Claim(
             origin="theory" if origin == "paper" else origin,
-            text="stiff, the box slides on the ground as 2 kg with friction 0.23 do",
-            quantity="contact force while it slides",
+            text="the stiff arm pushes the sliding box with the force mu m g (2 kg, mu = 0.23)",
+            quantity="contact force while the box slides",
             measured=_sliding_force(stiff),
             bound=near(RESISTANCE, ACCURACY.get(stiff.run.scenario.engine, 0.1), "N"),
         ),
         Claim(
             origin=origin,
-            text="stiff, the end effector reaches its goal",
-            quantity="tip from its goal",
+            text="the tip of the stiff arm reaches its goal",
+            quantity="distance of the tip from its goal",
             measured=abs(goal - float(tips["stiff"][-1, Y])),
             bound=at_most(0.01, "m"),
         ),
@@ -210,14 +210,14 @@ def _figure(results: Mapping[str, Result], tips: Mapping[str, Array]) -> Figure:
         top.set_title(f"{name} (preset {0.2 if name == 'soft' else 0.6})", loc="left")
         force = run.curves[BOX, "force"]
         bottom.plot(force.time, force.values, color=style.VERMILION, label="between tip and box")
-        bottom.axhline(RESISTANCE, color=style.GREY, linestyle="--", label="μ m g: what friction holds")
+        bottom.axhline(RESISTANCE, color=style.GREY, linestyle="--", label="μ m g: friction limit")
         bottom.set_xlabel("time (s)")
         bottom.set_ylim(0.0, 3.0 * RESISTANCE)
         peak = int(np.argmax(_force(result)))
         if _force(result)[peak] < 3.0 * RESISTANCE:
             continue
         bottom.annotate(
-            f"impact: {_force(result)[peak]:.0f} N for {1e3 * result.run.scenario.step:g} ms",
+            f"impact: {_force(result)[peak]:.0f} N during {1e3 * result.run.scenario.step:g} ms",
             (float(result.time[peak]), 3.0 * RESISTANCE),
             xytext=(-6, -10),
             textcoords="offset points",
@@ -236,8 +236,8 @@ FIGURE = PaperFigure(
     number=14,
     title="An arm meets a box",
     section="4.2.3",
-    paper="An arm with five joints moves its end effector along a line, with a box of 2 kg in its way. Soft, the box "
-    "stops it; stiff, it moves the box and reaches its goal, on the real arm and in simulation.",
+    paper="An arm with five joints moves its tip along a line, on which a box of 2 kg stands. The box stops the soft arm. The "
+    "stiff arm moves the box and reaches its goal. The real arm and the simulation agree.",
     parts=parts,
     cost=10.0,
 )

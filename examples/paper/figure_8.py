@@ -50,17 +50,20 @@ def parts(folder: Path) -> tuple[FigurePart, ...]:
         "substeps",
     )
     table = FigureTable(
-        caption="Where the links rest, and the natural frequency of the last swings", headings=headings, rows=tuple(rows)
+        caption="Rest positions of the links, and natural frequencies of the last oscillations",
+        headings=headings,
+        rows=tuple(rows),
     )
     shown = picture(
         "figure_8",
-        "Links (vermilion) and equilibria (blue) after the step, above soft, below stiff.",
+        "Links (vermilion) and equilibria (blue) after the step: soft (top row) and stiff (bottom row).",
         lambda: _figure(results),
     )
     first = FigurePart(
         title="Steps of four actuators",
-        text="Ideal motors (mode 3), 0.2 kg at 0.04 m under gravity, a step of 0.8 rad; no joint friction, damping 0.02 N m "
-        "s/rad. Predicted values are closed forms with the paper's numbers, without the simulator's laws and files.",
+        text="The motors are ideal (mode 3), the load is 0.2 kg at 0.04 m under gravity, and the reference steps by 0.8 rad. "
+        "The joints have a damping of 0.02 N m s/rad and no friction. The predicted values are closed forms with the paper's "
+        "numbers; they use neither laws nor files of the simulator.",
         claims=tuple(claims),
         tables=(table,),
         pictures=(shown,),
@@ -77,22 +80,22 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     claims = [
         Claim(
             origin="theory",
-            text=f"{label} rests where its spring and gravity balance",
+            text=f"{label}: the link rests where its spring and gravity balance",
             quantity="rest - predicted rest",
             measured=end - wanted.position,
             bound=near(0.0, RESIDUAL, "rad"),
         ),
         Claim(
             origin="theory",
-            text=f"{label} logs the slope of its spring as its stiffness",
+            text=f"{label}: the logged stiffness is the slope of the spring's torque",
             quantity="stiffness at rest",
             measured=float(series.stiffness[-1]),
             bound=near(wanted.spring, 1e-4 * wanted.spring, "N m/rad"),
         ),
         Claim(
             origin="theory",
-            text=f"{label} logs the work of its spring as its energy",
-            quantity="change of the logged energy over that of the closed form",
+            text=f"{label}: the logged energy is the work of the spring",
+            quantity="change of the logged energy / change of the energy in closed form",
             measured=_energy_share(case, result),
             bound=near(1.0, 1e-3),
         ),
@@ -107,8 +110,8 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     claims.append(
         Claim(
             origin="theory",
-            text=f"{label} swings at the frequency of its stiffness and inertia",
-            quantity="natural frequency of the last swings",
+            text=f"{label}: the frequency of the oscillation follows from stiffness and inertia",
+            quantity="natural frequency of the last oscillations",
             measured=found.frequency,
             bound=near(wanted.frequency, 0.005 * wanted.frequency, "Hz"),
         )
@@ -116,8 +119,8 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
     claims.append(
         Claim(
             origin="theory",
-            text=f"{label} loses its swings to the joint's damping alone",
-            quantity="decay rate of the last swings",
+            text=f"{label}: only the damping of the joint makes the oscillation decay",
+            quantity="decay rate of the last oscillations",
             measured=found.decay,
             bound=near(wanted.decay, 0.01 * wanted.decay, "1/s"),
         )
@@ -136,7 +139,7 @@ def _measure(lab: Lab, case: tuple[str, str], result: Result, wanted: Rest) -> t
 
 
 def _energy_share(case: tuple[str, str], result: Result) -> float:
-    """Ratio of the changes of logged energy and closed-form energy, while motors rest and the spring is within its limit."""
+    """Change of the logged energy / change of the closed form, while motors rest and the spring is within its limit."""
     series, spring = result["joint_1"], SPRINGS[case]
     deflection = STEP - series.link_position
     use = (result.time > AT) & (np.abs(deflection) < spring.straight)
@@ -153,15 +156,15 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
     return [
         Claim(
             origin="theory",
-            text=f"{label} swings right at a step of {1e3 * step:g} ms too, though its frequency is beyond "
-            "what such a step samples",
-            quantity="natural frequency at 1 ms, unfolded",
+            text=f"{label}: the frequency is also right with a step of {1e3 * step:g} ms, although samples at this "
+            "interval alias it",
+            quantity="natural frequency at 1 ms, computed from the aliased frequency",
             measured=unfolded,
             bound=near(wanted.frequency, 0.005 * wanted.frequency, "Hz"),
         ),
         Claim(
             origin="theory",
-            text=f"{label} decays right at a step of {1e3 * step:g} ms",
+            text=f"{label}: the decay is also right with a step of {1e3 * step:g} ms",
             quantity="decay rate at 1 ms",
             measured=found.decay,
             bound=near(wanted.decay, 0.005 * wanted.decay, "1/s"),
@@ -170,14 +173,14 @@ def _right_at_one_millisecond(label: str, result: Result, wanted: Rest) -> list[
 
 
 def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
-    """Claims of the paper about its plots: soft AwAS-II and qbMove sag under gravity, and stiff ones hardly sag."""
+    """Claims of the paper about its plots: soft AwAS-II and qbMove sag under gravity, stiff AwAS-II and qbMove hardly sag."""
     sag = {case: STEP - float(result["joint_1"].link_position[-1]) for case, result in results.items()}
     claims = []
     for name in ("awas_ii", "qbmove"):
         ratio = sag[name, "soft"] / sag[name, "stiff"]
         claims.append(
             Claim(
-                text=f"gravity pulls the soft {ACTUATORS[name]} off its reference, far more than the stiff one",
+                text=f"the soft {ACTUATORS[name]} sags under gravity far more than the stiff {ACTUATORS[name]}",
                 quantity="sag soft / sag stiff",
                 measured=ratio,
                 bound=above(5.0),
@@ -185,8 +188,8 @@ def _paper(results: dict[tuple[str, str], Result]) -> list[Claim]:
         )
         claims.append(
             Claim(
-                text=f"the stiff {ACTUATORS[name]} is regulated correctly",
-                quantity="reference - rest",
+                text=f"the stiff {ACTUATORS[name]} reaches its reference",
+                quantity="reference - rest position",
                 measured=sag[name, "stiff"],
                 bound=below(0.02, "rad"),
             )
@@ -219,8 +222,8 @@ FIGURE = PaperFigure(
     number=8,
     title="Step responses of four compliant actuators",
     section="4.1",
-    paper="Four actuators hold a hanging weight and are told to step by 0.8 rad, each with a soft and a stiff setting. "
-    "The model shows the compliance: soft AwAS-II and qbMove are pulled off by gravity, stiff ones arrive.",
+    paper="Four actuators hold a hanging weight, each with a soft and a stiff setting, and their references step by 0.8 rad. "
+    "Soft AwAS-II and qbMove sag under gravity, but stiff AwAS-II and qbMove reach their references.",
     parts=parts,
     cost=5.0,
 )

@@ -32,8 +32,8 @@ class Held:
     """Coulomb friction of the joint, N m."""
 
     def __str__(self) -> str:
-        springs = f"its springs give at most {self.torque:.4f} N m, its friction holds {self.friction:g} N m"
-        return f"{self.joint} is held by friction: {springs}"
+        springs = f"its springs give at most {self.torque:.4f} N m, less than the friction of {self.friction:g} N m"
+        return f"friction holds {self.joint} at rest: {springs}"
 
 
 def held_by_friction(result: Result) -> tuple[Held, ...]:

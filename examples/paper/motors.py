@@ -56,7 +56,7 @@ def departure(samples: Samples, springs: Sequence[Springs]) -> float:
 
 
 def qbmove_claims(results: Mapping[str, Result], law: Law, *, until: Mapping[str, float] | None = None) -> list[Claim]:
-    """Claims that links and motors of each run move as the paper's do with AlterEgo's springs.
+    """Claims that links and motors of each run move as the paper's links and motors do with AlterEgo's springs.
 
     law, until: see `motion_claims`.
     """

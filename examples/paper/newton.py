@@ -78,7 +78,8 @@ class Motion:
 def read_motion(samples: Samples, springs: Sequence[Springs], law: Law, *, until: float = np.inf) -> Motion:
     """Masses, damping and friction of links with these springs, by a least-squares fit of Newton's law.
 
-    samples: positions of links and motors at even times; law: what moves such links; until: s, what comes later is left out.
+    samples: positions of links and motors at equidistant times; law: inverse dynamics of the links; until: time at which the
+    fitted part ends, s.
     """
     step = float(samples.time[1] - samples.time[0])
     links, first, second = (samples.values[name] for name in ("link_position", "motor_1_position", "motor_2_position"))
@@ -151,7 +152,7 @@ def motion_claims(
 ) -> list[Claim]:
     """Claims that the motion of each run fits the paper's masses and losses with these springs.
 
-    springs: of each joint, AlterEgo's if not given; until: s, of each run, if not to its end.
+    springs: springs of each joint; None: AlterEgo's springs. until: end of the fitted part of each run (s); None: its end.
     """
     motions = {
         name: read_motion(samples, springs or [ALTEREGO] * len(samples.joints), law, until=until[name] if until else math.inf)
@@ -159,8 +160,8 @@ def motion_claims(
     }
     wanted = {
         "masses": ("masses fitted to the motion, as a multiple of the paper's", 1.0, ""),
-        "damping": ("damping that the motion tells", DAMPING, "N m s/rad"),
-        "friction": ("friction that the motion tells", FRICTION, "N m"),
+        "damping": ("damping fitted to the motion", DAMPING, "N m s/rad"),
+        "friction": ("friction fitted to the motion", FRICTION, "N m"),
     }
     return [
         Claim(

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 DAMPING, FRICTION = 0.065, 0.025
 """Damping (N m s/rad) and friction (N m) of a joint, as the paper gives them from section 4.2 on."""
 SLOW = (("awas_ii", "soft"), ("qbmove", "soft"), ("qbmove", "stiff"))
-"""Cases slow enough for differences over 1 ms."""
+"""Cases whose motion is slow enough for finite differences over 1 ms."""
 SWINGING = tuple(case for case in SPRINGS if case not in (("awas_ii", "stiff"), ("qbmove", "soft")))
-"""Cases with swings that are weakly damped and slow enough for samples of 1 ms."""
+"""Cases whose oscillations are weakly damped, and slow enough for samples at 1 ms."""
 
 
 def with_friction(lab: Lab) -> FigurePart:
-    """All cases with the losses of section 4.2. Links must rest inside the friction band, with the given losses."""
+    """All cases with the losses of section 4.2. Links must rest where friction can hold them, and have the given losses."""
     from asrsim.robot import load_robot
 
     claims, rows = [], []
@@ -41,8 +41,8 @@ def with_friction(lab: Lab) -> FigurePart:
         claims.append(
             Claim(
                 origin="theory",
-                text=f"{label}, with friction, rests within what friction can hold",
-                quantity="rest outside of the friction band",
+                text=f"{label}, with friction: the link rests where friction can hold it",
+                quantity="distance of the rest position from the range in which friction holds the link",
                 measured=wanted.outside(end),
                 bound=at_most(RESIDUAL, "rad"),
             )
@@ -52,8 +52,8 @@ def with_friction(lab: Lab) -> FigurePart:
             claims += [
                 Claim(
                     origin="theory",
-                    text=f"{label}: its motion loses what {what} takes",
-                    quantity=f"{what} that Newton's law leaves over",
+                    text=f"{label}: the {what} that is fitted to the motion is right",
+                    quantity=f"{what}, fitted by Newton's law",
                     measured=measured,
                     bound=near(value, 0.05 * value, unit),
                 )
@@ -66,14 +66,14 @@ def with_friction(lab: Lab) -> FigurePart:
         rows.append((label, f"{end:.6f}", f"{end - wanted.position:+.2e}", band))
     return FigurePart(
         title="With the joint friction of section 4.2",
-        text=f"The same steps with damping {DAMPING} N m s/rad and friction {FRICTION} N m, which the paper gives for its "
-        "later experiments: a link may stop wherever friction outweighs what spring and gravity leave over. Damping and "
-        "friction are read from the motion of those that are slow against the step of 1 ms.",
+        text=f"The same steps, with the damping of {DAMPING} N m s/rad and the friction of {FRICTION} N m that the paper "
+        "states for its later experiments. A link may rest wherever the torques of spring and gravity differ by less than the "
+        "friction. For joints that are slow compared with the step of 1 ms, damping and friction are fitted to the motion.",
         claims=tuple(claims),
         tables=(
             FigureTable(
-                caption="Rest and friction band",
-                headings=("", "rest (rad)", "rest - frictionless (rad)", "friction band (rad)"),
+                caption="Rest positions, and the ranges in which friction holds the links",
+                headings=("", "rest position (rad)", "minus rest without friction (rad)", "range of friction (rad)"),
                 rows=tuple(rows),
             ),
         ),
@@ -81,7 +81,7 @@ def with_friction(lab: Lab) -> FigurePart:
 
 
 def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> FigurePart:
-    """Cases with link damping that grows with the stiffness. Their swings must decay as the law predicts."""
+    """Cases with link damping that grows with the stiffness. Their oscillations must decay as the law predicts."""
     claims, rows = [], []
     for case, plain in results.items():
         name, variant = case
@@ -97,16 +97,23 @@ def with_growing_damping(lab: Lab, results: dict[tuple[str, str], Result]) -> Fi
             claims.append(
                 Claim(
                     origin="beyond",
-                    text=f"{label} decays with the damping of its file and a ratio of {RATIO} at its stiffness",
-                    quantity="decay rate of the last swings",
+                    text=f"{label}: damping of the file and damping ratio {RATIO} together determine the decay",
+                    quantity="decay rate of the last oscillations",
                     measured=found,
                     bound=near(wanted, 0.02 * wanted, "1/s"),
                 )
             )
-    headings = ("", "largest position (rad)", "with growing damping", "decay rate (1/s)", "predicted", "rest moves by (rad)")
+    headings = (
+        "",
+        "largest position (rad)",
+        "with growing damping",
+        "decay rate (1/s)",
+        "predicted",
+        "change of the rest position (rad)",
+    )
     return FigurePart(
         title="With link damping that grows with the stiffness",
-        text=f"The same steps with an added damping ratio of {RATIO} at each moment's stiffness.",
+        text=f"The same steps, with an additional damping that has the damping ratio {RATIO} at the present stiffness.",
         claims=tuple(claims),
         tables=(FigureTable(caption="First swing and decay", headings=headings, rows=tuple(rows)),),
     )

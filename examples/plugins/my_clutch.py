@@ -19,7 +19,7 @@ from asrsim.records import constant, value
 
 @dataclass(slots=True)
 class ClutchMemory:
-    """What the clutch of one spring remembers."""
+    """Memory of the clutch of one spring."""
 
     power: float = value("power lost at the last kick", "W")
     lost: float = value("energy lost between the last two kicks", "J")

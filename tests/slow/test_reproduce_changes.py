@@ -141,4 +141,4 @@ def test_changed_numbers_fail_a_claim(figure, names, claim, factor, monkeypatch,
 def test_changed_box_fails_a_claim(what, factor, monkeypatch, tmp_path):
     value = factor * {"mass": 2.0, "friction": 0.23}[what]
     found = failing("14", monkeypatch, tmp_path, None, overrides=(f"world.objects.box.{what}={value}",))
-    assert [text for text in found if "slides" in text]
+    assert [text for text in found if "sliding box" in text]

@@ -140,7 +140,7 @@ def test_a_joint_held_by_friction_is_named():
     (held,) = held_by_friction(run(scenario, variant="nominal_soft", overrides=short))
     assert held.friction == 0.025
     assert 0.015 < held.torque < 0.0213
-    assert "held by friction" in str(held)
+    assert "friction holds joint_1" in str(held)
     assert held_by_friction(run(scenario, variant="nominal_stiff", overrides=short)) == ()
 
 
