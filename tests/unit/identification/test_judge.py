@@ -130,7 +130,7 @@ def estimate(key, verdict="weak", **numbers):
 def result(**changes):
     usual = {
         "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "accepted": False,
-        "misfit": (), "causes": (),
+        "misfit": (), "causes": (), "transfers": (),
     }  # fmt: skip
     return SimpleNamespace(**{**usual, **changes})
 
