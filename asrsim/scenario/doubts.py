@@ -329,8 +329,16 @@ def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings in toolbox stepping about motor controllers that diverge at the time step, and about parameters that the toolbox
-    ignores."""
+    """Warnings in toolbox stepping about motor controllers that diverge at the time step, and about parameters and keys that
+    the toolbox ignores."""
+    if released_order(scenario.stepping):
+        for name, imperfections in scenario.sensor_imperfections.items():
+            if imperfections.active:
+                key = f"imperfections.sensors.{name}"
+                yield Problem("toolbox stepping ignores imperfections of sensors", key=key, code="released-model")
+        for key, count in (("substeps", scenario.substeps), ("motor_substeps", scenario.motor_substeps)):
+            if count not in (None, 1):
+                yield Problem("toolbox stepping takes no substeps", key=key, value=count, code="released-model")
     for block in robot.actuators if released_order(scenario.stepping) else ():
         mode, actuator, values = MODES[block.mode], ACTUATORS.get(block.actuator), block.values()
         ignored = [one.name for one in actuator.all_parameters() if one.optional and values[one.name] != one.default]

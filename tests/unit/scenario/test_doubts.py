@@ -42,6 +42,9 @@ SCENARIOS = {
     "motor-gains": f"step: 0.0125\n{STRONG}",
     "unused-effect": "modes: 3\nimperfections: {sensors: {elbow: {noise: 0.01}}}",
     "released-model": "stepping: toolbox\nparameters: {elbow: {hyst_tau: 0.1}}",
+    "released-model of a sensor": "stepping: toolbox\nimperfections: {sensors: {elbow: {delay: 0.02}}}",
+    "released-model of substeps": "stepping: toolbox\nsubsteps: 4",
+    "released-model of motor substeps": "stepping: toolbox\nmotor_substeps: 4",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
