@@ -23,6 +23,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
+from asrsim.scenario.starts import start_positions, start_velocities
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Delay, Sum
 from asrsim.signals.playback import Playback
@@ -33,6 +34,8 @@ LATEST = 1.0
 """Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
+_CONTRADICTS = 1e-3
+"""Difference of initial values above which they contradict each other, rad and rad/s (m and m/s)."""
 UNSTABLE = 2.0
 """Largest product of decay rate and time step for which explicit damping is stable. Above it, the motion changes its sign in
 every step and grows."""
@@ -99,6 +102,31 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop pushes it back"
             hint = f"Set its initial position under `initial`, for example to {low if low > 0.0 else high:g}"
             yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
+
+
+def _start_without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about initial values that do not act: those of coupled joints that contradict their masters, and those of motors
+    that have no motion of their own."""
+    if scenario.initial_equilibrium or prescribes_motion(scenario.engine):
+        return
+    positions = start_positions(scenario, robot)
+    tables = (
+        (scenario.initial_positions, positions),
+        (scenario.initial_velocities, start_velocities(scenario, robot, positions)),
+    )
+    for stated, found in tables:
+        for name in stated.keys() & found.keys():
+            if abs(stated[name] - found[name]) > _CONTRADICTS:
+                what = "position" if found is positions else "velocity"
+                message = f"has no effect: '{name}' follows another joint, and its initial {what} is {found[name]:.6g}"
+                yield Problem(message, key=f"initial.{name}", value=stated[name], code="coupled-start")
+    for block in robot.actuators:
+        mode = MODES[block.mode]
+        for key in (block.joint, "*"):
+            if not mode.motor and (key in scenario.initial_motor_positions or key in scenario.initial_motor_velocities):
+                why = "motors stand at their references" if mode.spring else "no motor moves"
+                message = f"initial values of motors have no effect: in mode {mode.number}, {why}"
+                yield Problem(message, key=f"initial.{key}", code="motorless-start")
 
 
 # -- references --------------------------------------------------------------------------------------------------------
@@ -308,6 +336,12 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for key in shadowed_entries(scenario, robot):
         message = "has no effect: every joint that it could apply to has a separate entry"
         yield Problem(message, key=key, code="unused-entry")
+    driven = {block.joint for block in robot.actuators}
+    passive = [joint.name for joint in robot.moving_joints if joint.name not in driven and not joint.mimic]
+    if "*" in scenario.link_damping and passive:
+        message = f"acts on joints with actuators only, not on {listed(passive, 4)}"
+        hint = "Passive joints have the damping of the robot's file: <dynamics damping='...'/>"
+        yield Problem(message, key="link_damping.*", hint=hint, code="passive-damping")
     for name, damping in scenario.link_damping.items():
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
@@ -355,6 +389,7 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _default_start,
+    _start_without_effect,
     _gravity_and_step,
     _orientations,
     _delays,
