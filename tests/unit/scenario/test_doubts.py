@@ -46,7 +46,8 @@ SCENARIOS = {
     "released-model of substeps": "stepping: toolbox\nsubsteps: 4",
     "released-model of motor substeps": "stepping: toolbox\nmotor_substeps: 4",
     "motorless-start": "modes: 3\ninitial: {elbow: {position: 0, motor_positions: [0.3]}}",
-    "motorless-start of all joints": "modes: 0\ninitial: {'*': {position: 0, motor_velocities: [1]}}\nreferences: {elbow: {link_torque: 0}}",
+    "motorless-start of all joints": "modes: 0\ninitial: {'*': {position: 0, motor_velocities: [1]}}\n"
+    "references: {elbow: {link_torque: 0}}",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
