@@ -107,8 +107,17 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 def _start_without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     """Warnings about initial values that do not act: those of coupled joints that contradict their masters, and those of motors
     that have no motion of their own."""
-    if scenario.initial_equilibrium or prescribes_motion(scenario.engine):
+    if scenario.initial_equilibrium:
+        if prescribes_motion(scenario.engine):
+            yield Problem("has no effect: the motion of the links is prescribed", key="initial", code="prescribed-start")
         return
+    for joint in robot.moving_joints if prescribes_motion(scenario.engine) else ():
+        key = joint.name if joint.name in scenario.initial_positions else "*"
+        start, motion = scenario.initial_positions.get(key), for_joint(scenario.motion, joint.name)
+        first = None if motion is None else float(motion.values(np.zeros(1))[0])
+        if start is not None and first is not None and abs(start - first) > _CONTRADICTS:
+            message = f"only motors start there: the prescribed motion of '{joint.name}' starts at {first:g}"
+            yield Problem(message, key=f"initial.{key}", value=start, code="prescribed-start")
     positions = start_positions(scenario, robot)
     tables = (
         (scenario.initial_positions, positions),

@@ -48,6 +48,8 @@ SCENARIOS = {
     "motorless-start": "modes: 3\ninitial: {elbow: {position: 0, motor_positions: [0.3]}}",
     "motorless-start of all joints": "modes: 0\ninitial: {'*': {position: 0, motor_velocities: [1]}}\n"
     "references: {elbow: {link_torque: 0}}",
+    "prescribed-start": "engine: bench\nmotion: {elbow: 0.3}\ninitial: {elbow: 0.1}",
+    "prescribed-start in equilibrium": "engine: bench\ninitial: equilibrium",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
