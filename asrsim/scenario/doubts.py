@@ -338,6 +338,24 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 
+def _planned(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about references and inverse dynamics that a Cartesian task replaces."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        mode, given = MODES[block.mode], scenario.references_of(block.joint)
+        moved = "" if scenario.computes_reference(block.joint) else ", in which this joint stays at its initial position"
+        # The task takes the presets from the references.
+        for name in mode.references[: 1 if mode.mapped else None]:
+            if name in given:
+                message = f"has no effect on '{block.joint}': the Cartesian task computes this reference{moved}"
+                yield Problem(message, key=reference_key(scenario, block, name), code="planned-reference")
+    if any(scenario.inverse_dynamics.values()):
+        yield Problem(
+            "has no effect: the Cartesian task computes all references", key="inverse_dynamics", code="planned-reference"
+        )
+
+
 # -- no effect ---------------------------------------------------------------------------------------------------------
 
 
@@ -410,6 +428,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _sudden_turns,
     _hidden_jumps,
     _missing_references,
+    _planned,
     _contact_words,
     _released,
 )

@@ -50,6 +50,9 @@ SCENARIOS = {
     "references: {elbow: {link_torque: 0}}",
     "prescribed-start": "engine: bench\nmotion: {elbow: 0.3}\ninitial: {elbow: 0.1}",
     "prescribed-start in equilibrium": "engine: bench\ninitial: equilibrium",
+    "planned-reference": "task: {link: arm, poses: [{time: 1, position: [0, 0, 0.1]}]}",
+    "planned-reference of inverse dynamics": "task: {link: arm, poses: [{time: 1, position: [0, 0, 0.1]}]}\n"
+    "references: {}\ninverse_dynamics: true",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
