@@ -299,7 +299,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # `whole`: whether this part covers the rest of the piece. Only then is a velocity searched that becomes 0 in the part.
+    # `whole`: whether this part covers the rest of the piece. Search for a velocity that becomes 0 in the part only in this
+    # case.
     part, whole = 0.0 if impact else length, not impact
     # Call `find_change` at only one place, since the compiler copies it to each place at which it is called.
     while True:
@@ -568,16 +569,28 @@ def skip(*arguments: Any) -> None:
     """Do nothing. This function replaces each function that `unused` names."""
 
 
-@cache
-def _compiled(function: Callable[..., None], kind: Any, left_out: tuple[str, ...]) -> Callback:
-    return compiling.compile_packed(function, kind, _sizes, names=dict.fromkeys(left_out, skip), inline=INLINE)
+_steps: dict[Any, Callback] = {}
+"""Functions of rooms that this process has compiled, by `_key`."""
+
+
+def _key(function: Callable[..., None], room: Any) -> Any:
+    """What the compiled function of a room depends on: the function, the types in the room, and the names left out."""
+    return function, compiling.type_of(room), unused(room)
+
+
+def _compiled(function: Callable[..., None], room: Any) -> Callback:
+    key = _, kind, left_out = _key(function, room)
+    if key not in _steps:
+        _steps[key] = compiling.compile_packed(function, kind, _sizes, names=dict.fromkeys(left_out, skip), inline=INLINE)
+    return _steps[key]
 
 
 class Calculation:
     """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Its further
     arguments are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
 
-    The function runs as Python until it is compiled. Python and compiled code give bitwise the same results.
+    The function runs as Python until it is compiled, unless this process has already compiled it for another room. Python and
+    compiled code give bitwise the same results.
     """
 
     def __init__(
@@ -602,8 +615,8 @@ class Calculation:
     def compile(self) -> Callback:
         """Compile the function for all later calls, and return the compiled function."""
         if self._compiled is None:
-            kind = compiling.type_of(self._record)
-            self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
+            make = self._make
+            self._compiled = make(compiling.type_of(self._record)) if make else _compiled(self._function, self._record)
             # Call through CFUNCTYPE, which releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()
@@ -612,6 +625,8 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to a vector of numbers, an exchange, forces and lengths."""
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
+            if not self._arrays and self._make is None and _steps and _key(self._function, self._record) in _steps:
+                self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
                 self._arguments = *[array.ctypes.data for array in (self.packed, *arrays)], len(arrays[-1])
