@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asrsim.actuators.units import unit_at
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
 from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.joint_units import unit_at
 from asrsim.metrics.asked import measure_text
 from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from asrsim.actuators.units import unit_at
+from asrsim.joint_units import unit_at
 from asrsim.log import open_log
 from asrsim.log.derived import own_reference
 from asrsim.metrics import MetricRow

@@ -194,8 +194,8 @@ _BODY_NAMES = {
 
 
 def unit(quantity: str, joint: JointInfo | None = None) -> str:
-    """Unit of a joint's quantity for pictures, as in `asrsim.actuators.units.unit_at`."""
-    from asrsim.actuators.units import unit_at
+    """Unit of a joint's quantity for pictures, as in `asrsim.joint_units.unit_at`."""
+    from asrsim.joint_units import unit_at
 
     if joint is not None and (quantity in QUANTITIES or quantity in DERIVED):
         return unit_at(quantity, joint)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from asrsim.actuators.units import unit_at
 from asrsim.errors import Problem, RecordingError
+from asrsim.joint_units import unit_at
 from asrsim.log.derived import own_reference
 from asrsim.metrics.asked import AskedMeasure, asked_measures
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure

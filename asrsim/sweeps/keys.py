@@ -196,10 +196,10 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
 
 
 def _no_effect(key: str, joint: str) -> Problem:
-    message = "changes nothing: the joint does not have it in its operation mode"
     if joint == "*":
         message = "changes nothing: no joint has it, or each joint has a separate entry, which replaces the entry '*'"
-    return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
+        return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
+    return Problem("changes nothing: the joint does not have it in its operation mode", key=key, code="sweep-nothing")
 
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
