@@ -63,7 +63,7 @@ def identify(
         option("Do not fit: show which parameters the recordings can identify, and which motions to add.", "--check"),
     ] = False,
     everything: Annotated[
-        bool, option("Write all parameters to the robot file, not only the identified ones.", "--all")
+        bool, option("Write all parameters to the robot file, not only the identified parameters.", "--all")
     ] = False,
     accept: Annotated[
         bool,

@@ -175,7 +175,7 @@ def _dynamics(source: Source, statics: Statics, trials: Trials) -> Iterator[Entr
         elif value is None:
             how = f"not settled at the end of {trial}"
         yield Entry(key=key, words=words, unit="s", value=value, how=how)
-    about = f"behind {trials.load.inertia:.3g} kg m^2 and {trials.load.damping:.3g} N m s/rad, without friction"
+    about = f"with a load of {trials.load.inertia:.3g} kg m^2 and {trials.load.damping:.3g} N m s/rad, without friction"
     yield from _at_both_ends(
         statics,
         "bandwidth",

@@ -14,7 +14,6 @@ step, and the equations are solved like the equations of a robot without couplin
 from __future__ import annotations
 
 import ctypes
-import sys
 from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from math import cos, inf, sin, sqrt
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 from asrsim.compiled import compiling
 from asrsim.compiled.compiling import Callback
 from asrsim.compiled.packed import pack
-from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
+from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Native, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.engines.loops import AnyArray, Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
@@ -589,9 +588,8 @@ class Calculation:
         *,
         own: Collection[str] = (),
     ) -> None:
-        """make: function that returns the compiled function for records of a Numba type. None: the record is a `Room`, and the
-        function is compiled only if this process has imported Numba. own: names of the record's arrays that only this function
-        uses."""
+        """make: function that returns the compiled function for records of a Numba type; None: the record is a `Room`. own:
+        names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make
         self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
@@ -614,8 +612,6 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to a vector of numbers, an exchange, forces and lengths."""
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
-            if self._make is None and "numba" in sys.modules:
-                self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
                 self._arguments = *[array.ctypes.data for array in (self.packed, *arrays)], len(arrays[-1])
@@ -760,6 +756,14 @@ class RigidEngine(Engine):
             self.map_wrenches(wrenches, self._forces)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)
+
+    @property
+    def native(self) -> Native | None:
+        """None, since `look` calls the library from Python. After `native` has been read, the rest of the step runs compiled,
+        if Numba is installed. The results are bitwise the same."""
+        if compiling.numba_available():
+            self._calculation.compile()
+        return None
 
     @property
     def room(self) -> Room:

@@ -69,8 +69,8 @@ EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Start values of a limit, as multiples of the largest simulated torque or speed of the motor, or of the largest simulated
-deflection of the spring. The simulation does not reach the first limit. Each limit is a quarter or a fifth of the one before,
-so that the start value nearest to the true limit differs from it by a factor below 2.3.
+deflection of the spring. The simulation does not reach the first limit. Each limit is a quarter or a fifth of the previous
+limit, so that the start value nearest to the true limit differs from it by a factor below 2.3.
 """
 LAWS = (
     ("spring_cubic", "a cubic term in the spring", (1.0, -1.0)),
@@ -78,8 +78,8 @@ LAWS = (
     ("spring_damping", "a damper parallel to the springs", (1.0,)),
 )
 """Parameters of spring laws that are tried: name of the parameter, words for its effect, and start values, in units of
-`FitParameter.size`. The cubic term starts at 10 and -10 N m/rad^3. Backlash starts at 0.01 and 0.05 rad, since a search from a
-small backlash does not find a large one. The damping starts at 0.02 N m s/rad.
+`FitParameter.size`. The cubic term starts at 10 and -10 N m/rad^3. Backlash starts at 0.01 and 0.05 rad, since a search that
+starts at a small backlash does not find a large backlash. The damping starts at 0.02 N m s/rad.
 """
 MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the bandwidth of the motion. The lowest frequency is so close to the
@@ -107,7 +107,7 @@ deviation of the recorded motion.
 DRIVEN: a command does not cause an oscillation if the two frequencies differ by more than this fraction.
 """
 LATE = (2.0, 25.0, 50.0)
-"""Delays that are tried, in typical sizes: 4, 50 and 100 ms. From a small delay, the search does not find a large one.
+"""Delays that are tried, in typical sizes: 4, 50 and 100 ms. A search that starts at a small delay does not find a large delay.
 """
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
 """Second unknown parameter of an effect, by the parameter that states the effect's size. For hysteresis it is the deflection
@@ -442,7 +442,7 @@ def _command_delay(problem: FitProblem) -> Iterator[Extension]:
 
 
 def _command_zeros(problem: FitProblem) -> Iterator[Extension]:
-    """Extensions that free the zeros of commands, such as that of an amplifier."""
+    """Extensions that free the zero offsets of commands, such as the offset of an amplifier."""
     for command in _played(problem):
         offset, _ = _zero_and_scale(command)
         if offset.key not in problem.layout.keys:

@@ -16,7 +16,8 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
-from asrsim.identification.task import Experiment, Task
+from asrsim.identification.payload import fault_of
+from asrsim.identification.task import Experiment, Payload, Task
 from asrsim.quantities import PRISMATIC_UNITS, unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
@@ -131,6 +132,8 @@ class Data:
     """Zero offsets of motor position sensors relative to the joint's other sensors, rad, by key. Only offsets that exceed the
     noise are included.
     """
+    payload: Payload | None = None
+    """Known body that the robot carries in this recording."""
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -141,10 +144,16 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     problems: list[Problem] = []
     for number, experiment in enumerate((*task.experiments, *task.validate)):
         try:
+            if experiment.payload and (fault := fault_of(robot, experiment.payload)):
+                raise InputError(replace(fault, file=task.file))
             data = _read(task, experiment, scenario, robot)
             found.append(replace(data, predicted_only=number >= len(task.experiments)))
         except InputError as error:
             problems += error.problems
+    if task.experiments[0].payload:
+        message = "the first recording has a payload, but the scenario that the fit writes repeats this recording without it"
+        hint = "List a recording without payload first, or add the payload to the robot file"
+        problems.append(Problem(message, file=task.file, key="experiments.0.payload", hint=hint, code="payload"))
     if problems:
         raise InputError(problems)
     return found
@@ -189,6 +198,7 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
         duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks), zeros=zeros,
+        payload=experiment.payload,
         torques={joint: column.source for joint, column in plan.compared if column.quantity == "link_torque"},
     )  # fmt: skip
 

@@ -68,7 +68,7 @@ class Door:
         self._together = cores() if len(self.joints) >= THREADED else 1
         """Number of worlds that a rollout simulates together."""
         self._made: dict[tuple[Substeps, tuple[str, ...]], Worlds] = {}
-        """Worlds, by their numbers of substeps and by the quantities that they record."""
+        """Worlds; the key contains their numbers of substeps and the quantities that they record."""
         self._columns = tuple(columns_of(shape_of(self.drives)))
         """Quantities that the joints have."""
 

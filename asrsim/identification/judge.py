@@ -217,7 +217,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
-                ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
+                ratio = f"{error / train:.2g} times the error of the training part ({error:.3g} and {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
     return reasons
 

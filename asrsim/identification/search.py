@@ -13,8 +13,8 @@ errors of the model accumulate in the free simulation, and the level to keep is 
 1. A level is a candidate if a free simulation of the whole recordings with its estimates explains as many channels as the
 fitted free simulation. Three limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free
 simulation is kept.
-2. Of the candidates, the level is kept whose estimates differ least between tenths of the recordings. If several levels differ
-equally within chance, the level with the best predictions is kept.
+2. The candidate whose estimates differ least between tenths of the recordings is kept. If several levels differ equally within
+chance, the level with the best predictions is kept.
 3. If this is the first level, further levels with higher bandwidths are tried, as long as the highest level is the best.
 
 At a low bandwidth, errors of the model accumulate in the predictions. At a high bandwidth, predictions are so short that they

@@ -1,5 +1,5 @@
-"""Learning on the real robot, trial by trial. The next input is computed from the recording of the last one. Files store the
-state between trials.
+"""Learning on the real robot, trial by trial. The input of the next trial is computed from the recording of the last trial.
+Files store the state between trials.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The twin
 and plants drawn from the posterior of the fit predict the error of the next trial. The part of the recordings that the twin

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 _OTHER = {".": ",", ",": "."}
-"""The other mark for each of the two decimal marks. The other mark may separate groups of three digits in large numbers."""
+"""For a point a comma, and for a comma a point: the mark that may separate groups of digits beside this decimal mark."""
 _GROUPS = {
     mark: re.compile(rf"-?[1-9]\d{{0,2}}(?P<groups>(?:\{other}\d{{3}})+)(?P<part>\{mark}\d*)?")
     for mark, other in _OTHER.items()

@@ -29,7 +29,8 @@ from asrsim.recordings.owners import find_joint, joint_of
 from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_reading, resolve_reading
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
-from asrsim.recordings.units import Unit, fits, split_header, unsure_units
+from asrsim.recordings.turns import turn_of, unwrapped
+from asrsim.recordings.units import Unit, fits, split_header, unread_unit, unsure_units
 from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
 
@@ -124,6 +125,7 @@ def _recording(
     require_one_recording(raw, columns)
     columns = _without_repeats(columns, findings)
     findings += [
+        *_unread_units(raw, columns),
         *suspicions(columns, [column.values for column in raw]),
         *_questions(path, columns, READERS.file_of(content.format)),
     ]
@@ -183,6 +185,21 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     if problems:
         raise RecordingError(problems)
     return found
+
+
+def _unread_units(raw: Sequence[RawColumn], columns: Sequence[Column]) -> Iterator[Problem]:
+    """Problems of mapped columns whose headers end with an unknown unit, while neither mapping nor factor states it.
+
+    columns: columns in the order of `raw`.
+    """
+    by_name = {column.source: column for column in columns}
+    for one in raw:
+        column = by_name[one.name]
+        unread = "" if one.joint is not None or column.stated or not column.given else unread_unit(one.header)
+        if unread and column.quantity and column.read_as is not None and abs(column.read_as.scale) == 1.0:
+            message = f"its header states '{unread}', which is not a known unit: the unit {column.unit or 'of SI'} is assumed"
+            hint = f"State the unit, or a factor: --map '{one.name}={column.meaning} [unit]'"
+            yield Problem(message, key=one.name, hint=hint, code="suspected-unit")
 
 
 def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:
@@ -263,19 +280,21 @@ def in_si(raw: RawColumn, time: Array, meaning: ColumnMap) -> Column:
     if commands:
         usual = command_unit(raw.name, meaning.joint) if meaning.scale == 1.0 else ""
     assumed = usual or ("SI" if commands else "")
+    numbers, period = raw.values, meaning.period
+    if meaning.unwrapped and period is None:
+        period = turn_of(numbers[np.isfinite(numbers)], unit.factor, meaning.scale)
+    if meaning.unwrapped and period is not None:
+        numbers = unwrapped(numbers, period)
     steps = (
         (unit.factor != 1.0, f"{unit.symbol} -> {unit.si}, x {unit.factor:.6g}"),
         (assumed and not unit.symbol and not meaning.origin.startswith("named"), f"{assumed} assumed"),
         (meaning.scale != 1.0, f"x {meaning.scale:g}"),
-        (meaning.unwrapped, "unwrapped"),
+        (period, f"unwrapped by {period:.6g}" if meaning.period else "unwrapped"),
         (meaning.offset, f"{meaning.offset:+g}"),
         (meaning.late, f"{-meaning.late:+g} s"),
     )
-    values = raw.values * unit.factor * meaning.scale
+    values = numbers * unit.factor * meaning.scale
     values[np.abs(values) > LARGEST] = np.nan
-    if meaning.unwrapped:
-        good = np.isfinite(values)
-        values[good] = np.unwrap(values[good])
     unused = not meaning.quantity and ":" not in meaning.origin
     return Column(
         time=time - meaning.late if meaning.late else time,

@@ -30,9 +30,10 @@ _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TARGET = re.compile(
     rf"(?P<minus>-)?\s*(?:(?P<factor>{_NUMBER})\s*\*)?\s*"
     rf"(?:(?P<joint>[^\[\]*]+(?:\[[^\[\]]*\][^\[\]*\s]*)*)\.)?(?P<name>[^\W\d]\w*)(?:\s*\[(?P<unit>[^\[\]]*)\])?"
-    rf"(?P<unwrapped>\s+unwrapped)?(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?(?:\s+late\s+(?P<late>-?{_NUMBER}))?"
+    rf"(?P<unwrapped>\s+unwrapped(?:\s+(?P<period>{_NUMBER}))?)?"
+    rf"(?:\s+(?P<offset>[-+]\s*{_NUMBER}))?(?:\s+late\s+(?P<late>-?{_NUMBER}))?"
 )
-"""Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped - 0.02 late 0.003`."""
+"""Pattern of a column's meaning, such as `-0.01*JOINT.QUANTITY [unit] unwrapped 4096 - 0.02 late 0.003`."""
 _TIME = re.compile(r"time(?:\s*\[(?P<unit>[^\[\]]*)\])?")
 """Pattern of the meaning of a time column in an item of `--map`, such as `time [ms]`."""
 
@@ -53,7 +54,9 @@ class ColumnMap:
     offset: float = 0.0
     """Offset that is added after scaling, in SI units."""
     unwrapped: bool = False
-    """Whether jumps of an angle by whole turns are removed."""
+    """Whether jumps by whole turns, or by whole periods, are removed."""
+    period: float | None = None
+    """Number in the file after which the sensor restarts, such as 4096; None: a whole turn."""
     late: float = 0.0
     """Delay of the column's values behind the recording's clock, s. It is subtracted from their times."""
     origin: str = "command line"
@@ -75,18 +78,24 @@ class ColumnMap:
             f"{self.joint}.{self.quantity}",
             f" [{self.unit.symbol}]" if self.unit else "",
             " unwrapped" if self.unwrapped else "",
+            f" {self.period:.10g}" if self.unwrapped and self.period else "",
             f" {'-' if self.offset < 0.0 else '+'} {abs(self.offset):.10g}" if self.offset else "",
             f" late {self.late:.10g}" if self.late else "",
         ]
         return "".join(parts)
 
 
-def item_of(column: Column, *, gain: float, joint: str | None = None) -> str:
-    """Item of `--map` that multiplies the values of a column by `gain`, and keeps the rest of its mapping. joint: joint of the
-    robot; None: the joint of the column.
+def item_of(
+    column: Column, *, gain: float = 1.0, joint: str | None = None, unwrapped: bool = False, period: float | None = None
+) -> str:
+    """Item of `--map` that multiplies the values of a column by `gain`, or removes its jumps. It keeps the rest of its mapping.
+
+    joint: joint of the robot; None: the joint of the column. unwrapped, period: as in `ColumnMap`.
     """
-    read = column.read_as or ColumnMap(quantity=column.quantity)
-    return f"{column.source}={replace(read, joint=joint or column.joint).corrected(gain=gain).text}"
+    read = replace(column.read_as or ColumnMap(quantity=column.quantity), joint=joint or column.joint)
+    if unwrapped:
+        read = replace(read, unwrapped=True, period=period)
+    return f"{column.source}={read.corrected(gain=gain).text}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,8 +277,8 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
     """Meaning of a column, from a text `JOINT.QUANTITY [unit]` or `ignore`. Raises RecordingError.
 
     A minus sign or a factor before the joint scales the values: `-JOINT.QUANTITY`, `0.01*JOINT.QUANTITY`. `unwrapped` after the
-    unit removes jumps by whole turns. An offset in SI units may follow: `... [deg] - 0.02`. `late 0.003` at the end means that
-    the values are 3 ms behind the recording's clock.
+    unit removes jumps by whole turns, and `unwrapped 4096` removes jumps by 4096 in the numbers of the file. An offset in SI
+    units may follow: `... [deg] - 0.02`. `late 0.003` at the end means that the values are 3 ms behind the recording's clock.
     """
     if target.lower() == "ignore":
         return ColumnMap(column=column, origin=origin)
@@ -291,6 +300,7 @@ def parse_meaning(column: str, target: str, origin: str = "command line") -> Col
         text=target,
         unit=parse_unit(found["unit"]) if found["unit"] else None,
         unwrapped=found["unwrapped"] is not None,
+        period=float(found["period"] or 0.0) or None,
         scale=float(found["factor"] or 1.0) * (-1.0 if found["minus"] else 1.0),
         offset=float((found["offset"] or "0").replace(" ", "")),
         late=float(found["late"] or 0.0),

@@ -15,6 +15,7 @@ import numpy as np
 from asrsim.errors import Problem, counted, listed
 from asrsim.recordings.data import Column
 from asrsim.recordings.reading import item_of
+from asrsim.recordings.turns import restarts
 from asrsim.samples import Array
 
 _FACTORS = ((180 / math.pi, "degrees"), (1000.0, "thousandths"))
@@ -33,6 +34,10 @@ _FOLLOWS, _TURNED = 0.9, -0.7
 """_FOLLOWS: one column follows another if their correlation is at least this value.
 _TURNED: the sign of a column is probably reversed if its correlation with the expected values is below this value.
 """
+_NOT_A_TURN = 0.02
+"""A restart is not a whole turn if it differs from a turn by more than this fraction."""
+_POSITION = re.compile("position|deflection")
+"""Pattern of the quantities whose sensors may restart."""
 _GEARED = 10.0
 """A motor position counts as measured before the gear if the motor moves more than this number of times as far as the link. If
 a soft spring caused this ratio, the link would hardly move.
@@ -150,31 +155,64 @@ def _alone(column: Column, raw: Array) -> Iterator[Problem]:
         yield Problem(message, key=column.source, hint=hint, code="missing-numbers")
     if not str(column.quantity).startswith(("reference", "external")):
         yield from _markers(column, time, numbers)
-    if count := _turns(values[:1000]):
+    if not len(restarts(numbers)[0]) and (count := _turns(values[:1000])):
         message = (
             f"is close to its value {count} samples before, but far from the values of its neighbours: "
             f"do the samples alternate between {count} joints?"
         )
         hint = "If so, state the column with the joint of each row in the document beside the file: `joint: name`"
         yield Problem(message, key=column.source, hint=hint, code="suspected-turns")
-    whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers))
-    periods = [(numbers, 2.0**bits) for bits in (8, 16, 32) if whole and numbers.max() < 2.0**bits]
-    for series, period in [(values, math.tau)] * (column.unit == "rad") + periods:
-        steps = np.abs(np.diff(series))
-        jumps = np.abs(steps - period) <= 0.1 * period
-        if jumps.any() and np.max(steps[~jumps], initial=0.0) < 0.1 * period:
-            message = f"jumps by {period:.6g} {jumps.sum()} times, first at t = {time[1:][jumps][0]:.6g} s: "
-            if series is values:
-                message += "does its encoder restart after each turn?"
-                hint = f"Remove the jumps: --map '{column.source}={column.meaning} unwrapped'"
-            else:
-                message += "are these negative numbers that were read as unsigned?"
-                hint = f"If so, subtract {period:.0f} from all numbers above {period / 2:.0f} in the file"
-            yield Problem(message, key=column.source, hint=hint, code="wrapped" if series is values else "unsigned")
+    yield from _restarts(column, time, values, numbers)
     if len(values) > 2 and np.ptp(values) == 0.0:
         hint = "" if str(column.quantity).startswith("reference") else "Was the sensor connected?"
         message = f"is constant at {values[0]:g} {column.unit}".rstrip()
         yield Problem(message, key=column.source, hint=hint or None, code="constant-column")
+
+
+def _restarts(column: Column, time: Array, values: Array, numbers: Array) -> Iterator[Problem]:
+    """Problems of a sensor that restarts after each turn or when its counter is full, and of integers that were read as
+    unsigned.
+
+    time, values, numbers: times, values in SI units, and values in the file's unit (n,) of the samples that have a number.
+    """
+    read, removed = column.read_as, "unwrapped" in column.conversion
+    places, size = (np.empty(0, dtype=np.int64), 0.0) if removed else restarts(numbers)
+    odd = False
+    if len(places):
+        turn = size * abs((values[places[0] + 1] - values[places[0]]) / (numbers[places[0] + 1] - numbers[places[0]]))
+        odd = abs(turn - math.tau) > _NOT_A_TURN * math.tau
+    whole = len(numbers) >= 10 and numbers.min() >= 0.0 and np.array_equal(numbers, np.round(numbers)) and not removed
+    periods = [(numbers, 2.0**bits) for bits in (8, 16, 32) if whole and numbers.max() < 2.0**bits]
+    told = False
+    for series, period in [(values, math.tau)] * (column.unit == "rad" and not odd) + periods:
+        steps = np.abs(np.diff(series))
+        jumps = np.abs(steps - period) <= 0.1 * period
+        if jumps.any() and np.max(steps[~jumps], initial=0.0) < 0.1 * period:
+            told = True
+            message = f"jumps by {period:.6g} {jumps.sum()} times, first at t = {time[1:][jumps][0]:.6g} s: "
+            if series is values:
+                message += "does its encoder restart after each turn?"
+                hint = f"Remove the jumps: --map '{item_of(column, unwrapped=True)}'"
+            else:
+                message += "are these negative numbers that were read as unsigned?"
+                hint = f"If so, subtract {period:.0f} from all numbers above {period / 2:.0f} in the file. "
+                hint += f"If a counter restarts: --map '{item_of(column, unwrapped=True, period=period)}'"
+            yield Problem(message, key=column.source, hint=hint, code="wrapped" if series is values else "unsigned")
+    if told or not _POSITION.search(str(column.quantity)):
+        return
+    if len(places):
+        about = float(f"{size:.4g}")
+        message = (
+            f"jumps by about {about:.12g} in the numbers of the file {counted(len(places), 'time')}, first at "
+            f"t = {time[places[0] + 1]:.6g} s, against the direction of its motion: does its sensor restart?"
+        )
+        item = item_of(column, unwrapped=True, period=about)
+        hint = f"If so, state the exact number after which it restarts: --map '{item}'"
+        yield Problem(message, key=column.source, hint=hint, code="wrapped")
+    elif read is not None and read.unwrapped and not removed and abs(read.scale) != 1.0:
+        message = "has no jump by a whole turn, neither before nor after its factor: `unwrapped` changes nothing"
+        hint = f"If its sensor restarts after another number: --map '{item_of(column, unwrapped=True, period=4096)}'"
+        yield Problem(message, key=column.source, hint=hint, code="not-wrapped")
 
 
 def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:

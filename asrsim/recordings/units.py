@@ -88,6 +88,8 @@ _UNSURE = {"grad": ("deg", "gon"), "grads": ("deg", "gon"), "grad/s": ("deg/s", 
 """Units that an ambiguous spelling may mean. In German, Grad means degrees; in other languages, grad is 1/400 of a turn."""
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
+_BRACKETS = re.compile(r".*[^\s_\[\](){}<>][_\s]*[\[(<{](?P<unit>[^\[\](){}<>]*[^\W\d_][^\[\](){}<>]*)[\])>}]\s*")
+"""Pattern of a header that ends with a text in brackets."""
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
 """_NAME: pattern of a name, with the gap before its unit.
 _ANOTHER: pattern of a further word of the unit.
@@ -180,6 +182,12 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 def _closed(name: str) -> bool:
     """Whether a name has as many opening as closing brackets."""
     return all(name.count(opening) == name.count(closing) for opening, closing in ("[]", "()", "{}"))
+
+
+def unread_unit(header: str) -> str:
+    """Text in brackets at the end of a header that is probably a unit, but not a known one, such as `cNm`; "" otherwise."""
+    found = _BRACKETS.fullmatch(header.strip(' "'))
+    return found["unit"].strip() if found is not None and split_header(header)[1] is None else ""
 
 
 def fits(unit: str, quantity_unit: str) -> bool:

@@ -28,7 +28,9 @@ class EngineEntry:
     """Whether the links have the masses of the robot's file: then asrsim checks the balance of their energy, and `--certify`
     compares the run with another engine."""
     faster: str = ""
-    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
+    """Name of an engine that computes the same motion many times faster in a world without contacts; empty: there is no such
+    engine.
+    """
 
     @property
     def available(self) -> bool:

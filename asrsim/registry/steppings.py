@@ -37,7 +37,7 @@ class Stepping:
                 raise InputError("must be from 0 to 1", key=f"stepping {self.name}.{name}", value=value, code="out-of-range")
 
 
-OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what takes its place"
+OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what to use instead"
 """Hint for an unknown stepping."""
 
 

@@ -99,7 +99,7 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
             yield _about(message, robot, link, code="far-centre", value=f"{away:g} m from the link's frame")
         gyration = math.sqrt(max(inertia[0], inertia[3], inertia[5], 0.0) / mass) if mass else 0.0
         if moves and gyration > AWAY + 2.0 * size:
-            message = f"the inertia is that of a body far larger than {what} (in kg m^2)"
+            message = f"only a body far larger than {what} has this inertia (in kg m^2)"
             yield _about(message, robot, link, code="large-inertia", value=f"radius of gyration {gyration:.4g} m")
 
 
@@ -141,7 +141,7 @@ def _passive(robot: Robot) -> Iterator[Problem]:
 
 def _no_actuators(robot: Robot) -> Iterator[Problem]:
     if not robot.actuators and robot.moving_joints:
-        hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint"
+        hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts an actuator on every joint"
         message = "no actuator of the toolbox is in this file: no joint is driven"
         yield Problem(message, code="no-actuators", file=robot.path, key=robot.name, hint=hint)
 

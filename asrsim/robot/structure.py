@@ -26,6 +26,8 @@ LONGEST_NAME = 255
 """Largest length of a name, characters; PyBullet crashes at 1024 bytes."""
 EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"
 """Hint for limits of 0."""
+_SLACK = 0.1
+"""Range of limits, and difference of this range from a turn, that exporters write for a continuous joint, rad."""
 ROUNDING = 1e-15
 """Moments of inertia below this value are rounding errors of the exporting program, kg m^2."""
 ROUNDED, NEGLIGIBLE = 1e-3, 1e-6
@@ -178,7 +180,7 @@ def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest tensor without one."""
+    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest physical tensor."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{_listed(moments)} kg m^2"
@@ -293,7 +295,19 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
             findings.warn(message, tag, name, code="negative-limit", value=f"{limits[key]:g}")
             limits[key] = None
     lower, upper = limits.pop("lower"), limits.pop("upper")
-    if joint.kind not in ("revolute", "prismatic") or (lower is None and upper is None):
+    if joint.kind == "continuous" and _SLACK < (upper or 0.0) - (lower or 0.0) < math.tau - _SLACK:
+        message = "a continuous joint turns without limits: its lower and upper limit have no effect, as in ROS"
+        hint = "If the joint has stops, write type='revolute'"
+        value = f"{lower or 0.0:g} to {upper or 0.0:g}"
+        findings.warn(message, tag, name, code="continuous-limits", value=value, hint=hint)
+    if joint.kind not in ("revolute", "prismatic"):
+        return limits
+    if lower is None and upper is None:
+        message = (
+            "its <limit> states neither lower nor upper: taken as unlimited. ROS and Gazebo take both as 0 and hold the joint"
+        )
+        hint = "Give the joint's limits; a revolute joint without limits is of type='continuous'"
+        findings.warn(message, tag, name, code="missing-limit", hint=hint)
         return limits
     # A missing lower or upper limit is 0 in the URDF format.
     lower, upper = lower or 0.0, upper or 0.0

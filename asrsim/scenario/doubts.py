@@ -15,6 +15,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem, listed
+from asrsim.quantities import linear_unit
 from asrsim.robot import Robot
 from asrsim.robot.findings import beyond_a_turn
 from asrsim.robot.mounting import reference_names
@@ -23,7 +24,7 @@ from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
 from asrsim.signals.base import Signal
-from asrsim.signals.combine import Delay
+from asrsim.signals.combine import Delay, Sum
 from asrsim.signals.playback import Playback
 
 STRONGEST = 30.0
@@ -129,6 +130,59 @@ def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
                 start = f"`start: {played.earliest - first:.9g}`"
                 hint = f"{start} in all playbacks of the file shifts the first sample of this column to the start of the run"
                 yield Problem(message, key=key, hint=hint, code="playback-outside")
+
+
+def _played_units(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings: recorded columns whose unit is not that of the quantity that they drive, such as a velocity played as a
+    position."""
+    driven: dict[str, tuple[Signal, set[str]]] = {}
+    for key, signal, unit in _units(scenario, robot):
+        driven.setdefault(key, (signal, set()))[1].add(unit)
+    for key, (signal, units) in driven.items():
+        for played in _unchanged(signal):
+            if played.units and not units.intersection(played.units):
+                unit = "a pure number" if played.units[0] == "1" else f"in {played.units[0]}"
+                message = f"plays '{played.column}' of {played.file.name}, which is {unit}"
+                message += f", as a quantity in {' or '.join(sorted(units))}"
+                hint = "Play another column, or state under `scale` the factor that converts it"
+                yield Problem(message, key=key, hint=hint, code="played-unit")
+
+
+def _units(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, Signal, str]]:
+    """Key, signal and unit of each quantity that a signal drives; an entry for several joints occurs once for each joint."""
+    for block in robot.actuators:
+        mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
+        for place, name in enumerate(mode.references_of(actuator.motors)):
+            if name in given:
+                unit = mode.units[0] if place != 1 or mode.units[0] != "rad" else actuator.reference_2_unit
+                yield reference_key(scenario, block, name), given[name], _unit_at(robot, block.joint, unit)
+    tables = {"external_torques": (scenario.external_torques, "N m")}
+    tables |= {section: (table, "rad") for section, table in wanted_positions(scenario).items()}
+    for section, (table, unit) in tables.items():
+        for joint in robot.moving_joints:
+            signal = for_joint(table, joint.name)
+            if signal is not None:
+                key = f"{section}.{joint.name if joint.name in table else '*'}"
+                yield key, signal, _unit_at(robot, joint.name, unit)
+    for index, wrench in enumerate(scenario.wrenches):
+        for kind, axes, unit in (("force", wrench.force, "N"), ("torque", wrench.torque, "N m")):
+            yield from ((f"wrenches.{index}.{kind}.{axis}", one, unit) for axis, one in enumerate(axes) if one is not None)
+
+
+def _unit_at(robot: Robot, joint: str, unit: str) -> str:
+    """Unit of a joint's quantity, from its unit for a revolute joint."""
+    return linear_unit(unit) if robot.joint(joint).kind == "prismatic" else unit
+
+
+def _unchanged(signal: Signal) -> Iterator[Playback]:
+    """Playbacks in a signal whose numbers act without a factor."""
+    if isinstance(signal, Playback) and abs(signal.scale) == 1.0:
+        yield signal
+    elif isinstance(signal, Delay):
+        yield from _unchanged(signal.of)
+    elif isinstance(signal, Sum):
+        for term in signal.terms:
+            yield from _unchanged(term)
 
 
 def _playbacks(signal: Signal) -> Iterator[Playback]:
@@ -299,6 +353,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _without_effect,
     _late,
     _played_outside,
+    _played_units,
     _beyond_limits,
     _sudden_turns,
     _hidden_jumps,

@@ -59,17 +59,19 @@ class Playback(Signal):
     )
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)
     _earliest: float = field(init=False, repr=False, compare=False)
+    _units: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         require(self.interpolation in (*INTERPOLATIONS, "smooth"), "must be linear, hold or smooth", key="interpolation")
         path = Path(self.file)
-        times, values, earliest = read_column(path, self.column)
+        times, values, earliest, units = read_column(path, self.column)
         start = 0.0 if self.start is None and abs(earliest) > STAMP_LIMIT else self.start
         if start is not None:
             # Shift all columns of a file by the same time, since columns with separate clocks begin at different times.
             times = shifted(times, earliest, start)
         object.__setattr__(self, "_series", (times, self.scale * values + self.offset))
         object.__setattr__(self, "_earliest", earliest if start is None else start)
+        object.__setattr__(self, "_units", units)
 
     @property
     def samples(self) -> tuple[Array, Array]:
@@ -80,6 +82,13 @@ class Playback(Signal):
     def earliest(self) -> float:
         """Simulated time of the earliest sample in any column of the file, s."""
         return self._earliest
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """SI units that the column may have before it is scaled, with "1" for a pure number, or an unknown unit in its header.
+        No unit if neither header nor name states one.
+        """
+        return self._units
 
     @cached_property
     def _curve(self) -> CubicCurve:

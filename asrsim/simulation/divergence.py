@@ -31,7 +31,7 @@ def runaway(prepared: Prepared, joint: str, time: float, what: str) -> Divergenc
     if prepared.model is not None and not prepared.model.of_file:
         own = (
             f"the mass matrix and bias of the engine '{engine}' are wrong for this motion, or its bias contains a spring that "
-            "the step does not resolve. Compare it by --cross-check, and lower the step"
+            "the step does not resolve. Compare the engine by --cross-check, and lower the step"
         )
         cause = f"{cause}. Or {own}" if joint else f"probably {own}"
     where = f"joint '{joint}'" if joint else "the run"

@@ -242,7 +242,8 @@ class Starter:
         ]
         if not self.robot.actuators:
             heading.append(
-                "The robot has no actuators. `actuators: qbmove` puts one on every joint; `asrsim actuators` lists all."
+                "The robot has no actuators. `actuators: qbmove` puts a qbMove on every joint; `asrsim actuators` lists all "
+                "types."
             )
         return yaml_text(*self.data(), heading)
 
@@ -360,7 +361,7 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
 
 
 def _runnable(starter: Starter, loaded: Robot, folder: Path) -> Starter:
-    """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
+    """Starter that a run accepts; it starts at equilibrium only if the arm has an equilibrium. Raises the errors of a run."""
     try:
         for scenario in starter.scenarios(folder):
             prepare(scenario, loaded)

@@ -83,7 +83,7 @@ class Mismatch(NamedTuple):
 
 
 def mismatch_of(joints: int, interval: float) -> Mismatch:
-    """Regression before its first row."""
+    """Regression that has no rows yet."""
     columns = len(KINDS) + 1
     return Mismatch(
         products=np.zeros((joints, columns + 1, columns + 1)),

@@ -43,6 +43,10 @@ def test_residuals_beyond_the_noise_are_faults_by_name():
         (white + sine, "an oscillation of 60 Hz remains"),
     ):
         assert words in fault_of(one, left)
+    # Correlated residuals are a fault also if they are somewhat smaller than the noise, and none if they are far below it.
+    slow = 2.0**0.5 * np.sin(20.0 * time)
+    assert "residuals are not white" in fault_of(one, 0.8e-3 * slow)
+    assert fault_of(one, 0.3e-3 * slow) == ""
     # Noise of the played commands may cause an oscillation.
     assert fault_of(one, white + sine, 0.3 * (white + sine)) == ""
 

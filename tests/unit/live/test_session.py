@@ -196,6 +196,14 @@ NONSENSE = [
 ]
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_a_live_run_says_that_commands_from_outside_are_perfect(tmp_path, delay):
+    said, imperfections = [], {"commands": {"joint_1": {"delay": delay}}}
+    run_live(tmp_path / "run", Script(), scenario=arm(imperfections=imperfections), duration=0.01, tell=said.append)
+    told = [text for text in said if text.startswith("imperfections of the commands of joint_1 act on the signals")]
+    assert bool(told) == bool(delay)
+
+
 def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     said = []
     session, summary = run_live(tmp_path / "run", Script(NONSENSE * 3), duration=0.2, tell=said.append)

@@ -94,12 +94,27 @@ def test_negative_numbers_read_without_their_sign_are_suspected(tmp_path, bits):
     np.testing.assert_allclose(recording.column("joint_1", "link_position").values, 0.01 * counts)
 
 
-def test_an_angle_that_jumps_by_turns_can_be_unwrapped(tmp_path):
-    recording = read(tmp_path, "q1", ((9 * Q) % math.tau,))
+@pytest.mark.parametrize(
+    ("header", "restart", "factor", "gear"),
+    [
+        ("q1", math.tau, 1.0, 1.0),
+        ("q1 [deg]", 360.0, math.radians(1.0), 0.02),  # the encoder of a motor before its gear
+        ("enc", 4096.0, math.tau / 4096, 1.0),
+        ("enc", 4096.0, math.tau / 4096, 0.02),
+        ("enc", 65536.0, 0.0001, 1.0),
+    ],
+)
+def test_a_sensor_that_restarts_is_suspected_and_can_be_unwrapped(tmp_path, header, restart, factor, gear):
+    """factor: from the numbers of the file to rad at the sensor; gear: from there to the joint."""
+    turned = 9 * (Q - Q[0])
+    scale = gear if "q1" in header else gear * factor
+    item = f"{header}={scale:.10g}*joint_1.link_position"
+    recording = read(tmp_path, header, (np.mod(turned / factor + 0.3 * restart, restart),), mapping=[item])
     (finding,) = (one for one in recording.findings if one.code == "wrapped")
-    item = re.search("--map '(.*)'", str(finding.hint))[1]
-    values = read_recording(recording.path, mapping=[item]).column("joint_1", "link_position").values
-    np.testing.assert_allclose(values - values[0], 9 * (Q - Q[0]), atol=1e-6)
+    cure = re.search("--map '(.*)'", str(finding.hint))[1]
+    for unwrapped in [cure] + [f"{item} unwrapped"] * (header != "enc"):
+        values = read_recording(recording.path, mapping=[unwrapped]).column("joint_1", "link_position").values
+        np.testing.assert_allclose(values - values[0], gear * turned, atol=0.002 * gear * restart * factor)
 
 
 def test_a_number_stated_as_missing_is_no_number(tmp_path):
@@ -114,3 +129,17 @@ def test_constant_columns_and_missing_numbers_are_said(tmp_path):
     said = {one.code: one for one in recording.findings}
     assert said["missing-numbers"].message == "10 of 1000 samples have no number, the first at t = 1 s"
     assert said["constant-column"].key == "dq1"
+
+
+@pytest.mark.parametrize(
+    ("header", "item", "told"),
+    [
+        ("tau1 [cNm]", "2=joint_1.link_torque", True),
+        ("tau1 [cNm]", "2=0.01*joint_1.link_torque", False),
+        ("tau1 [cNm]", "2=joint_1.link_torque [N m]", False),
+        ("q [1]", "2=joint_1.link_position", False),
+    ],
+)
+def test_an_unknown_unit_in_the_header_of_a_mapped_column_is_said(tmp_path, header, item, told):
+    said = [one for one in read(tmp_path, header, (Q,), mapping=[item]).findings if one.code == "suspected-unit"]
+    assert bool(said) == told

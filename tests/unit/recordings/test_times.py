@@ -27,7 +27,7 @@ def test_a_clock_that_restarts_goes_on(tmp_path, unit, factor, full):
     """A clock that passes midnight, and counters of 16 and 32 bits."""
     step = 0.01 / factor
     ticks = full - 10.5 * step + step * np.arange(60)
-    rows = [f"{tick % full:.6f},{k % 7}" for k, tick in enumerate(ticks)]
+    rows = [f"{tick % full:.6f},{0.01 * k:.2f}" for k, tick in enumerate(ticks)]
     (tmp_path / "lab.csv").write_text("\n".join([f"time [{unit}],q1", *rows]) + "\n")
     recording = read_recording(tmp_path / "lab.csv")
     np.testing.assert_allclose(np.diff(recording.time), 0.01, atol=1e-6)

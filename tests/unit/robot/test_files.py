@@ -198,6 +198,21 @@ def test_structure_warnings(read):
     }
 
 
+@pytest.mark.parametrize(
+    ("kind", "limits", "code"),
+    [
+        ("revolute", "", "missing-limit"), ("prismatic", "", "missing-limit"), ("revolute", 'upper="1"', None),
+        ("continuous", "", None), ("continuous", 'lower="-1" upper="1"', "continuous-limits"),
+        ("continuous", 'lower="-3.14" upper="3.14"', None), ("continuous", 'lower="0" upper="0"', None),
+    ],
+)  # fmt: skip
+def test_limits_that_other_readers_take_otherwise_get_a_warning(read, kind, limits, code):
+    stated = f'<axis xyz="0 0 1"/><limit effort="1" velocity="1" {limits}/>'
+    found = read(robot(link("a", "") + joint("j", "a", "b", stated, kind) + link("b")))
+    told = {one.code for one in warnings_of(found)} & {"missing-limit", "continuous-limits"}
+    assert told == ({code} if code else set())
+
+
 def test_a_floating_root_says_that_the_robot_may_float(read):
     """A root of neither mass nor shape, and nothing else on it; any other floating joint would be lost in silence."""
     floating = joint("root", "world", "a", "", "floating") + GOOD.replace(link("a", ""), link("a"))

@@ -166,6 +166,21 @@ def test_a_recording_whose_times_lie_outside_the_run_gets_a_warning(first, told,
     assert "playback-outside" not in warned(tiny, more.replace("column: goal", "column: goal, start: 0"))
 
 
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        ("goal", False), ("goal [deg]", False), ("q1", False), ("goal [mm]", True), ("goal [mNm]", True), ("dq1", True),
+        ("goal [%]", True), ("goal [cdeg]", True),
+    ],
+)  # fmt: skip
+def test_a_played_column_of_another_unit_gets_a_warning(header, told, tiny):
+    rows = "".join(f"{0.1 * i},{0.01 * i}\n" for i in range(10))
+    (tiny.folder / "lab.csv").write_text(f"time [s],{header}\n{rows}")
+    played = "references: {elbow: {equilibrium_position: {playback: {file: lab.csv, column: 2}}}}"
+    assert ("played-unit" in warned(tiny, played)) == told
+    assert "played-unit" not in warned(tiny, played.replace("file:", "scale: 0.5, file:"))
+
+
 def test_the_advised_start_lets_a_column_play_that_begins_after_the_run(tiny):
     """The other table of the file begins 100 s earlier, so that `start: 0` does not suffice."""
     time = np.linspace(0.0, 1.0, 10)
