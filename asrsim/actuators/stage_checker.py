@@ -118,7 +118,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
     for law in LAWS:
         if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
-            yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
+            yield law, "must be a @staticmethod: laws have no state except the memory", "bad-law"
             return
     for own in vars(stage):
         if own in LAWS or own == "constants" or own.startswith("_"):
@@ -240,7 +240,7 @@ class StageTrial:
         self.trajectory[0, -2] = 0.0
 
     def _largest(self, unit: str) -> float:
-        """Largest magnitude of the stage's parameters that have this unit; 0 if none has it."""
+        """Largest magnitude of the stage's parameters that have this unit; 0 if no parameter has it."""
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 

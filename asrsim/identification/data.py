@@ -262,8 +262,8 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
 
 
 def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str, float]]:
-    """Keys and values of the zero offsets of motor position sensors. Only joints with one motor have them, if link position and
-    spring deflection are also measured.
+    """Keys and values of the zero offsets of motor position sensors. Only joints with one motor have such keys, if link
+    position and spring deflection are also measured.
     """
     for joint in (block.joint for block in robot.actuators if ACTUATORS.get(block.actuator).motors == 1):
         motor, *others = (channels.get(f"{joint}.{what}") for what in ("motor_1_position", "link_position", "deflection"))

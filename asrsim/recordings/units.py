@@ -165,8 +165,8 @@ def parse_unit(text: str) -> Unit:
 
 @lru_cache(maxsize=8192)
 def split_header(header: str) -> tuple[str, Unit | None]:
-    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg` or `t / ms`. The unit is None if the header states
-    none.
+    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg` or `t / ms`. The unit is None if the header states no
+    unit.
     """
     text = header.strip(' "')
     for pattern in _HEADERS:
@@ -185,7 +185,7 @@ def _closed(name: str) -> bool:
 
 
 def unread_unit(header: str) -> str:
-    """Text in brackets at the end of a header that is probably a unit, but not a known one, such as `cNm`; "" otherwise."""
+    """Text in brackets at the end of a header that is probably an unknown unit, such as `cNm`; "" otherwise."""
     found = _BRACKETS.fullmatch(header.strip(' "'))
     return found["unit"].strip() if found is not None and split_header(header)[1] is None else ""
 

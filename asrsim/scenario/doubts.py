@@ -124,8 +124,8 @@ def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
             first, last = (float(played.samples[0][place]) for place in (0, -1))
             if first >= scenario.duration or last <= 0.0:
                 message = (
-                    f"plays nothing of {played.file.name}: its samples lie from {first:g} to {last:g} s, the run from 0 to "
-                    f"{scenario.duration:g} s"
+                    f"plays nothing of {played.file.name}: its samples lie from {first:g} to {last:g} s, and the run lasts "
+                    f"from 0 to {scenario.duration:g} s"
                 )
                 start = f"`start: {played.earliest - first:.9g}`"
                 hint = f"{start} in all playbacks of the file shifts the first sample of this column to the start of the run"
@@ -133,8 +133,9 @@ def _played_outside(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
 
 
 def _played_units(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings: recorded columns whose unit is not that of the quantity that they drive, such as a velocity played as a
-    position."""
+    """Warnings: recorded columns whose unit differs from the unit of the driven quantity, such as a velocity played as a
+    position.
+    """
     driven: dict[str, tuple[Signal, set[str]]] = {}
     for key, signal, unit in _units(scenario, robot):
         driven.setdefault(key, (signal, set()))[1].add(unit)

@@ -189,7 +189,7 @@ class JointKind:
     dynamic: int = constant("number of positions with motor dynamics; other positions equal their references", "", integer=True)
     springs: int = constant("number of springs, one for each motor", "", integer=True)
     pulling: int = constant(
-        "number of torques of the springs that act on the link; the others act on the housing", "", integer=True
+        "number of torques of the springs that act on the link; the other torques act on the housing", "", integer=True
     )
     placed: int = constant("number of positions that change the springs' energy", "", integer=True)
     controllers: int = constant("number of controllers with sensors", "", integer=True)

@@ -186,7 +186,7 @@ def test_the_time_to_change_stiffness_is_that_of_an_integration_of_our_own(qbmov
 def test_the_bandwidth_of_qbmove_is_that_of_an_integration_of_our_own(qbmove, tmp_path):
     frequency = value(qbmove, "bandwidth_soft")
     load = qbmove.entry("bandwidth_soft").how
-    inertia, damping = float(load.split("a load of ")[1].split()[0]), float(load.split("and ")[1].split()[0])
+    inertia, damping = float(load.split("load of ")[1].split()[0]), float(load.split("and ")[1].split()[0])
     omega, small = 2 * math.pi * frequency, 1e-4
 
     def slope(t, y):
