@@ -371,12 +371,12 @@ def _remarks(setup: Setup, problem: FitProblem, x: Array, suspected: Sequence[Su
         )
     for number, track in enumerate(problem.tracks):
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
-        if own := problem.own.get(number):
+        if own := problem.own.get(number, {}):
             known = ((problem.known[key], value) for key, value in own.items() if not key.startswith(JUMP))
             values = ", ".join(f"{one.key} = {value:.4g} {one.unit}" for one, value in known)
             yield f"{track.data.name}: these parameters belong to the recording, and were fitted to it: {values}"
         for key in track.uncertain:
-            if key in problem.layout.keys:
+            if key in problem.layout.keys and not own:
                 yield (
                     f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
                     "scenario, in motion, or at a measured position"

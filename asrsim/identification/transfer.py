@@ -227,7 +227,7 @@ def failed_predictions(problem: FitProblem, x: Array, failed: Sequence[Transfer]
         else:
             yield (
                 f"{one.recording}: if this recording is also fitted, {percent(1.0 / ratio)} of its error remain: its motion "
-                "shows an effect that the model lacks"
+                "shows an effect that the model lacks; fit this recording too, so that the effect is searched in both motions"
             )
 
 
