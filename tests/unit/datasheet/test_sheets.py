@@ -145,6 +145,8 @@ def test_what_the_file_does_not_state_is_empty_with_its_tag(sea, qbmove):
     ):
         assert not sheet.entry(key).known
         assert tag in sheet.entry(key).how
+    # JSON has no infinite numbers.
+    assert replace(sea.entry("voltage"), value=math.inf).as_dict()["value"] is None
     assert "does not apply" in sea.entry("change_free").how
     with pytest.raises(KeyError):
         sea.entry("colour")
@@ -293,6 +295,7 @@ def test_the_command_writes_pages_numbers_and_files_that_run(tmp_path, asrsim_co
     assert asrsim_command("datasheet", "sea").code == 0  # our own files are replaced
     (tmp_path / "datasheet/sea.yaml").write_text("mine: 1\n")
     assert asrsim_command("datasheet", "sea").code != 0
+    assert "does not change the stiffness" in asrsim_command("datasheet", "sea", "--presets", 0.05, 0.35).err
 
 
 @pytest.mark.parametrize("compared", [False, True])

@@ -347,6 +347,17 @@ def test_a_position_that_is_mapped_as_a_command_stays_a_position(tmp_path, tiny)
     assert [block.mode for block in plan.robot.actuators] == [6]
 
 
+def test_a_joint_starts_at_the_first_position_of_its_link_or_else_of_springs_motor_or_command(tmp_path, tiny):
+    names = [f"elbow.{name}" for name in ("link_position", "equilibrium_position", "motor_1_position", "reference_1")]
+    for missing in range(len(names)):
+        places = 0.1 * np.arange(1, 5)[missing:]
+        table = np.column_stack([TIME, places + np.sin(3 * TIME)[:, None]])
+        header = ",".join(["time", *(f"{name} [rad]" for name in names[missing:])])
+        np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+        plan = make_plan(load_robot(tiny.robot), read_recording(tmp_path / "lab.csv", joints=["elbow"]), step=0.001)
+        assert plan.initial == {"elbow": pytest.approx(places[0])}
+
+
 def test_of_two_commands_of_a_joint_the_position_is_played(tmp_path):
     recording = read(tmp_path, ["knee_i_cmd", "knee_q_cmd"], ["knee"])
     assert recording.column("knee", "reference_1").source == "knee_q_cmd"
