@@ -234,7 +234,10 @@ def load_rclpy() -> Any:
     spec = find_spec("rclpy")
     origin = (spec and spec.origin) or ""
     if "site-packages" in origin and foreign:
-        message = f"a ROS environment is sourced: its libraries in {foreign[0]} take precedence over the libraries of this Python's rclpy"
+        message = (
+            f"a ROS environment is sourced: its libraries in {foreign[0]} take precedence over the libraries of this Python's "
+            "rclpy"
+        )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")
     # Look for the library of the chosen middleware. Without this library, ROS would end the process.
