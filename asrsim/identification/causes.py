@@ -234,7 +234,7 @@ def _fault_of(function: Callable[..., Any], error: Exception) -> str:
 
 
 def _tried(faults: dict[str, None], name: str, problem: FitProblem, x: Array) -> list[Extension]:
-    """Extensions that a cause proposes. A user's cause that fails proposes none, and a sentence on it is added to `faults`."""
+    """Extensions that a cause proposes. A user's cause that fails proposes nothing, and `faults` gets a sentence on it."""
     function = CAUSES.get(name).extensions
     try:
         return [*_proposed(name, problem, x)]
@@ -433,7 +433,7 @@ def _delay_keys(problem: FitProblem) -> list[str]:
 
 
 def _command_delay(problem: FitProblem) -> Iterator[Extension]:
-    """Extension that frees a common delay of all commands; none if a delay is free."""
+    """Extension that frees a common delay of all commands; no extension if a delay is free."""
     delays = _delay_keys(problem)
     if delays and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = delays

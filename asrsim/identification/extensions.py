@@ -292,8 +292,8 @@ def _held_out(found: Extended) -> float:
 
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
-    """The trial that is best by Schwarz's criterion, followed by the trials whose criterion exceeds the best one by at most
-    `within`.
+    """The trial that is best by Schwarz's criterion, followed by the trials whose criterion exceeds the best criterion by at
+    most `within`.
     """
     # Count the independent samples in the residuals of the best trial, since these residuals are closest to noise.
     samples = min(trials, key=lambda trial: trial.cost).samples

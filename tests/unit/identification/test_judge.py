@@ -184,11 +184,18 @@ ENDINGS = {
 """How a fit ended: changes of the result, options, exit code, files, words."""
 
 
-def test_a_finished_fit_is_accepted_without_a_new_one(tmp_path, monkeypatch, asrsim_command):
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """Recording of a joint, scenario with a wrong damping, and the fit of the damping."""
+    folder = tmp_path_factory.mktemp("fit")
+    recording = record(write(folder, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), folder / "a.csv")
+    guess = write(folder, "guess", {**SEA, "damping": 0.03})
+    return recording, guess, identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+
+
+def test_a_finished_fit_is_accepted_without_a_new_one(fitted, tmp_path, monkeypatch, asrsim_command):
     """`--resume` writes the files that the same fit with `--accept` writes; it refuses fits of other tasks."""
-    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
-    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
-    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+    recording, guess, found = fitted
     found = replace(found, misfit=("too large",), channels=tuple(replace(one, explained=0.92) for one in found.channels))
 
     def command(name, *options, accepted=None, free="joint_1.damping"):
@@ -219,10 +226,8 @@ def test_a_finished_fit_is_accepted_without_a_new_one(tmp_path, monkeypatch, asr
         assert words in outcome.err
 
 
-def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
-    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
-    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
-    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+def test_which_files_an_end_leaves(fitted, tmp_path, monkeypatch, asrsim_command):
+    recording, guess, found = fitted
     for name, (changes, options, code, files, words) in ENDINGS.items():
         ended = partial(lambda made, *_, **__: made, replace(found, **changes))
         monkeypatch.setattr(identification, "identify", ended)

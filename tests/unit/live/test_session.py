@@ -389,23 +389,25 @@ def test_wrong_options_are_refused(asrsim_command, tiny, wrong):
 
 
 def test_ticks_catch_up_and_slip():
+    """Each sleep takes 0.1 ms too long."""
     now = [0.0]
-    pace = Pace(2.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
+    pace = Pace(2.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s + 1e-4))
     for _ in range(10):
         now[0] += 0.001
         pace.wait(0.01)
-    assert now[0] == pytest.approx(0.05)
+    assert now[0] == pytest.approx(0.0501)
+    assert pace.lateness() == pytest.approx((1e-4, 1e-4))
     assert pace.busy == pytest.approx(0.01)
     now[0] += 0.1
     for _ in range(30):
         pace.wait(0.01)
-    assert now[0] == pytest.approx(0.2)
+    assert now[0] == pytest.approx(0.2001)
     assert not pace.slips
     now[0] += 1.0
     pace.wait(0.01)
     assert pace.slips == 1
     pace.wait(0.01)
-    assert now[0] == pytest.approx(1.205)
+    assert now[0] == pytest.approx(1.2052)
 
 
 def test_a_run_is_late_after_two_seconds_of_lateness():

@@ -124,7 +124,7 @@ def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tin
     [
         ("draws[4:6] = draws[6:8]", r"rows 4 to 5 must be A with column 0 of B; row 4 must be \[.*\] and is \["),
         ("draws[7, 0] += 1e-9", "rows 6 to 7 must be A with column 1 of B; row 7 must be"),
-        ("draws[2:4] = draws[:2]", "the blocks A and B must be drawn separately, but their columns 0 are equal"),
+        ("draws[2:4, 1] = draws[:2, 1]", "the blocks A and B must be drawn separately, but their columns 1 are equal"),
     ],
 )
 def test_draws_that_are_not_the_blocks_that_a_sampler_states_are_refused_with_the_first_wrong_row(tiny, wrong, said):
