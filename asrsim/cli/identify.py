@@ -41,7 +41,7 @@ def identify(
     tie: Annotated[
         Texts,
         option(
-            "A parameter that is a multiple of another; * matches the same text on both sides.",
+            "A parameter that is a multiple of another parameter; * matches the same text on both sides.",
             "--tie",
             metavar="KEY=[FACTOR*]KEY",
         ),
@@ -74,7 +74,7 @@ def identify(
         ),
     ] = False,
     adopt: Annotated[
-        bool, option("If effects are missing in the model, add those that are suspected, and fit again.", "--adopt")
+        bool, option("If effects are missing in the model, add the suspected effects, and fit again.", "--adopt")
     ] = False,
     resume: Annotated[
         bool,

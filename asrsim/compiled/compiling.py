@@ -2,8 +2,8 @@
 
 Numba names compiled functions by module, function, argument types and a number that is unique only within a process. Two
 functions that different processes have cached could therefore have the same name in a third process, which would call the first
-in place of the second.
-The names made here contain a digest of all code that the function depends on: equal names mean equal code.
+function in place of the second function. The names made here contain a digest of all code that the function depends on: equal
+names mean equal code.
 """
 
 from __future__ import annotations

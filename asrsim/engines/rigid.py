@@ -299,7 +299,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # `whole`: whether this part covers the rest of the piece. Only then is a velocity searched that becomes 0 in the part.
+    # `whole`: whether this part covers the rest of the piece. Search for a velocity that becomes 0 in the part only in this
+    # case.
     part, whole = 0.0 if impact else length, not impact
     # Call `find_change` at only one place, since the compiler copies it to each place at which it is called.
     while True:

@@ -281,7 +281,7 @@ def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, s
         Problem(
             f"the imperfections of the commands of '{joint}' would not act on '{name}': an action sets this reference at once",
             key="act",
-            hint="Leave them out of the scenario for this joint; the option `delay` delays actions",
+            hint="Leave out the imperfections of this joint's commands; the option `delay` delays actions",
             code="imperfect-action",
         )
         for joint, name in found

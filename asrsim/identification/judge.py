@@ -72,7 +72,7 @@ class ChannelFit:
     steps: float = 0.0
     """Largest RMS error due to the steps of an encoder, which occurs if the encoder rounds down; 0 without an encoder."""
     suspicion: str = ""
-    """Suspected error of the channel's sign or unit; empty if none is suspected."""
+    """Suspected error of the channel's sign or unit; empty if no error is suspected."""
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0

@@ -16,7 +16,7 @@ MOUNT: ending of the name of the fixed joint between link and payload.
 
 
 def carrying(robot: Robot, payload: Payload | None) -> Robot:
-    """Robot with a payload. The payload is a body of its own, so that the parameters of its link do not contain it."""
+    """Robot with a payload. The payload is a separate body, so that the parameters of the link do not contain it."""
     if payload is None:
         return robot
     body = Link(name=f"{payload.link}{BODY}", mass=payload.mass, centre_of_mass=payload.centre, inertia=payload.inertia)

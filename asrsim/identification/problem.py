@@ -56,8 +56,8 @@ HUBER = 3.0
 370 samples, so that without outliers the loss is nearly the square.
 """
 INSIDE = 1e-5
-"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three. It is ten times `STEP`, so that the
-steps of finite differences stay inside what is physically possible.
+"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three second moments. It is ten times `STEP`,
+so that inertias with a step of finite differences are still physically possible.
 """
 
 
@@ -173,8 +173,8 @@ class FitProblem:
     """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
     own: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
-    """Values of parameters, by key, that replace those of the parameter vector in recordings that are predicted but not fitted,
-    by the index of the recording. An example is the recording's initial state.
+    """Values of parameters, by key, that replace the values of the parameter vector in recordings that are predicted but not
+    fitted, by the index of the recording. An example is the recording's initial state.
     """
 
     def table(self, x: Array, track: int) -> dict[str, float]:
@@ -275,8 +275,8 @@ class FitProblem:
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """Levels of bandwidth, without each level whose observer would have the same bandwidth as the observer of the level
-        before. levels: in falling order.
+        """Levels of bandwidth. A level is left out if its observer would have the same bandwidth as the observer of the
+        previous level. levels: in falling order.
         """
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
@@ -438,8 +438,8 @@ def mean_square(problem: FitProblem, x: Array) -> float:
 
 
 def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it has
-    this number.
+    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it already
+    has this number.
     """
     needed = []
     for number, track in enumerate(problem.tracks):

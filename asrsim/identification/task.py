@@ -34,14 +34,17 @@ class Payload:
     link: str = declare(Text(text="name of a link"), doc="link that carries the payload")
     mass: float = declare(Number(above=0.0), unit="kg", doc="mass of the payload")
     centre: tuple[float, float, float] = declare(
-        ListOf(of=NUMBER, names=("x", "y", "z")), default=(0.0, 0.0, 0.0), unit="m", doc="its centre in the frame of the link"
+        ListOf(of=NUMBER, names=("x", "y", "z")),
+        default=(0.0, 0.0, 0.0),
+        unit="m",
+        doc="centre of mass of the payload in the frame of the link",
     )
     inertia: Inertia = declare(
         ListOf(of=NUMBER, names=INERTIAS),
         default=(0.0,) * 6,
         shown="a point mass",
         unit="kg m^2",
-        doc="its ixx, ixy, ixz, iyy, iyz, izz about its centre, along the axes of the link",
+        doc="ixx, ixy, ixz, iyy, iyz, izz of the payload about its centre of mass, along the axes of the link",
     )
 
 
@@ -175,7 +178,7 @@ def task_of(
         read_document(path, "scenario")
         if not experiments:
             raise InputError(
-                "no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording"
+                "no recording is named", key="experiments", hint="Name a recording: --experiment FILE", code="no-recording"
             )
         options |= {"experiments": _recordings(experiments), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})

@@ -1,7 +1,8 @@
 """Predictions of recordings that were not fitted: how large their errors are, and why.
 
-Each recording has values of its own: its initial state, zero offsets and delays. They are no properties of the robot, and no
-other recording shows them. A recording that is predicted but not fitted therefore gets its own estimates of these parameters.
+Each recording has values of its own: its initial state, zero offsets and delays. These values are no properties of the robot,
+and no other recording shows them. A recording that is predicted but not fitted therefore gets its own estimates of these
+parameters.
 
 Some motions are more difficult to predict than others. For example, friction may hold a link at rest at any position of an
 interval. If a prediction is bad, the error of the prediction is therefore compared with the error that remains if this motion
@@ -58,8 +59,8 @@ class Transfer:
     seconds: float
     """Time of short predictions, each of which starts at the recorded positions, s; nan if there is no observer."""
     short: float
-    """RMS error of this channel in short predictions of the recording, divided by that of the fitted recordings. It is nan if
-    there is no observer.
+    """RMS error of this channel in short predictions of the recording, divided by this channel's RMS error in the fitted
+    recordings. It is nan if there is no observer.
     """
 
     @property
@@ -79,7 +80,7 @@ class Transfer:
             return f"{self.recording} was predicted, not fitted: its simulation diverges{self._short}"
         numbers = f"{self.error:.3g} for {self.fitted:.3g} {self.unit}".rstrip()
         return (
-            f"{self.recording} was predicted, not fitted: its RMS error is {self.ratio:.2g} times that of the fitted "
+            f"{self.recording} was predicted, not fitted: its RMS error is {self.ratio:.2g} times the RMS error of the fitted "
             f"recordings ({self.key}: {numbers}){self._short}"
         )
 
@@ -89,7 +90,7 @@ class Transfer:
             return ""
         return (
             f". In predictions of {self.seconds:.2g} s, each of which starts at the recorded positions, its error is "
-            f"{self.short:.2g} times that of the fitted recordings"
+            f"{self.short:.2g} times the error of the fitted recordings"
         )
 
 
@@ -166,7 +167,8 @@ def _own_entries(problem: FitProblem, x: Array, number: int) -> Iterator[FitPara
         early = (f"{JUMP}{i}" for i in range(1, 1 + len(track.jumps)))
         separate = {key: entry for key, entry in separate.items() if not key.startswith(JUMP)}
         separate |= {key: FitParameter(key=key, unit="s", start=0.0, low=0.0, high=track.sampling) for key in early}
-    # Where the zero of a position sensor is unknown, the fitted recordings begin at the scenario's position; this one need not.
+    # Where the zero of a position sensor is unknown, the fitted recordings begin at the scenario's position; this recording may
+    # begin elsewhere.
     zeros = (key.removesuffix(".link_position.offset") for key in separate if key.endswith(".link_position.offset"))
     starts = (f"{joint}.{INITIAL}position" for joint in zeros)
     for key in dict.fromkeys((*separate, *track.uncertain, *starts)):
@@ -231,8 +233,8 @@ def failed_predictions(problem: FitProblem, x: Array, failed: Sequence[Transfer]
 
 def _different(problem: FitProblem, x: Array, track: int) -> tuple[float, dict[str, tuple[float, float]]] | None:
     """Zero offsets and delays whose separate values for a recording explain the bad prediction: the fraction of the error that
-    remains, and for each key the separate value and the value of the fitted recordings. None if there are none. track: index of
-    the recording.
+    remains, and for each key the separate value and the value of the fitted recordings. None if no separate value explains it.
+    track: index of the recording.
     """
     data, values, known = problem.tracks[track].data, problem.table(x, track), problem.known
     keys = [f"{series.key}{what}" for series in (*data.commands, *data.channels) for what in OWN]

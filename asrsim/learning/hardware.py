@@ -115,8 +115,8 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # If the last recording is given again, the last twin was fitted to a wrong reading of it. Therefore start from the twin
-        # before.
+        # If the user gives the last recording again, asrsim read this recording wrongly before, and fitted the last twin to
+        # wrong numbers. Therefore start from the twin before the last one.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:

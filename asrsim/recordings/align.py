@@ -228,8 +228,8 @@ def _trust(alignment: Alignment) -> float:
 
 
 def _is_better(correlation: float, other: float) -> bool:
-    """Whether a lag with this correlation is clearly better than a lag with the other correlation, 0 if that is not trusted. A
-    clearly better lag leaves less than half of the variance unexplained.
+    """Whether a lag with the correlation `correlation` is clearly better than a lag with the correlation `other`, which is 0 if
+    that lag is not trusted. A clearly better lag leaves less than half of the variance unexplained.
     """
     unexplained, before = 1.0 - correlation**2, 1.0 - other**2
     return correlation > other + _BETTER and (not other or unexplained < 0.5 * before)
@@ -344,7 +344,7 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
     if end <= start:
         raise RecordingError(
             "no overlap in time: the simulation lasts from "
-            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
+            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, and the recording lasts from {time_recording[0] - lag:g} to "
             f"{time_recording[-1] - lag:g} s",
             code="no-overlap",
             hint="Align the first samples with --align start, or set the lag with --align SECONDS",

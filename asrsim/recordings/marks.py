@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 _OTHER = {".": ",", ",": "."}
-"""For a point a comma, and for a comma a point: the mark that may separate groups of digits beside this decimal mark."""
+"""The other mark of each decimal mark: a comma for a point, a point for a comma. The other mark may separate groups of digits.
+"""
 _GROUPS = {
     mark: re.compile(rf"-?[1-9]\d{{0,2}}(?P<groups>(?:\{other}\d{{3}})+)(?P<part>\{mark}\d*)?")
     for mark, other in _OTHER.items()

@@ -173,7 +173,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
         if one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problems.append(
-                replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
+                replace(problem, message="its unit may mean several units", choices=choices, hint=hint, code="wrong-unit")
             )
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
             message = f"is in {unit.symbol}, which is not a unit of {one.quantity} ({unit_of(one.quantity)})"

@@ -23,8 +23,8 @@ def turn_of(numbers: Array, factor: float, scale: float) -> float | None:
     """Number after which an angle restarts, in the numbers of a file; None if the numbers do not jump by a whole turn.
 
     The sensor may be on either side of a gear: the numbers restart after a whole turn before or after the multiplication by
-    `scale`. Of these two periods, the one whose jumps occur in the numbers is taken; if both occur, the one after whose removal
-    the numbers change least.
+    `scale`. The result is the period whose jumps occur in the numbers. If both periods occur, it is the period after whose
+    removal the numbers change least.
 
     Args:
         numbers: Numbers of the file (n,), all finite.

@@ -155,7 +155,7 @@ class Registry(Generic[T]):
             raise InputError(self.unknown(name)) from None
 
     def unknown(self, name: str) -> Problem:
-        """Problem of a name that is not in the registry: its entry is broken, or there is none."""
+        """Problem of a name that is not in the registry: its entry is broken, or there is no entry."""
         known = self.names()
         if name in self._broken:
             return self._broken[name]

@@ -21,7 +21,7 @@ class EngineEntry:
     scenario's modes and parameters already."""
     doc: str
     module: str = ""
-    """Python module that the engine needs; empty if it needs none."""
+    """Python module that the engine needs; empty if it needs no module."""
     prescribed: bool = False
     """Whether the scenario's `motion` prescribes the motion of the links."""
     masses_of_file: bool = False

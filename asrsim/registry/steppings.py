@@ -48,7 +48,7 @@ class _Steppings(Mapping[str, Stepping]):
         self._table: dict[str, Stepping] = {}
         for stepping in steppings:
             if stepping.name in self._table:
-                message = "two steppings have this name; each needs its own"
+                message = "two steppings have this name; each stepping needs a separate name"
                 raise InputError(message, key="stepping", value=stepping.name, code="stepping")
             self._table[stepping.name] = stepping
 

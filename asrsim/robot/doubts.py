@@ -92,7 +92,9 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
     for link in robot.links:
         moves, mass, inertia = link is not robot.root, link.mass or 0.0, link.inertia or (0.0,) * 6
         if moves and mass > max(HEAVY, DENSITY * size**3):
-            yield _about(f"a heavy link for {what} (masses are in kg)", robot, link, code="heavy-link", value=f"{mass:g} kg")
+            yield _about(
+                f"the link is heavy for {what} (masses are in kg)", robot, link, code="heavy-link", value=f"{mass:g} kg"
+            )
         away = math.hypot(*link.centre_of_mass)
         if away > AWAY + 2.0 * size:
             message = f"the centre of mass lies far outside {what} (lengths are in m)"
@@ -108,7 +110,7 @@ def _no_inertial(robot: Robot) -> Iterator[Problem]:
     kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
-            message = "link has no <inertial>: taken as massless (PyBullet alone would assume 1 kg)"
+            message = "link has no <inertial>: the link is taken as massless (PyBullet alone would assume 1 kg)"
             yield _about(message, robot, link, code="no-inertial")
 
 

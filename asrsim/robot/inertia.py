@@ -57,7 +57,7 @@ def second_moments(inertia: Iterable[float]) -> np.ndarray:
 
 
 def nearest_possible(inertia: Inertia, least: float = 0.0) -> Inertia:
-    """The physically possible inertia whose second moments are closest to those of the given six numbers.
+    """The physically possible inertia whose second moments are closest to the second moments of `inertia`.
 
     least: smallest eigenvalue of the second moments, as a fraction of their trace. Source: the condition is by Wensing, Kim and
     Slotine (2018), Linear matrix inequalities for physically consistent inertial parameter identification.

@@ -129,7 +129,8 @@ def _model_pose(tag: Any, text: str) -> Effect | None:
         return None
     shown = ", ".join(f"{angle:g}" for angle in angles)
     message = (
-        f"Gazebo turns the robot by rpy [{shown}]; in asrsim it keeps its orientation, so gravity acts in another direction"
+        f"Gazebo turns the robot by rpy [{shown}]; in asrsim the robot keeps its orientation, so gravity acts in another "
+        "direction"
     )
     return Effect(message, max(map(abs, angles)))
 
@@ -250,7 +251,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "@name"), **_words(SILENT, "@type @verbose @concave verbose sensor bullet audio_source"
                                                  " self_filter xacro:*"),
         **_within("inertial", "visual", "collision"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim, forces move it"),
         **_words(CONTACT, "contact surface inertia_scaling self_collision_checking collision_checking"),
         "gravity": READ,
     },
@@ -368,9 +369,9 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(left(_STOP), "stopKp stopKd"),
         "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; in asrsim it moves without this loss"),
         "velocity_decay": left("Gazebo slows the link in every step; in asrsim it moves without this loss", neutral=None),
-        "pose": special(_model_pose, "Gazebo turns the robot; in asrsim it keeps its orientation", hint=_BASE),
+        "pose": special(_model_pose, "Gazebo turns the robot; in asrsim the robot keeps its orientation", hint=_BASE),
         "static": left("Gazebo holds the whole robot in place (static); in asrsim it moves"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim, forces move it"),
         "enable_wind": left("wind does not act in asrsim"),
         "joint": READ, **_words(_SDF, "inertial axis limit link model"),
     },

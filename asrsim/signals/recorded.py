@@ -21,10 +21,11 @@ _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
 
 def read_column(path: Path, column: str) -> tuple[Array, Array, float, tuple[str, ...]]:
     """Strictly increasing times (n,) in s and values (n,) of a column, the earliest time of all columns in the file in s, and
-    the SI units that the column may have; no unit if neither the file nor the column's name states one.
+    the SI units that the column may have; no unit if neither the file nor the column's name states a unit.
 
-    Values are in SI units where the header or a document states the unit. If only some times of the file have a date, the
-    earliest time is that of the columns with a date if this column has a date, and otherwise that of the other columns.
+    Values are in SI units where the header or a document states the unit. If only some columns of the file have
+    dates, the earliest time is taken from the columns with dates if this column has dates, and otherwise from the columns
+    without dates.
 
     Args:
         path: Path of the recording.

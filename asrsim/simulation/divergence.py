@@ -19,8 +19,9 @@ FLOOR = 5e-3
 
 
 def runaway(prepared: Prepared, joint: str, time: float, what: str) -> DivergenceError:
-    """DivergenceError with the likely cause and a remedy. joint: name of the joint at fault, empty if the fault is one of the
-    whole robot; what: description of the fault."""
+    """DivergenceError with the likely cause and a remedy. joint: name of the joint at fault, empty if the fault concerns the
+    whole robot; what: description of the fault.
+    """
     omega_h, engine = prepared.resolution.omega_h, prepared.scenario.engine
     cause = (
         f"the step is probably too large for the stiffest spring (omega h = {omega_h:.2g}). Lower the step or raise substeps"

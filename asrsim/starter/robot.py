@@ -238,7 +238,10 @@ class Starter:
         heading = [
             f"yaml-language-server: $schema={SCHEMA_FILE}",
             f"Starter scenario for {self.robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-            "docs/scenario.md explains every key, `asrsim actuators` every parameter; `asrsim check` finds mistakes.",
+            (
+                "docs/scenario.md explains every key, and `asrsim actuators` explains every parameter; "
+                "`asrsim check` finds mistakes."
+            ),
         ]
         if not self.robot.actuators:
             heading.append(

@@ -46,8 +46,8 @@ observed torque.
 
 
 def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
-    """For each copy of a twin, the parameters that differ from the twin's, by joint and by name. There is one copy for each of
-    `KINDS`.
+    """For each copy of a twin, the parameters that differ from the twin's parameters, by joint and by name. There is one copy
+    for each of `KINDS`.
     """
     tables: list[dict[str, Mapping[str, float]]] = [{} for _ in KINDS]
     for stepped in prepared.drives:

@@ -142,7 +142,7 @@ def resting() -> Iterator[Check]:
             return
         for pair, mass in (("box/ground", MASS + 1.0), ("small/box", 1.0), ("box/small", -1.0)):
             error = float(np.max(np.abs(samples.contacts[pair][-100:] + mass * gravity)))
-            name = f"force on {pair.replace('/', ' by ')} at rest on a slope{label}"
+            name = f"rest on a slope: force on {pair.replace('/', ' by ')}{label}"
             yield Check(
                 name=name,
                 figure=error,

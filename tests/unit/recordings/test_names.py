@@ -166,6 +166,7 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
         "/arm/state/h",
         "tau [MNm]",
         "q1 [Mdeg]",
+        "v [km/h]",
         "q1 [grad]",
     ],
 )
@@ -177,7 +178,7 @@ def test_a_letter_of_a_name_is_not_a_unit(header):
 def test_a_unit_that_may_be_two_is_asked_about(tmp_path, name):
     (column,) = read(tmp_path, [name]).asked
     assert column.question == "its unit may be deg or gon"
-    with pytest.raises(RecordingError, match=r"its unit may mean several; choose from deg, gon"):
+    with pytest.raises(RecordingError, match=r"its unit may mean several units; choose from deg, gon"):
         read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position"])
     with pytest.raises(RecordingError, match=r"may mean several units.*choose from deg, gon"):
         read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position [grad]"])
