@@ -160,8 +160,9 @@ class UnresolvedSpringError(SimulationError):
 
 
 class DivergenceError(SimulationError):
-    """The simulated motion became physically impossible. `joint` is the name of the joint at fault, empty if no single joint
-    is; `time` is the simulated time in s."""
+    """The simulated motion became physically impossible. `joint` is the name of the joint at fault, empty if no single joint is
+    at fault; `time` is the simulated time in s.
+    """
 
     def __init__(self, message: str, *, joint: str, time: float) -> None:
         super().__init__(message)

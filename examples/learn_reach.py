@@ -56,7 +56,7 @@ def make_reach(**options: Any) -> SoftRobotEnv:
         Path(__file__).parent / "urdf" / "dof2_horizontal.urdf",
         name="reach",
         duration=1.0,
-        # The task has no contacts, and MuJoCo is many times faster.
+        # Without contacts, MuJoCo is many times faster than PyBullet.
         engine="mujoco",
         references={"*": {"equilibrium_position": 0.0, "stiffness_preset": 0.2}},
         reference_ranges={"*": {"equilibrium_position": [-1.5, 1.5], "stiffness_preset": [0.05, 0.4]}},

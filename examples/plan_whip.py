@@ -25,7 +25,7 @@ KNOTS = np.linspace(0.0, DURATION, 7)
 LIMIT = 0.6
 """Largest motor setpoint, rad."""
 FASTEST = 6.0
-"""Speed limit of the motors, rad/s. A plan that stays below it does not depend on how a simulator limits the speed."""
+"""Speed limit of the motors, rad/s. A plan with lower speeds does not depend on how a simulator limits the speed."""
 
 
 def main(robot: Path) -> None:

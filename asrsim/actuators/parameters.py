@@ -43,7 +43,7 @@ class Parameter:
     unused: str = ""
     """Reason why the value has no effect; empty if the value has an effect."""
     needs: str = ""
-    """Name of another parameter; this parameter has no effect while the other is 0."""
+    """Name of another parameter; this parameter has no effect while the other parameter is 0."""
     optional: bool = False
     """Whether the parameter belongs to a model that the toolbox lacks and that is off by default; lists of values omit it while
     the model is off."""

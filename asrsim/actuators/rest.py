@@ -144,8 +144,8 @@ class MotorsAtRest:
         these torques per displacement of the links. A search of the links' positions by Newton's method needs the torques and
         the changes.
 
-        The motors begin at their references. In each call they follow the links by a step of Newton's method, and by further
-        steps if that step was long. Torques and changes are linearised about the last step.
+        The motors begin at their references. In each call, the motors follow the links by a step of Newton's method, and by
+        further steps if that step was long. Torques and changes are linearised about the last step.
         """
         motors, (low, high), (gain, least, most) = self._motors, self._ranges, self._unstrained
         if self._followed is None:

@@ -46,8 +46,9 @@ MOTOR = 0.7
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
 SAMPLE = Kick(
-    motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3
-)
+    motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3,
+    next_step=1e-3,
+)  # fmt: skip
 """Kick with which each law is called once, to see what it returns."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
 """Constants of the electric motor on which a stage is tried."""
@@ -117,7 +118,7 @@ def _faults(stage: type[Stage]) -> Iterator[tuple[str, str, str]]:
         yield "lost", "must name the lost energy in logs if, and only if, the stage has the law `loss`", "bad-declaration"
     for law in LAWS:
         if stage.has(law) and not isinstance(inspect.getattr_static(stage, law), staticmethod):
-            yield law, "must be a @staticmethod: laws have no state but the memory", "bad-law"
+            yield law, "must be a @staticmethod: laws have no state except the memory", "bad-law"
             return
     for own in vars(stage):
         if own in LAWS or own == "constants" or own.startswith("_"):
@@ -231,12 +232,15 @@ class StageTrial:
                 LARGEST * np.sin(3.0 * angles[0]),
                 LARGEST * np.sin(2.0 * angles[1]),
                 np.full(STEPS, STEP / faster),
+                np.full(STEPS, STEP / faster),
             )
         )
         """Rows of numbers, one for each kick, in the order of the fields of `Kick`."""
+        # Before the first kick there is no other.
+        self.trajectory[0, -2] = 0.0
 
     def _largest(self, unit: str) -> float:
-        """Largest magnitude of the stage's parameters that have this unit; 0 if none has it."""
+        """Largest magnitude of the stage's parameters that have this unit; 0 if no parameter has it."""
         found = (abs(self.values[one.name]) for one in self.stage.parameters if one.unit == unit)
         return max((value for value in found if np.isfinite(value)), default=0.0)
 
@@ -364,7 +368,7 @@ def _limits(trial: StageTrial) -> Iterator[float]:
 
 CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
-    ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
+    ("finite", "no overflow or division by zero along random motions; `kick.step` of the first kick is 0", 0.0, _finite),
     ("stiffness", "the slope of `torque` over the deflection is at most `stiffness_bound`", 0.0, _stiffness),
     (
         "ground stiffness",

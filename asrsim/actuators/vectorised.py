@@ -1,4 +1,4 @@
-"""Laws of actuators for whole arrays, with NumPy's functions in place of `math`; energy laws of actuators that declare none."""
+"""Laws of actuators for whole arrays, with NumPy's functions in place of `math`; energy laws for actuators without one."""
 
 from __future__ import annotations
 
@@ -93,8 +93,9 @@ def _at(law: Callable[..., Any], positions: tuple[float, ...], parameters: tuple
 
 
 def _energy_law(actuator: Any) -> Callable[..., float]:
-    """Energy law of the actuator in J. If the actuator declares none, the law integrates the torques of the springs from their
-    undeflected state."""
+    """Energy law of the actuator in J. If the actuator declares no energy law, this law integrates the torques of the springs
+    from their undeflected state.
+    """
     if actuator.elastic_energy is not Actuator.elastic_energy:
         own: Callable[..., float] = actuator.elastic_energy
         return own

@@ -23,7 +23,7 @@ def actuators(
     ] = None,
     mode: Annotated[int, option("Operation mode of the block.", "--mode", min=0, max=8)] = 6,
 ) -> Done:
-    """List the actuators, or show a single one: laws, parameters with units, defaults, URDF tags and sources.
+    """List the actuators, or describe one actuator: laws, parameters with units, defaults, URDF tags and sources.
 
     Example: asrsim actuators qbmove
 

@@ -29,7 +29,7 @@ def check(
 ) -> Done:
     """Check robots and scenarios: parameters with their origin, warnings and errors with file and line.
 
-    Also lists parts of installed packages that asrsim cannot use.
+    The command also lists parts of installed packages that asrsim cannot use.
 
     Example: asrsim check examples/urdf/dof2_vertical.urdf examples/scenarios/sine_2dof.yaml
 

@@ -27,7 +27,8 @@ def design(
         ),
     ] = None,
     tie: Annotated[
-        Texts, option("A parameter that is a multiple of another, as in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY")
+        Texts,
+        option("A parameter that is a multiple of another parameter, as in `identify`.", "--tie", metavar="KEY=[FACTOR*]KEY"),
     ] = None,
     experiment: Annotated[
         Files,

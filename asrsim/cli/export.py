@@ -17,7 +17,7 @@ from asrsim.tables import TableColumn
 def export(
     scenario: Scenario,
     program: Annotated[
-        str, option("Program that the file is made for, or your own.", "--for", metavar="mujoco|warp|mjx|mjlab")
+        str, option("Program that the file is made for; a plugin can add programs.", "--for", metavar="mujoco|warp|mjx|mjlab")
     ] = "mujoco",
     file_format: Annotated[str, option("Format of the file.", "--format", metavar="mjcf")] = "mjcf",
     out: Annotated[Path, into_file("Model file; meshes, picture and ranges are written next to it.", ".xml")] = Path(

@@ -41,7 +41,7 @@ def identify(
     tie: Annotated[
         Texts,
         option(
-            "A parameter that is a multiple of another; * matches the same text on both sides.",
+            "A parameter that is a multiple of another parameter; * matches the same text on both sides.",
             "--tie",
             metavar="KEY=[FACTOR*]KEY",
         ),
@@ -63,7 +63,7 @@ def identify(
         option("Do not fit: show which parameters the recordings can identify, and which motions to add.", "--check"),
     ] = False,
     everything: Annotated[
-        bool, option("Write all parameters to the robot file, not only the identified ones.", "--all")
+        bool, option("Write all parameters to the robot file, not only the identified parameters.", "--all")
     ] = False,
     accept: Annotated[
         bool,
@@ -74,7 +74,7 @@ def identify(
         ),
     ] = False,
     adopt: Annotated[
-        bool, option("If effects are missing in the model, add those that are suspected, and fit again.", "--adopt")
+        bool, option("If effects are missing in the model, add the suspected effects, and fit again.", "--adopt")
     ] = False,
     resume: Annotated[
         bool,

@@ -39,7 +39,8 @@ def init(
     experiment: Annotated[
         Path | None,
         option(
-            "Recording whose commands are played and whose motion is compared. Without ROBOT, propose how to read it.",
+            "Recording whose commands are played and whose motion is compared. Without ROBOT, propose how to read the "
+            "recording.",
             "--experiment",
             "-e",
             metavar="FILE",

@@ -37,7 +37,7 @@ def sweep(
     variant: Variants = None,
     overrides: Overrides = None,
     sampler: Annotated[
-        str | None, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own.", default="random")
+        str | None, option("Sampler of the draws: random, lhs, sobol, saltelli, or your own sampler.", default="random")
     ] = None,
     samples: Annotated[int | None, option("Number of draws.", min=1, default="100")] = None,
     seed: Annotated[int | None, option("Seed of the draws.", min=0, default="0")] = None,
@@ -62,7 +62,7 @@ def sweep(
     plugin: list[Path],
     quiet: bool,
 ) -> Done:
-    """Vary keys of a scenario, run it on all cores, and show how much each key influences each result.
+    """Vary keys of a scenario, run the variations on all cores, and show how much each key influences each result.
 
     Each run is a row of rows.parquet, written when the run ends. Ctrl-C keeps the rows so far; --resume continues. The rows do
     not depend on the number of cores or on the cluster. Exit code: 0; 1 if nothing could be run or written; 130 after Ctrl-C. A

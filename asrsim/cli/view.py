@@ -38,7 +38,11 @@ PORT = 8080
 def view(
     target: Annotated[
         Path,
-        argument("FILE", "Scenario (YAML): simulated. Log or folder of logs: played back. URDF or xacro: posed by sliders."),
+        argument(
+            "FILE",
+            "A scenario (YAML) is simulated, a log or a folder of logs is played back, a URDF or xacro file is posed by "
+            "sliders.",
+        ),
     ],
     beside: Annotated[Files, argument("[LOG]...", "Logs of other runs, shown as ghosts.")] = None,
     experiment: Annotated[

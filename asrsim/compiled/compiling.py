@@ -2,8 +2,8 @@
 
 Numba names compiled functions by module, function, argument types and a number that is unique only within a process. Two
 functions that different processes have cached could therefore have the same name in a third process, which would call the first
-in place of the second.
-The names made here contain a digest of all code that the function depends on: equal names mean equal code.
+function in place of the second function. The names made here contain a digest of all code that the function depends on: equal
+names mean equal code.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from asrsim.compiled.kernel_cache import cache_file
-from asrsim.compiled.rebind import called_names, rebind
+from asrsim.compiled.rebind import called_names, full_name, rebind
 
 T = TypeVar("T")
 
@@ -40,6 +41,9 @@ written.
 """
 _loaded: OrderedDict[tuple[str, str], Any] = OrderedDict()
 """Functions that this process has compiled or loaded, by the digest of their code and the folder of the cache."""
+_inner: WeakValueDictionary[str, Any] = WeakValueDictionary()
+"""Numba's dispatchers of the functions that the compiled functions call, by full name. Compiled functions of one process share
+them, so that a function is compiled once for all of its callers."""
 _spent: list[float] = []
 """Durations in s of all compilations and loadings in this process."""
 _types: dict[Any, Any] = {}
@@ -91,7 +95,7 @@ def compile_function(
         call.owner = dispatcher  # type: ignore[attr-defined]
         return call
 
-    return _through_cache(compiled, function, dict(names or {}), f"{version}\n{signature}", inline)
+    return _through_cache(compiled, function, dict(names or {}), version, f"{signature}", inline)
 
 
 def compile_packed(
@@ -121,7 +125,7 @@ def compile_packed(
         "_table": table_reader(),
         "_row": row_at(),
     }
-    return compile_law(_at_address, given, "aaaaai", version=f"{version}\n{kind}", inline=inline)
+    return compile_law(_at_address, given, "aaaaai", version=version, inline=inline)
 
 
 def _unbound(*arguments: Any) -> Any:
@@ -160,7 +164,7 @@ def compile_law(
         callback: Any = numba.cfunc(signature, cache=cached, **options)(copy)
         return Callback(callback.address, callback)
 
-    return _through_cache(compiled, function, names, f"{version}\n{kinds}", inline)
+    return _through_cache(compiled, function, names, version, kinds, inline)
 
 
 @dataclass(frozen=True)
@@ -264,26 +268,19 @@ def _through_cache(
     function: Any,
     names: Mapping[str, Any],
     version: str,
+    signature: str,
     inline: tuple[str, ...],
 ) -> T:
     """Result of compiled(copy, cached) for a copy of the function whose name contains the digest of all its code. cached:
-    whether Numba may store the compiled copy in the cache.
+    whether Numba may store the compiled copy in the cache. signature: types of the function's arguments.
 
     The process compiles or loads each function only once, since loading takes as long as thousands of substeps.
     """
-    import numba
     from numba.core import config
 
     settings: Any = config
     _without_algebra()
-    ingredients = [
-        repr((inline, NUMERIC, VECTORISED)),
-        numba.__version__,
-        sys.version,
-        version,
-        repr(_code(function, names, set())),
-    ]
-    digest = hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
+    digest = _digest(function, names, version, inline, signature)
     key = digest, os.environ.get("XDG_CACHE_HOME", "")
     if key in _loaded:
         _loaded.move_to_end(key)
@@ -291,10 +288,10 @@ def _through_cache(
     cached, began = cache_file(digest), clock.perf_counter()
     usual, settings.LOOP_VECTORIZE = settings.LOOP_VECTORIZE, VECTORISED
     try:
-        made = compiled(_marked(function, names, digest, cached, inline), cached is not None)
+        made = compiled(_marked(function, names, version, digest, cached, inline), cached is not None)
     except Exception:
         # The files in the cache may be damaged or read-only, so compile again without the cache.
-        made = compiled(_marked(function, names, digest, None, inline), False)
+        made = compiled(_marked(function, names, version, digest, None, inline), False)
     finally:
         settings.LOOP_VECTORIZE = usual
         _spent.append(clock.perf_counter() - began)
@@ -304,9 +301,24 @@ def _through_cache(
     return made
 
 
+def _digest(function: Any, names: Mapping[str, Any], version: str, inline: tuple[str, ...], signature: str = "") -> str:
+    """Digest of all that the machine code of a function depends on. signature: types of the function's arguments; empty: Numba
+    compiles the function for each caller's types."""
+    import numba
+
+    code = repr(_code(function, names, version, set()))
+    ingredients = [repr((inline, NUMERIC, VECTORISED)), numba.__version__, sys.version, signature, code]
+    return hashlib.sha256("\n".join(ingredients).encode()).hexdigest()[:24]
+
+
 def _marked(
-    function: Any, names: Mapping[str, Any], digest: str, cached: Path | None, inline: tuple[str, ...]
+    function: Any, names: Mapping[str, Any], version: str, digest: str, cached: Path | None, inline: tuple[str, ...]
 ) -> types.FunctionType:
+    """Copy of the function that calls dispatchers of Numba. The name of each copy contains a digest of its code.
+
+    digest: digest for the name of the function itself. cached: file beside which Numba stores the compiled code; None: the code
+    is not stored. Other arguments as in `_through_cache`.
+    """
     import numba
 
     first: list[types.FunctionType] = []
@@ -319,9 +331,13 @@ def _marked(
         # compilation time.
         options: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         options["forceinline"] = not inline or copy.__module__ in inline
-        return numba.njit(copy, **options, **(NUMERIC if inline else {}))
+        made = _inner[full_name(copy)] = numba.njit(copy, **options, **(NUMERIC if inline else {}))
+        return made
 
-    copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=f"_{digest}")
+    def suffix(one: types.FunctionType) -> str:
+        return f"_{digest if one is function else _digest(one, names, version, inline)}"
+
+    copy: types.FunctionType = rebind(function, wrap=wrap, names=names, suffix=suffix, ready=_inner)
     if cached is not None:
         # Numba stores compiled code in the folder of a function's source file, so pretend that the source is a file in our
         # cache.
@@ -329,9 +345,9 @@ def _marked(
     return copy
 
 
-def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
-    """Plain values from which the digest of a function is computed: its code, defaults, closure, and the globals that it
-    uses."""
+def _code(function: Any, names: Mapping[str, Any], version: str, seen: set[int]) -> Any:
+    """Plain values from which the digest of a function is computed: its code, defaults, closure, and the globals that it uses,
+    with the version of the replacements if it uses one."""
     # Look inside wrappers. An intrinsic of Numba wraps the generator of its machine code, a dispatcher wraps its source, and a
     # cached function wraps the plain function.
     for wrapped in ("_defn", "py_func", "__wrapped__"):
@@ -341,10 +357,12 @@ def _code(function: Any, names: Mapping[str, Any], seen: set[int]) -> Any:
     if id(function) in seen:
         return function.__qualname__
     seen.add(id(function))
-    mentioned = [names.get(name, function.__globals__.get(name)) for name in called_names(function)]
+    called = called_names(function)
+    mentioned = [names.get(name, function.__globals__.get(name)) for name in called]
     enclosed = [cell.cell_contents for cell in function.__closure__ or ()]
-    inner = [_code(value, names, seen) for value in (*enclosed, *mentioned)]
-    return [_plain(function.__code__), repr(function.__defaults__), inner]
+    inner = [_code(value, names, version, seen) for value in (*enclosed, *mentioned)]
+    given = version if any(name in names for name in called) else ""
+    return [_plain(function.__code__), repr(function.__defaults__), given, inner]
 
 
 def _plain(code: types.CodeType) -> Any:

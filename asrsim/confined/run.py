@@ -1,6 +1,7 @@
 """Runs a script on an untrusted file in a separate process with limited time and memory and no environment variables.
 
-A damaged file that crashes a C library, or a file that exhausts the memory, ends that process and not the user's.
+A damaged file that crashes a C library, or a file that exhausts the memory, ends this separate process, and not the user's
+process.
 """
 
 from __future__ import annotations

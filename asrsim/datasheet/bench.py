@@ -56,7 +56,7 @@ def measured_curve(
             file=path,
             code="no-such-quantity",
             choices=tuple(recording.channels),
-            hint=f"Map one with --map COLUMN={source.drive.joint}.{missing[0]}",
+            hint=f"Map a column with --map COLUMN={source.drive.joint}.{missing[0]}",
         )
     time = columns[torques[0]].time
 

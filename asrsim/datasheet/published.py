@@ -85,7 +85,7 @@ PUBLISHED: dict[str, tuple[Published, ...]] = {
         ),
         Published(
             key="rotation", text="5.752 rad (limits of the shaft, -2.876 to 2.876 rad)", source=QB_ROS,
-            why="the file of the toolbox states no limits; mot_1_minPos and similar tags would",
+            why="the file of the toolbox states no limits; mot_1_minPos and similar tags would state limits",
         ),
         Published(
             key="resolution", text="16 bits over a selectable range of 360 to 92160 degrees; finest resolution: 9.6e-5 rad",

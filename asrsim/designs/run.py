@@ -179,7 +179,7 @@ def read_task(task: Task) -> tuple[Scenario, Robot, Layout, list[str]]:
     free = [one for one in free if one.key not in own]
     if not free:
         raise InputError(
-            "no parameter of the robot is free", key="free", hint="Name some: --free 'joint_1.spring_*'", code="free"
+            "no parameter of the robot is free", key="free", hint="Name parameters: --free 'joint_1.spring_*'", code="free"
         )
     remarks = [f"{key} belongs to a recording, so the design ignores it" for key in own]
     return scenario, given, make_layout(free, ties, ["design"], [{}], [{}]), remarks

@@ -35,7 +35,7 @@ MARGIN = 0.88
 """Fraction of each limit that a robust design may use on the simulated robots. Other robots may use a larger fraction."""
 TRIES, SHRINKING = 8, 4
 """TRIES: largest number of simulations by which a motion is scaled so that it keeps the limits.
-SHRINKING: number of the last of these simulations. After them the motion may only become smaller.
+SHRINKING: number of the last of these simulations, in which the motion may only become smaller.
 """
 FEW = 4
 """Number of further robots on which each piece must keep the limits. The whole motion must keep them on all robots."""
@@ -49,7 +49,7 @@ AGREE: accepted range of the ratio of two standard deviations: predicted with la
 
 If joints stick and slip, derivatives from small changes do not hold up to the ends of the intervals. In one case, the two
 standard deviations differed by a factor of 1.8, and the results of fits scattered 2.2 times as far as predicted. In another
-case, the factor was 9.5, and the results scattered 9.4 times as far.
+case, the factor was 9.5, and the results scattered 9.4 times as far as predicted.
 """
 ELSEWHERE, CHOSEN = 0.5, 0.2
 """ELSEWHERE: probability that a piece of the library is varied instead of a picked piece.

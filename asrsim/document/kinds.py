@@ -60,11 +60,11 @@ class Kind(ABC, Generic[T_co]):
         return False
 
     def opened(self, node: Node) -> Node:
-        """The node as a mapping, if its value is the short form of one; else the node itself."""
+        """The node as a mapping if its value is the short form of a mapping; else the node itself."""
         return node
 
     def fits(self, node: Node) -> bool:
-        """Whether the type of the YAML value (scalar, list or mapping) is one that this kind reads."""
+        """Whether the type of the YAML value (scalar, list or mapping) is a type that this kind reads."""
         return not isinstance(node.value, dict | list)
 
     def merge(self, base: Node, over: Node) -> Node:

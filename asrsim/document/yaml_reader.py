@@ -134,7 +134,9 @@ class _Converter:
             self._whole(key, key_line)
             value = self.convert(value_node, depth + 1)
             if key in items:
-                self._complain(f"the key is a duplicate of that in line {lines[key]}", key_line, key=key, code="duplicate-key")
+                self._complain(
+                    f"the key is a duplicate of the key in line {lines[key]}", key_line, key=key, code="duplicate-key"
+                )
             else:
                 items[key], lines[key] = value, key_line
         return Node(items, line, lines, self.file)

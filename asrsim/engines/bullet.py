@@ -61,7 +61,7 @@ NO_LIMIT = 1e9
 """Position in rad or m of a stop that a joint lacks, and speed in rad/s at which Bullet clips the velocities of joints (by
 default 100). It is so large that neither the stop nor the clipping ever acts."""
 BEYOND = 1e-9
-"""Distance in rad or m beyond a stop at which a joint rests that is at this stop."""
+"""Distance in rad or m by which a joint that rests at a stop is beyond the stop."""
 ARREST = 1e9
 """Largest torque in N m of the motor that stops a joint at its stop. No impact needs a larger torque."""
 PARTS = (9, 7), (10, 11), (12, 13)

@@ -6,7 +6,7 @@ and springs, which are b(q, 0), must be the gradient of an energy. The rest of t
     v' (b(q, v) - b(q, 0)) >= 1/2 v' (dM/dt) v        for every q and v
 
 The two sides are equal without drag. The power of Coriolis and centrifugal terms changes its sign with v. So a wrong term
-violates the inequality at v or at -v, also beside a drag, if v is large enough. Murray, Li and Sastry (1994), A Mathematical
+violates the inequality at v or at -v if v is large enough, even if there is drag. Murray, Li and Sastry (1994), A Mathematical
 Introduction to Robotic Manipulation, section 4.3.
 """
 
@@ -26,7 +26,9 @@ TRIALS = 3
 SPEEDS = (1.0, 1e2, 1e4)
 """Largest speeds in rad/s (m/s) at each of the positions: the larger the speed, the less a drag hides a wrong term."""
 NUDGES = (1e-3, 1e-5)
-"""Displacements in rad (m) of the finite differences. Their results differ by the error of the differences."""
+"""Displacements in rad (m) of the finite differences. The two results differ by about the error of these
+differences.
+"""
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 """Places and weights of a central difference of fourth order."""
 ROUNDING = 1e-6

@@ -39,7 +39,7 @@ class EquationEngine(RigidEngine):
 
     A derived class defines `version`, `mass_matrix` and `bias`. The step has friction, stops, damping and wrenches as in all
     engines. Joints are in the order of `joints`: revolute joints in rad, prismatic joints in m. Write `mass_matrix` and `bias`
-    as if no joint followed another (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
+    as if no joint followed another joint (mimic) and no joint had a rotor; asrsim adds couplings and rotors.
     """
 
     def __init__(self, scenario: Scenario, robot: Robot) -> None:
@@ -111,7 +111,9 @@ class EquationEngine(RigidEngine):
             return np.empty(0), np.empty(0), Problem(message, key=key, value=found, code="engine")
         fault = None
         if matrix.shape != (count, count) or bias.shape != (count,):
-            message = f"the engine's mass matrix must have the shape ({count}, {count}), its bias ({count},)"
+            message = (
+                f"the engine's mass matrix must have the shape ({count}, {count}), and its bias must have the shape ({count},)"
+            )
             fault = Problem(message, key=key, value=(matrix.shape, bias.shape), code="engine")
         elif not np.isfinite(bias).all():
             fault = Problem("the engine's bias is not finite", key=key, value=bias.tolist(), code="engine")

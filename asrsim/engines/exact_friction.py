@@ -146,8 +146,7 @@ def _swap(room: Any, single: bool) -> bool:
 
 
 def _state_by_impulse(room: Any, i: int, impulse: float) -> int:
-    """Next state of degree of freedom `i`, which sticks or rests at a stop. impulse: impulse in N m s that it needs for
-    this."""
+    """Next state of degree of freedom `i`, which sticks or rests at a stop. impulse: impulse in N m s that keeps it there."""
     most, slack, state = room.bound[i], SLACK * room.bound[i], room.regime[i]
     if state == AT_LOWER and impulse >= most - slack:
         return AT_LOWER

@@ -1,8 +1,7 @@
 """One step of a robot without contacts, by MuJoCo's rigid-body routines. The functions run as Python or compiled.
 
-`asrsim.engines.mujoco_library` binds the routines named below. In Python it binds them through ctypes to the loaded library; in
-compiled code it binds them to the symbols of the library. Threads can share the model, which is only read. Each thread needs a
-separate record.
+`asrsim.engines.mujoco_library` binds the routines named below: in Python through ctypes to the loaded library, and in compiled
+code to the symbols of the library. Threads can share the model, which is only read. Each thread needs a separate record.
 """
 
 from __future__ import annotations

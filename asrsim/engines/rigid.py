@@ -14,7 +14,6 @@ step, and the equations are solved like the equations of a robot without couplin
 from __future__ import annotations
 
 import ctypes
-import sys
 from collections.abc import Callable, Collection, Sequence
 from functools import cache, partial
 from math import cos, inf, sin, sqrt
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 from asrsim.compiled import compiling
 from asrsim.compiled.compiling import Callback
 from asrsim.compiled.packed import pack
-from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Scene
+from asrsim.engines.base import DAMPING, FRICTION, MIDDLE, POSITION, ROUNDING, TORQUE, VELOCITY, Engine, Native, Scene
 from asrsim.engines.exact_friction import AT_UPPER, NEGATIVE, POSITIVE, STICKING, settle, solve_states
 from asrsim.engines.loops import AnyArray, Loops, close_loops, find_gamma, find_ratios, make_loops
 from asrsim.errors import Problem, RobotError
@@ -300,7 +299,8 @@ def kick(room: Any, exchange: Any, piece: int, lengths: Any) -> None:
         room.middle[i] = room.velocity[i]
     splits, resting, free, noted = 0, -1, False, False
     impact = piece == 0 and room.impacts[0] > 0
-    # `whole`: whether this part covers the rest of the piece. Only then is a velocity searched that becomes 0 in the part.
+    # `whole`: whether this part covers the rest of the piece. Search for a velocity that becomes 0 in the part only in this
+    # case.
     part, whole = 0.0 if impact else length, not impact
     # Call `find_change` at only one place, since the compiler copies it to each place at which it is called.
     while True:
@@ -569,16 +569,28 @@ def skip(*arguments: Any) -> None:
     """Do nothing. This function replaces each function that `unused` names."""
 
 
-@cache
-def _compiled(function: Callable[..., None], kind: Any, left_out: tuple[str, ...]) -> Callback:
-    return compiling.compile_packed(function, kind, _sizes, names=dict.fromkeys(left_out, skip), inline=INLINE)
+_steps: dict[Any, Callback] = {}
+"""Functions of rooms that this process has compiled, by `_key`."""
+
+
+def _key(function: Callable[..., None], room: Any) -> Any:
+    """What the compiled function of a room depends on: the function, the types in the room, and the names left out."""
+    return function, compiling.type_of(room), unused(room)
+
+
+def _compiled(function: Callable[..., None], room: Any) -> Callback:
+    key = _, kind, left_out = _key(function, room)
+    if key not in _steps:
+        _steps[key] = compiling.compile_packed(function, kind, _sizes, names=dict.fromkeys(left_out, skip), inline=INLINE)
+    return _steps[key]
 
 
 class Calculation:
     """A function that changes a record (such as a room), a vector of numbers (such as a state) and an exchange. Its further
     arguments are the forces or wrenches, and the lengths (p,) of the pieces of a kick.
 
-    The function runs as Python until it is compiled. Python and compiled code give bitwise the same results.
+    The function runs as Python until it is compiled, unless this process has already compiled it for another room. Python and
+    compiled code give bitwise the same results.
     """
 
     def __init__(
@@ -589,9 +601,8 @@ class Calculation:
         *,
         own: Collection[str] = (),
     ) -> None:
-        """make: function that returns the compiled function for records of a Numba type. None: the record is a `Room`, and the
-        function is compiled only if this process has imported Numba. own: names of the record's arrays that only this function
-        uses."""
+        """make: function that returns the compiled function for records of a Numba type; None: the record is a `Room`. own:
+        names of the record's arrays that only this function uses."""
         self._function, self._record, self._make = function, record, make
         self._plain, self.packed = plain(record, own), pack(record)
         self._compiled: Callback | None = None
@@ -604,8 +615,8 @@ class Calculation:
     def compile(self) -> Callback:
         """Compile the function for all later calls, and return the compiled function."""
         if self._compiled is None:
-            kind = compiling.type_of(self._record)
-            self._compiled = self._make(kind) if self._make else _compiled(self._function, kind, unused(self._record))
+            make = self._make
+            self._compiled = make(compiling.type_of(self._record)) if make else _compiled(self._function, self._record)
             # Call through CFUNCTYPE, which releases the interpreter's lock.
             self._call = ctypes.CFUNCTYPE(None, *[ctypes.c_ssize_t] * 6)(self._compiled.address)
             self._arrays = ()
@@ -614,7 +625,7 @@ class Calculation:
     def __call__(self, *arrays: Array) -> None:
         """Apply the function to a vector of numbers, an exchange, forces and lengths."""
         if len(self._arrays) != len(arrays) or not all(map(is_, arrays, self._arrays)):
-            if self._make is None and "numba" in sys.modules:
+            if not self._arrays and self._make is None and _steps and _key(self._function, self._record) in _steps:
                 self.compile()
             self._arrays, self._arguments = arrays, (self._plain, *[array.data for array in arrays])
             if self._compiled is not None:
@@ -760,6 +771,14 @@ class RigidEngine(Engine):
             self.map_wrenches(wrenches, self._forces)
         self.look(wrenches, self._forces)
         self._calculation(self._state, exchange, self._forces, lengths)
+
+    @property
+    def native(self) -> Native | None:
+        """None, since `look` calls the library from Python. After `native` has been read, the rest of the step runs compiled,
+        if Numba is installed. The results are bitwise the same."""
+        if compiling.numba_available():
+            self._calculation.compile()
+        return None
 
     @property
     def room(self) -> Room:

@@ -276,6 +276,17 @@ def _actions(prepared: Prepared, act: Sequence[str]) -> tuple[tuple[tuple[str, s
         for (joint, name), pair in zip(found, table, strict=True)
         if not np.isfinite(pair).all()
     ]
+    imperfect = {drive.name for drive in prepared.drives if drive.command_imperfections is not None}
+    problems += [
+        Problem(
+            f"the imperfections of the commands of '{joint}' would not act on '{name}': an action sets this reference at once",
+            key="act",
+            hint="Leave out the imperfections of this joint's commands; the option `delay` delays actions",
+            code="imperfect-action",
+        )
+        for joint, name in found
+        if joint in imperfect and name != EXTERNAL_TORQUE
+    ]
     if problems:
         raise InputError(problems)
     return tuple(found), table[:, 0], table[:, 1]

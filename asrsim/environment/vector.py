@@ -214,8 +214,8 @@ class SoftRobotVectorEnv(VectorEnv[Single, Single, Any]):
 
     def _observation(self, found: dict[str, Array], fresh: NDArray[np.bool_], *, moved: bool) -> Single:
         """Observations (N, n) from the values in `found`. fresh: environments whose episodes have just begun; moved: whether
-        the other environments have moved for a control period. If they have not, they keep their latest observations, and no
-        noise is drawn for them.
+        the other environments have moved for a control period. If these environments have not moved, they keep their latest
+        observations, and no noise is drawn for them.
         """
         if self._spread:
             drawn = range(self.num_envs) if moved else np.flatnonzero(fresh).tolist()

@@ -27,7 +27,9 @@ from asrsim.identification.extensions import (
     Optimum,
     Propose,
     best_predictions,
+    exchanged,
     extended,
+    held_out,
     is_significant,
     pruned,
     tied_to,
@@ -69,8 +71,8 @@ EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Start values of a limit, as multiples of the largest simulated torque or speed of the motor, or of the largest simulated
-deflection of the spring. The simulation does not reach the first limit. Each limit is a quarter or a fifth of the one before,
-so that the start value nearest to the true limit differs from it by a factor below 2.3.
+deflection of the spring. The simulation does not reach the first limit. Each limit is a quarter or a fifth of the previous
+limit, so that the start value nearest to the true limit differs from it by a factor below 2.3.
 """
 LAWS = (
     ("spring_cubic", "a cubic term in the spring", (1.0, -1.0)),
@@ -78,8 +80,8 @@ LAWS = (
     ("spring_damping", "a damper parallel to the springs", (1.0,)),
 )
 """Parameters of spring laws that are tried: name of the parameter, words for its effect, and start values, in units of
-`FitParameter.size`. The cubic term starts at 10 and -10 N m/rad^3. Backlash starts at 0.01 and 0.05 rad, since a search from a
-small backlash does not find a large one. The damping starts at 0.02 N m s/rad.
+`FitParameter.size`. The cubic term starts at 10 and -10 N m/rad^3. Backlash starts at 0.01 and 0.05 rad, since a search that
+starts at a small backlash does not find a large backlash. The damping starts at 0.02 N m s/rad.
 """
 MODES = (1.5, 3.0, 6.0)
 """Frequencies of a second mode that are tried, in units of the bandwidth of the motion. The lowest frequency is so close to the
@@ -107,7 +109,7 @@ deviation of the recorded motion.
 DRIVEN: a command does not cause an oscillation if the two frequencies differ by more than this fraction.
 """
 LATE = (2.0, 25.0, 50.0)
-"""Delays that are tried, in typical sizes: 4, 50 and 100 ms. From a small delay, the search does not find a large one.
+"""Delays that are tried, in typical sizes: 4, 50 and 100 ms. A search that starts at a small delay does not find a large delay.
 """
 BESIDE = {"hysteresis_torque": "hysteresis_deflection", "stribeck_friction": "stribeck_velocity"}
 """Second unknown parameter of an effect, by the parameter that states the effect's size. For hysteresis it is the deflection
@@ -179,14 +181,19 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         found, _ = best_predictions(sorted((found, there), key=lambda one: mean_square(one.problem, one.x)))
         if mean_square(found.problem, found.x) < NOISE:
             break
+    if found.chosen and mean_square(found.problem, found.x) <= base - MUCH * excess:
+        found = exchanged(problem, found, kinds, rounds=ROUNDS)
     found = _with_either_command(found)
     explained, rest = (problem, x), mean_square(found.problem, found.x)
-    if found.chosen and rest <= base - MUCH * excess:
+    # Effects of a machine improve predictions of its other motions, too. Parameters that only follow errors of a wrong model do
+    # not.
+    predicts = held_out(found.problem, found.x) <= held_out(problem, x)
+    if found.chosen and rest <= base - MUCH * excess and predicts:
         more = "" if rest <= target else "; the model lacks further effects"
         explained = found.problem, found.x
         yield Suspicion(
             text=_suspected(found, percent((rest / base) ** 0.5), faults) + more,
-            trials=(*(one.estimates for one in trials), found.estimates),
+            trials=tuple(one.estimates for one in (*trials, *found.rivals, found)),
             model=None if any(cause.elastic for cause in found.chosen) else explained,
             added=tuple(one.name for cause in found.chosen for one in cause.parameters),
             rivals=tuple(one.estimates for one in found.rivals),
@@ -234,7 +241,7 @@ def _fault_of(function: Callable[..., Any], error: Exception) -> str:
 
 
 def _tried(faults: dict[str, None], name: str, problem: FitProblem, x: Array) -> list[Extension]:
-    """Extensions that a cause proposes. A user's cause that fails proposes none, and a sentence on it is added to `faults`."""
+    """Extensions that a cause proposes. A user's cause that fails proposes nothing, and `faults` gets a sentence on it."""
     function = CAUSES.get(name).extensions
     try:
         return [*_proposed(name, problem, x)]
@@ -331,7 +338,8 @@ def _rivals(found: Extended, faults: dict[str, None]) -> Iterator[str]:
     well.
     """
     for i, cause in enumerate(found.chosen):
-        likely = [one for one in found.rivals if one.chosen[:-1] == found.chosen[:i]][:RIVALS]
+        others = found.chosen[:i] + found.chosen[i + 1 :]
+        likely = [one for one in found.rivals if one.chosen[:-1] == others][:RIVALS]
         names = []
         for one in likely:
             other = one.chosen[-1]
@@ -433,7 +441,7 @@ def _delay_keys(problem: FitProblem) -> list[str]:
 
 
 def _command_delay(problem: FitProblem) -> Iterator[Extension]:
-    """Extension that frees a common delay of all commands; none if a delay is free."""
+    """Extension that frees a common delay of all commands; no extension if a delay is free."""
     delays = _delay_keys(problem)
     if delays and not any(key.endswith(".delay") or key == CLOCK for key in problem.layout.keys):
         first, *others = delays
@@ -442,7 +450,7 @@ def _command_delay(problem: FitProblem) -> Iterator[Extension]:
 
 
 def _command_zeros(problem: FitProblem) -> Iterator[Extension]:
-    """Extensions that free the zeros of commands, such as that of an amplifier."""
+    """Extensions that free the zero offsets of commands, such as the offset of an amplifier."""
     for command in _played(problem):
         offset, _ = _zero_and_scale(command)
         if offset.key not in problem.layout.keys:

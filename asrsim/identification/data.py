@@ -16,12 +16,14 @@ from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
 from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
-from asrsim.identification.task import Experiment, Task
+from asrsim.identification.payload import fault_of
+from asrsim.identification.task import Experiment, Payload, Task
 from asrsim.quantities import PRISMATIC_UNITS, unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.suspicions import gear_between
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import reference_names
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
@@ -130,6 +132,8 @@ class Data:
     """Zero offsets of motor position sensors relative to the joint's other sensors, rad, by key. Only offsets that exceed the
     noise are included.
     """
+    payload: Payload | None = None
+    """Known body that the robot carries in this recording."""
     predicted_only: bool = False
     """Whether the recording only validates the fit: it is predicted but not fitted."""
 
@@ -140,10 +144,16 @@ def read_data(task: Task, scenario: Scenario, robot: Robot) -> list[Data]:
     problems: list[Problem] = []
     for number, experiment in enumerate((*task.experiments, *task.validate)):
         try:
+            if experiment.payload and (fault := fault_of(robot, experiment.payload)):
+                raise InputError(replace(fault, file=task.file))
             data = _read(task, experiment, scenario, robot)
             found.append(replace(data, predicted_only=number >= len(task.experiments)))
         except InputError as error:
             problems += error.problems
+    if task.experiments[0].payload:
+        message = "the first recording has a payload, but the scenario that the fit writes repeats this recording without it"
+        hint = "List a recording without payload first, or add the payload to the robot file"
+        problems.append(Problem(message, file=task.file, key="experiments.0.payload", hint=hint, code="payload"))
     if problems:
         raise InputError(problems)
     return found
@@ -188,20 +198,21 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
         name=experiment.file.name, path=recording.path, lag=float(plan.lag), rate=experiment.rate,
         duration=round(max(4.0, np.floor(end / step + 1e-6)) * step, 12),
         channels=channels, commands=tuple(_commands(plan)), modes=plan.modes, remarks=tuple(remarks), zeros=zeros,
+        payload=experiment.payload,
         torques={joint: column.source for joint, column in plan.compared if column.quantity == "link_torque"},
     )  # fmt: skip
 
 
 def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
-    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
+    blocks = {block.joint: block for block in plan.robot.actuators}
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
         # A mapped command without a unit has the unit of the reference in the joint's mode.
-        unit = column.unit or (modes[one.joint].units[0] if one.slot == 0 else "")
+        unit = column.unit or (MODES[blocks[one.joint].mode].units[0] if one.slot == 0 else "")
         prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
-            name=EXTERNAL if one.slot is None else modes[one.joint].references[one.slot],
+            name=EXTERNAL if one.slot is None else reference_names(blocks[one.joint])[one.slot],
             time=column.time[good] - plan.lag, values=column.values[good],
             hold=one.hold and not str(column.quantity).startswith("motor"), column=column,
             unit=PRISMATIC_UNITS.get(unit, unit) if prismatic else unit,
@@ -251,8 +262,8 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
 
 
 def _zeros(channels: Mapping[str, Channel], robot: Robot) -> Iterator[tuple[str, float]]:
-    """Keys and values of the zero offsets of motor position sensors. Only joints with one motor have them, if link position and
-    spring deflection are also measured.
+    """Keys and values of the zero offsets of motor position sensors. Only joints with one motor have such keys, if link
+    position and spring deflection are also measured.
     """
     for joint in (block.joint for block in robot.actuators if ACTUATORS.get(block.actuator).motors == 1):
         motor, *others = (channels.get(f"{joint}.{what}") for what in ("motor_1_position", "link_position", "deflection"))

@@ -33,7 +33,7 @@ DERIVED = ("equilibrium_position", "deflection")
 OFTEN = 10**7
 """Expected number of substeps of all simulations of a fit. With so many substeps, compiling the kernel saves time."""
 ENGINES_KEPT = 3
-"""Number of settings (substeps and recorded quantities) whose engines stay open. A fit alternates between settings."""
+"""Number of settings (substeps and recorded quantities) whose engines stay open."""
 THREADED = 3
 """Smallest number of joints of a robot at which several worlds run in parallel threads. In fits of 4 s with one or two joints,
 threads took 3 to 5 % more CPU time, and between 5 % less and 5 % more wall-clock time.
@@ -68,12 +68,12 @@ class Door:
         self._together = cores() if len(self.joints) >= THREADED else 1
         """Number of worlds that a rollout simulates together."""
         self._made: dict[tuple[Substeps, tuple[str, ...]], Worlds] = {}
-        """Worlds, by their numbers of substeps and by the quantities that they record."""
+        """Worlds; the key contains their numbers of substeps and the quantities that they record."""
         self._columns = tuple(columns_of(shape_of(self.drives)))
         """Quantities that the joints have."""
 
     def _worlds(self, substeps: Substeps, quantities: Collection[str]) -> Worlds:
-        """Worlds with these numbers of substeps. Of the given quantities, they record those that the joints have."""
+        """Worlds with these numbers of substeps. They record the given quantities, except quantities that no joint has."""
         # Record only these quantities, since each further quantity lengthens a simulation by 1 %.
         names = tuple(name for name in self._columns if name in quantities)
         found = self._made.pop((substeps, names), None)

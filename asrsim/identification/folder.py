@@ -37,6 +37,7 @@ _SHAPE: PlainShape = {
             "verdict": str, "reason": str, "track": (int, None), "is_place?": bool, "*": object,
         }
     ],
+    "predictions?": [{"text": str, "*": object}],
     "channels": [{"recording": str, "key": str, "unit": str, "explained?": _NUMBER, "*": object}],
     "combinations?": [{"text": str, "value": _NUMBER, "margin": _NUMBER, "*": object}],
     "correlations?": [[_NUMBER]],
@@ -60,6 +61,8 @@ class FitFolder:
     """Reasons why the model does not fit."""
     causes: tuple[str, ...]
     """Sentences on effects that the model may lack, with the error that would remain if they were added."""
+    predictions: tuple[str, ...]
+    """Sentences on the errors of recordings that were predicted but not fitted."""
     remarks: tuple[str, ...]
     next: tuple[str, ...]
     """Proposals for the next recording."""
@@ -101,6 +104,7 @@ def read_fit(folder: str | os.PathLike[str]) -> FitFolder:
     return FitFolder(
         folder=path.parent, name=data.get("name") or path.parent.parent.name, status=data["status"], fits=data["fits"],
         accepted=data.get("accepted", False), scenario=data["scenario"], estimates=estimates, **texts,
+        predictions=tuple(one["text"] for one in data.get("predictions", ())),
         variant=data.get("variant"), replay=from_plain(data["replay"]) if "replay" in data else None,
         ties=tuple(Tie(**one) for one in data.get("ties", ())),
         combinations=tuple(data.get("combinations", ())), channels=tuple(data["channels"]), curves=curves,

@@ -72,7 +72,7 @@ class ChannelFit:
     steps: float = 0.0
     """Largest RMS error due to the steps of an encoder, which occurs if the encoder rounds down; 0 without an encoder."""
     suspicion: str = ""
-    """Suspected error of the channel's sign or unit; empty if none is suspected."""
+    """Suspected error of the channel's sign or unit; empty if no error is suspected."""
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0
@@ -217,7 +217,7 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
-                ratio = f"{error / train:.2g} times that of the training part ({error:.3g} for {train:.3g})"
+                ratio = f"{error / train:.2g} times the error of the training part ({error:.3g} and {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
     return reasons
 

@@ -300,7 +300,7 @@ def free_parameters(task: Task, known: Mapping[str, FitParameter]) -> tuple[list
         free.pop(tie.key, None)
     problems += _tie_faults(ties, free)
     if not free and not problems:
-        hint = "Name some: --free 'joint_1.spring_*'"
+        hint = "Name parameters: --free 'joint_1.spring_*'"
         problems.append(Problem("no parameter is free", key="free", hint=hint, choices=_roots(known), code="free"))
     if problems:
         raise InputError(problems)
@@ -327,7 +327,7 @@ def _faults(parameter: FitParameter) -> Iterator[Problem]:
         message = f"its start value is out of range, {parameter.low:g} to {parameter.high:g} {parameter.unit}".rstrip()
         yield Problem(message, key=key, value=f"{parameter.start:g}", code="start-range")
     elif math.isinf(parameter.start):
-        yield Problem("has no finite start value", key=key, hint=f"Give one: {key}=START", code="start-range")
+        yield Problem("has no finite start value", key=key, hint=f"Give a start value: {key}=START", code="start-range")
 
 
 def _tied(tie: Tie, known: Mapping[str, FitParameter]) -> Iterator[tuple[str, str]]:

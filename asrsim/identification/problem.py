@@ -4,9 +4,9 @@ derivatives, and search for the solution. `dataclasses.replace` makes a changed 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,8 @@ from asrsim.identification.noise import size_of
 from asrsim.identification.parameters import FitParameter, Layout, free_parameters, make_layout, numbers_of, parameters_of
 from asrsim.identification.task import Task
 from asrsim.identification.track import Playing, Track
-from asrsim.robot.model import Robot
+from asrsim.robot.inertia import nearest_possible
+from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 
@@ -53,6 +54,10 @@ the change of a logarithm that is known within 1 % only by the fraction 1e-12.
 HUBER = 3.0
 """The Huber loss is linear for residuals above this number of standard deviations of the noise. Noise alone exceeds it once in
 370 samples, so that without outliers the loss is nearly the square.
+"""
+INSIDE = 1e-5
+"""Smallest second moment of an estimated inertia, as a fraction of the sum of the three second moments. It is ten times `STEP`,
+so that inertias with a step of finite differences are still physically possible.
 """
 
 
@@ -106,7 +111,7 @@ class Slopes:
         simulations.
         """
         own = self.problem
-        same = (problem.tracks, problem.playing, problem.ends) == (own.tracks, own.playing, own.ends)
+        same = (problem.tracks, problem.playing, problem.ends, problem.own) == (own.tracks, own.playing, own.ends, own.own)
         if not same or problem.layout is not own.layout:
             return None
         if problem.weights == own.weights:
@@ -167,6 +172,51 @@ class FitProblem:
     ends: tuple[float, ...]
     """End of each training part, s; 0 for recordings that are predicted but not fitted."""
     meter: Meter
+    own: Mapping[int, Mapping[str, float]] = field(default_factory=dict)
+    """Values of parameters, by key, that replace the values of the parameter vector in recordings that are predicted but not
+    fitted, by the index of the recording. An example is the recording's initial state.
+    """
+
+    def table(self, x: Array, track: int) -> dict[str, float]:
+        """Values by key with which a recording is simulated. Inertias are changed to physically possible ones."""
+        values = {**self.layout.table(x, track), **self.own.get(track, {})}
+        for link in self._tensors:
+            values |= self._possible(link, values, 0.0)
+        return values
+
+    @cached_property
+    def _tensors(self) -> tuple[str, ...]:
+        """Links whose three moments of inertia are free or tied. `asrsim.robot.vary.physical` adapts the inertias of the other
+        links.
+        """
+        owners = dict.fromkeys(key.rpartition(".")[0] for key in self.layout.keys if key.endswith(".ixx"))
+        return tuple(one for one in owners if {f"{one}.iyy", f"{one}.izz"} <= self.layout.keys)
+
+    def _possible(self, link: str, values: Mapping[str, float], least: float) -> dict[str, float]:
+        """Free numbers of a link's inertia by key, changed to a physically possible inertia. least: as in
+        `asrsim.robot.inertia.nearest_possible`.
+        """
+        keys = [f"{link}.{name}" for name in INERTIAS]
+        xx, xy, xz, yy, yz, zz = (values[key] if key in values else self.known[key].start for key in keys)
+        found = nearest_possible((xx, xy, xz, yy, yz, zz), least)
+        return {key: value for key, value in zip(keys, found, strict=True) if key in values}
+
+    def possible(self, x: Array) -> Array:
+        """Parameter vector in which the inertias are physically possible."""
+        values = self.layout.table(x, 0)
+        found = {key: value for link in self._tensors for key, value in self._possible(link, values, INSIDE).items()}
+        moved = [
+            entry.place(found[entry.key]) if found.get(entry.key, values.get(entry.key)) != values.get(entry.key) else place
+            for entry, place in zip(self.layout.entries, x.tolist(), strict=True)
+        ]
+        return np.array(moved)
+
+    def at_limit(self, x: Array) -> list[str]:
+        """Links whose inertia is at the limit of what is physically possible."""
+        values = self.table(x, 0)
+        return [
+            link for link in self._tensors if self._possible(link, values, 2.0 * INSIDE) != self._possible(link, values, 0.0)
+        ]
 
     @property
     def fitted(self) -> tuple[int, ...]:
@@ -225,8 +275,8 @@ class FitProblem:
         return replace(self, playing=replace(self.playing, bandwidth=min(level * self.motion, fastest)))
 
     def distinct(self, levels: Sequence[float]) -> list[float]:
-        """Levels of bandwidth, without each level whose observer would have the same bandwidth as the observer of the level
-        before. levels: in falling order.
+        """Levels of bandwidth. A level is left out if its observer would have the same bandwidth as the observer of the
+        previous level. levels: in falling order.
         """
         found = {self.observed(level).playing.bandwidth: level for level in reversed(levels)}
         return [*found.values()][::-1]
@@ -320,7 +370,7 @@ def differences(problem: FitProblem, x: Array) -> Differences:
     """Parts with their predicted minus recorded values (n,); NaN if the simulation diverges."""
     predicted: list[Array] = []
     for track in problem.fitted:
-        values = problem.layout.table(x, track)
+        values = problem.table(x, track)
         predicted += problem.tracks[track].predict(values, problem.playing, problem.ends[track])
         problem.meter.count()
     return [(part, values - part.recorded) for part, values in zip(problem.parts, predicted, strict=True)]
@@ -369,7 +419,7 @@ def residuals_at(problem: FitProblem, points: Sequence[Array]) -> Array:
 
 
 def _at(problem: FitProblem, points: Iterable[Array], track: int) -> Iterator[Array]:
-    tables, parts = [problem.layout.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
+    tables, parts = [problem.table(point, track) for point in points], [p for p in problem.parts if p.track == track]
     for predicted in problem.tracks[track].predictions(tables, problem.playing, problem.ends[track]):
         problem.meter.count()
         pairs = zip(predicted, parts, strict=True)
@@ -388,13 +438,13 @@ def mean_square(problem: FitProblem, x: Array) -> float:
 
 
 def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it has
-    this number.
+    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it already
+    has this number.
     """
     needed = []
     for number, track in enumerate(problem.tracks):
         with suppress(RobotError, UnresolvedSpringError):
-            needed.append(track.door.substeps_of(numbers_of(problem.layout.table(x, number))))
+            needed.append(track.door.substeps_of(numbers_of(problem.table(x, number))))
     substeps = max(needed, default=problem.playing.substeps)
     if substeps == problem.playing.substeps:
         return problem

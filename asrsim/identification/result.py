@@ -18,6 +18,7 @@ from asrsim.identification.problem import FitProblem, differences
 from asrsim.identification.profiles import Profile
 from asrsim.identification.replay import FitReplay
 from asrsim.identification.task import Task, Tie
+from asrsim.identification.transfer import Transfer
 from asrsim.identification.uncertainty import Uncertainty
 from asrsim.robot.model import INERTIAS, Robot
 from asrsim.samples import Array
@@ -209,6 +210,8 @@ class FitResult:
     """Reasons why the model does not fit; empty if the model fits."""
     causes: tuple[str, ...]
     """Effects that the model may lack."""
+    transfers: tuple[Transfer, ...]
+    """Errors of the recordings that were predicted but not fitted."""
     remarks: tuple[str, ...]
     evaluations: int
     """Number of simulations."""

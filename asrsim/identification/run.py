@@ -40,9 +40,9 @@ from asrsim.identification.result import (
     doubted,
     estimates,
 )
-from asrsim.identification.search import Best, OutOfTime, Stopped, followed_by, reaches, refined, search, settle
+from asrsim.identification.search import Best, OutOfTime, Stopped, free_run, refined, search, settle
 from asrsim.identification.task import Task, task_of
-from asrsim.identification.transfer import failed_predictions
+from asrsim.identification.transfer import failed_predictions, transfers, with_own_values
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
 from asrsim.metrics.values import root_mean_square
 from asrsim.progress import Progress, Stop
@@ -214,6 +214,7 @@ def _fitted(
                 search(best, watch.stage)
                 watch.stage("adapting substeps and weights to the estimates")
                 settle(best)
+                best.x = best.problem.possible(best.x)
     except OutOfTime:
         status = UNFINISHED
     except Stopped:
@@ -238,9 +239,13 @@ def _judged(
     watch.stage("judgement")
     watch.stop = None if status == INTERRUPTED else watch.stop
     problem, trained, complete = best.problem, best.x, status == COMPLETE
+    if status != CHECKED:
+        problem = with_own_values(problem, trained)
     # Judge a free simulation, since users simulate the written robot without an observer.
     free, observed, slow = problem.observed(0.0), problem.playing.bandwidth > 0.0, best.slow or ((problem, trained),)
+    slow = tuple((replace(wider, own=problem.own), there) for wider, there in slow)
     fits = channel_fits(free, before, trained)
+    foretold = transfers(free, trained, fits) if status != CHECKED else []
     misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
     of_channels = [*misfit]
     others, suspected, untried = list[Mapping[str, float]](), list[Suspicion](), dict[str, None]()
@@ -272,7 +277,7 @@ def _judged(
             if not any(one.added for one in suspected):
                 causes += [text for text in foreign(fits) if observed and text not in causes]
                 causes += unexplained_drives(*slow[0]) if read else ()
-            causes += failed_predictions(*slow[0])
+            causes += failed_predictions(*slow[0], [one for one in foretold if not one.succeeds])
     final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
@@ -294,7 +299,8 @@ def _judged(
     result = FitResult(
         task=setup.task, profiles=curves, estimates=tuple(known), combinations=tuple(combined),
         covariance=found.covariance, channels=tuple(fits), misfit=tuple(misfit), causes=tuple(causes),
-        remarks=(*untried, *_remarks(setup, problem, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
+        transfers=tuple(foretold),
+        remarks=(*untried, *_remarks(setup, final, x, suspected, fits=not misfit or noise)), evaluations=watch.evaluations,
         seconds=clock.perf_counter() - watch.began, bandwidth=final.playing.bandwidth,
         status=status, x=x, layout=final.layout, ends=problem.ends,
         scenario=setup.scenario, robot=setup.robot, whole=final.ends != problem.ends, accepted=accepted,
@@ -332,14 +338,14 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
     if whole.ends != problem.ends:
         refit = refined(whole, x)
         # Short predictions may improve while a free simulation leaves the recording: keep the estimates of the training part.
-        if mean_square(whole, refit) < mean_square(whole, x) and reaches((whole, refit), followed_by(whole, x)):
-            x = refit
+        if mean_square(whole, refit) < mean_square(whole, x) and free_run(whole, refit).reaches(free_run(whole, x)):
+            x = whole.possible(refit)
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained
     return whole, x, widened(whole, x, uncertainty(whole, x))
 
 
-def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
+def _remarks(setup: Setup, problem: FitProblem, x: Array, suspected: Sequence[Suspicion], *, fits: bool) -> Iterator[str]:
     """Sentences on the reading of recordings, and on parameters that were freed automatically. suspected: effects that the
     model may lack; fits: whether the model fits.
     """
@@ -358,10 +364,19 @@ def _remarks(setup: Setup, problem: FitProblem, suspected: Sequence[Suspicion], 
             why = "which has a smaller error; since the model does not fit, this does not show that each sample was held"
             why += ", and with the suspected effects, smooth interpolation has a smaller error" if smooth else ""
         yield f"{', '.join(sorted(staircases))}: played as a staircase, {why}"
-    for track in problem.tracks:
+    for link in problem.at_limit(x):
+        yield (
+            f"the inertia of {link} is at the limit of what is physically possible: its largest principal moment is the sum of "
+            "the other two"
+        )
+    for number, track in enumerate(problem.tracks):
         yield from (f"{track.data.name}: {text}" for text in track.data.remarks)
+        if own := problem.own.get(number, {}):
+            known = ((problem.known[key], value) for key, value in own.items() if not key.startswith(JUMP))
+            values = ", ".join(f"{one.key} = {value:.4g} {one.unit}" for one, value in known)
+            yield f"{track.data.name}: these parameters belong to the recording, and were fitted to it: {values}"
         for key in track.uncertain:
-            if key in problem.layout.keys:
+            if key in problem.layout.keys and not own:
                 yield (
                     f"{track.data.name}: {key} is estimated, too: the recording begins at another position than the "
                     "scenario, in motion, or at a measured position"

@@ -132,7 +132,7 @@ def _scenario_text(
     """Text of a scenario for `asrsim run` with the fitted robot and parameters."""
     import yaml
 
-    folder = robot.parent.absolute()
+    folder = robot.parent
     data = relocated(result.scenario, folder)
     data["references"] = _as_played(result, data.get("references") or {}, shifts)
     data["robot"] = robot_key(robot, folder, None, result.scenario.package_paths)

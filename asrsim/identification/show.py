@@ -74,6 +74,7 @@ def judgement(result: FitResult) -> Iterator[tuple[str, str]]:
         return
     if result.whole:
         yield "errors are from a fit without the held-out parts; estimates are from a fit of the whole recordings", "dim"
+    yield from ((one.text, "green" if one.succeeds else "red") for one in result.transfers)
     if result.fits:
         yield from ((text, "green") for text in praise(result.channels))
         return

@@ -19,11 +19,33 @@ from asrsim.document.reading import DocumentReading, Rejected
 from asrsim.errors import InputError, Problem
 from asrsim.plain import one_or_more
 from asrsim.plugins import check_named
+from asrsim.robot.model import INERTIAS, Inertia
 from asrsim.scenario.overrides import override_texts
 
 _TIE = re.compile(r"(?:(?P<factor>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*\*\s*)?(?P<key>\S.*)")
 _WISHES = ((), ("start",), ("low", "high"), ("low", "start", "high"))
 """Meanings of the numbers in a text `KEY=NUMBER:NUMBER:NUMBER`, by the count of these numbers (0 to 3)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """A known body that is fixed to a link during a recording."""
+
+    link: str = declare(Text(text="name of a link"), doc="link that carries the payload")
+    mass: float = declare(Number(above=0.0), unit="kg", doc="mass of the payload")
+    centre: tuple[float, float, float] = declare(
+        ListOf(of=NUMBER, names=("x", "y", "z")),
+        default=(0.0, 0.0, 0.0),
+        unit="m",
+        doc="centre of mass of the payload in the frame of the link",
+    )
+    inertia: Inertia = declare(
+        ListOf(of=NUMBER, names=INERTIAS),
+        default=(0.0,) * 6,
+        shown="a point mass",
+        unit="kg m^2",
+        doc="ixx, ixy, ixz, iyy, iyz, izz of the payload about its centre of mass, along the axes of the link",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +60,9 @@ class Experiment:
         doc="joint and quantity of columns, as in `--map`: `COLUMN=JOINT.QUANTITY [unit]`",
     )
     rate: float | None = declare(Number(above=0.0), default=None, unit="Hz", doc="sampling rate of a recording without time")
+    payload: Payload | None = declare(
+        block_of(Payload, "payload"), default=None, shown="none", doc="known body that the robot carries in this recording"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +178,7 @@ def task_of(
         read_document(path, "scenario")
         if not experiments:
             raise InputError(
-                "no recording is named", key="experiments", hint="Name one: --experiment FILE", code="no-recording"
+                "no recording is named", key="experiments", hint="Name a recording: --experiment FILE", code="no-recording"
             )
         options |= {"experiments": _recordings(experiments), "plugins": one_or_more(plugins)}
         root = node_from_data({"scenario": path})

@@ -18,6 +18,7 @@ from asrsim.identification.flexible import with_elastic_link
 from asrsim.identification.noise import MOVES, motion_band
 from asrsim.identification.observed import Measured, is_reversed, link_channel
 from asrsim.identification.parameters import CLOCK, JUMP, motor_start, numbers_of
+from asrsim.identification.payload import carrying
 from asrsim.metrics.values import root_mean_square
 from asrsim.robot.model import Robot
 from asrsim.samples import Array
@@ -144,7 +145,7 @@ class Track:
         """
         self.data, self.channels = data, data.channels
         self._made_from, self._elastic = (scenario, robot, frozenset(freed)), dict[str, Track | None]()
-        self.scenario = _scenario(scenario, data)
+        self.scenario, robot = _scenario(scenario, data), carrying(robot, data.payload)
         self.door = Door(self.scenario, robot)
         self.wanted = [(self.door.joints.index(one.joint), one.quantity) for one in self.channels]
         self.measured = Measured((*data.commands, *self.channels), self.door.drives, self.scenario.step)

@@ -63,7 +63,7 @@ SINGLE: if at least this fraction of the samples are outliers, they are errors o
 PLAYED = 8
 """Number of random draws of the commands' noise. The standard deviation that they give has a standard error of 25 %."""
 STIFFER = 10.0
-"""Ratio of a real pre-sliding stiffness to the default, which is that of the toolbox: real bristles are mostly far stiffer."""
+"""Ratio of a real pre-sliding stiffness to the toolbox's default: real bristles are mostly far stiffer."""
 CORRECTIONS = 3
 """Number of rounds that correct the autocovariances of residuals for the fitted parameters. Each round multiplies the remaining
 error by about the ratio of parameters to samples.

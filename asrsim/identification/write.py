@@ -57,6 +57,13 @@ def fit_data(result: FitResult) -> dict[str, Any]:
         "estimates": [vars(one) for one in rows],
         "combinations": [{"text": one.text, "value": one.value, "margin": one.margin} for one in result.combinations],
         "channels": [{name: value for name, value in vars(one).items() if name != "lines"} for one in result.channels],
+        "predictions": [
+            {
+                name: getattr(one, name)
+                for name in ("recording", "key", "unit", "error", "fitted", "ratio", "seconds", "short", "text")
+            }
+            for one in result.transfers
+        ],
         "correlations": _correlations(result.covariance),
         "profiles": [{"name": p.name, "values": p.values.tolist(), "rise": p.rise.tolist()} for p in result.profiles],
         "ties": [vars(tie) for tie in result.layout.ties],

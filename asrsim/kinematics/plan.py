@@ -96,7 +96,7 @@ def _check_path(
             f"the robot starts with the point at {_text(position)} m, but the first pose, at 0 s, is "
             f"{_text(trajectory.positions[0])} m",
             key="task.poses",
-            hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give it a later time",
+            hint=f"start at {f'initial positions {{{wanted}}}' if close else 'the first pose'}, or give the pose a later time",
             code="start-off-path",
         )
     turn = max(ORIENTATION_TOLERANCE, task.tolerance)
@@ -122,7 +122,8 @@ def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Arr
         return {mode.references[0]: equilibria}
     if mode.mapped:
         return {mode.references[0]: equilibria, mode.references[1]: preset}
-    return dict(zip(mode.references, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
+    names = mode.references_of(drive.actuator.motors)
+    return dict(zip(names, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
 
 
 def _text(point: Array) -> str:
@@ -130,7 +131,8 @@ def _text(point: Array) -> str:
 
 
 def plan_references(scenario: Scenario, robot: Robot, model: RobotModel | None = None) -> Scenario:
-    """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither.
+    """Scenario in which references replace the task or the desired motions; the unchanged scenario if it has neither a task nor
+    desired motions.
 
     robot: the robot with the scenario's modes and parameters. model: model of the robot; None: a model with the masses of the
     robot file. Presets in the scenario's references are kept, and gravity compensation accounts for them. Raises ScenarioError
@@ -200,7 +202,7 @@ def inputs_for_motions(scenario: Scenario, robot: Robot, model: RobotModel | Non
                     f"the motion is out of reach: {demand}",
                     key=f"references.{demand.joint}",
                     code="spring-too-weak",
-                    hint="a stiffer spring or preset, or a slower motion",
+                    hint="Take a stiffer spring or preset, or a slower motion",
                 )
                 for demand in unheld
             ]

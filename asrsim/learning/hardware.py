@@ -1,5 +1,5 @@
-"""Learning on the real robot, trial by trial. The next input is computed from the recording of the last one. Files store the
-state between trials.
+"""Learning on the real robot, trial by trial. The input of the next trial is computed from the recording of the last trial.
+Files store the state between trials.
 
 A twin of the robot is fitted to the best trial and the last trial. The law `auto` first tries its updates on the twin. The twin
 and plants drawn from the posterior of the fit predict the error of the next trial. The part of the recordings that the twin
@@ -115,8 +115,8 @@ def next_input(
         problem, settings = prepared.problem, prepared.settings
         basis, digest = motion_basis(problem), digest_of(path)
         state = load_state(folder / STATE, basis, problem)
-        # If the last recording is given again, the last twin was fitted to a wrong reading of it. Therefore start from the twin
-        # before.
+        # If the user gives the last recording again, asrsim read this recording wrongly before, and fitted the last twin to
+        # wrong numbers. Therefore start from the twin before the last one.
         again = digest in state.recordings[-1:]
         trials, recordings, begin = list(state.trials), list(state.recordings), state.start if again else state.changes
         if again:

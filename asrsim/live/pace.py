@@ -54,7 +54,7 @@ class Pace:
 
     def is_behind(self) -> bool:
         """Whether most ticks of the last two seconds were late by more than a tick. If the method returns True, all ticks up to
-        this call count as punctual later.
+        this call count as punctual.
         """
         if behind := self._late_share > MOST_LATE:
             self._late_share = 0.0

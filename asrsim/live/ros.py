@@ -235,7 +235,8 @@ def load_rclpy() -> Any:
     origin = (spec and spec.origin) or ""
     if "site-packages" in origin and foreign:
         message = (
-            f"a ROS environment is sourced: its libraries in {foreign[0]} take precedence over those of this Python's rclpy"
+            f"a ROS environment is sourced: its libraries in {foreign[0]} take precedence over the libraries of this Python's "
+            "rclpy"
         )
         raise InputError(message, hint=_cure(), code="ros-sourced")
     wanted = os.environ.get("RMW_IMPLEMENTATION", "")

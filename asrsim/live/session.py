@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from asrsim.errors import DivergenceError
+from asrsim.errors import DivergenceError, listed
 from asrsim.live.commands import CommandInput, Target
 from asrsim.live.pace import Pace
 from asrsim.live.publisher import Publisher
@@ -137,6 +137,10 @@ class Session:
             settings = self.settings
             interface = Interface(f"{self.publisher.prefix}/asrsim", self.publisher.outlets, self.commands.inlets)
             self.transports = stack.enter_context(opened(settings.transports, interface, settings.access, self._tell))
+            drives = self.simulation.prepared.drives
+            if imperfect := [drive.name for drive in drives if drive.command_imperfections is not None]:
+                message = "act on the signals of the scenario, but not on commands that arrive or that are set by hand"
+                self._tell(f"imperfections of the commands of {listed(imperfect, 4)} {message}")
             stack.enter_context(owned(self._folder))
             earlier = open_folder(self._folder, self._scenario, overwrite=self._overwrite)
             log_file = stack.enter_context(ExitStack())

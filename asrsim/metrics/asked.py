@@ -14,7 +14,7 @@ from asrsim.metrics.measures import MEASURES, Measure, measure, trial_problems
 from asrsim.samples import Array
 
 _BETWEEN = re.compile(r",(?![^\[]*\])")
-"""Comma between two options: it is in no list."""
+"""Comma that separates two options; a comma inside a list does not separate options."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -92,7 +92,7 @@ def frequency_response(
     if not moves:
         findings.append(
             Problem(
-                f"the output does not move: it varies by {np.ptp(y):.3g}, the input by {np.ptp(u):.3g}; friction "
+                f"the output does not move: it varies by {np.ptp(y):.3g}, and the input varies by {np.ptp(u):.3g}; friction "
                 "may hold it, or the input does not act on it",
                 code="output-still",
             )

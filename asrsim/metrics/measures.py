@@ -152,7 +152,7 @@ def measure(
         if np.isrealobj(result):
             return float(result)
     kind = type(result).__name__
-    raise result_fault(found.function, f"a measure must return a number; this one returns a value of type {kind}")
+    raise result_fault(found.function, f"a measure must return a number; this measure returns a value of type {kind}")
 
 
 def _read_only(values: Array) -> Array:

@@ -141,7 +141,7 @@ def _in_both(
     joints: Sequence[str] | None,
     quantities: Sequence[str] | None,
 ) -> tuple[list[str], list[str]]:
-    """Joints and quantities that the log and at least one recording have. Raises RecordingError if they have none in common."""
+    """Joints and quantities that the log and at least one recording have. Raises RecordingError if there are none."""
     wanted = [joint.name for joint in reader.info.joints if joints is None or joint.name in joints]
     paired = [name for name in wanted if any(name in pairing.values() for pairing in pairings)]
     recorded = {column.quantity for recording in recordings for column in recording.channels.values()}

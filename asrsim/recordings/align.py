@@ -151,6 +151,8 @@ _CLEARLY = 0.1
 """The recorded sign counts as reversed if the reversed sign increases the correlation by more than this value. Both signs of an
 oscillation fit almost equally, with lags that differ by half a period.
 """
+_BETTER = 0.02
+"""Difference of correlations above which one lag fits better than another."""
 _GAP = 3.0
 """Largest gap across which samples are interpolated, in time steps of the source. Up to two lost samples are filled."""
 
@@ -215,13 +217,26 @@ def align(
             require_overlap(time_simulation, time_recording)
         return replace(together, lag=together.lag + start)
     result = _correlated(time_simulation, simulation, time_recording, recording, name, command)
-    if start and result.how.startswith("not aligned"):
-        # The clocks may differ by more than the search allows. Search again around the lag at which both records begin at the
-        # same time.
+    if start:
+        # The clocks may differ by more than the search allows, even if a wrong lag correlates well. Search again around the lag
+        # at which both records begin at the same time.
         together = _correlated(time_simulation, simulation, time_recording - start, recording, name, command)
-        if not together.how.startswith("not aligned"):
+        if _is_better(_trust(together), _trust(result)):
             return replace(together, lag=together.lag + start)
     return result
+
+
+def _trust(alignment: Alignment) -> float:
+    """Correlation of an alignment; 0 if the records are not aligned."""
+    return 0.0 if alignment.found is None or alignment.how.startswith("not aligned") else alignment.found.correlation
+
+
+def _is_better(correlation: float, other: float) -> bool:
+    """Whether a lag with the correlation `correlation` is clearly better than a lag with the correlation `other`, which is 0 if
+    that lag is not trusted. A clearly better lag leaves less than half of the variance unexplained.
+    """
+    unexplained, before = 1.0 - correlation**2, 1.0 - other**2
+    return correlation > other + _BETTER and (not other or unexplained < 0.5 * before)
 
 
 def _correlated(
@@ -245,9 +260,13 @@ def _correlated(
         why = f"{name} fits best at the limit of the search, {found.seconds:.4g} s"
     else:
         message = f"{name} is periodic, so several lags fit equally well; the smallest, {found.seconds:.4g} s, is used"
-        periodic = Problem(message, code="lag", hint="Set the lag with --align if another lag is right")
-        exact = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
-        return Alignment(lag=exact, how=how, found=found, findings=(periodic,) * found.ambiguous)
+        hint = "Set the lag with --align if another lag is right"
+        findings = [Problem(message, code="lag", hint=hint)] * found.ambiguous
+        exact, (least, most) = _exact(time_simulation, simulation, time_recording, recording, found.seconds)
+        if most - least > _WIDE * step:
+            message = f"{name} changes between two samples, so all lags from {least:.4g} to {most:.4g} s fit equally well"
+            findings.append(Problem(f"{message}; {exact:.4g} s is used", code="lag", hint=hint))
+        return Alignment(lag=exact, how=how, found=found, findings=tuple(findings))
     problem = Problem(f"time is not aligned: {why}", code="lag", hint="Set the lag with --align, in s")
     return Alignment(lag=0.0, how=f"not aligned: {why}", found=found, findings=(problem,))
 
@@ -265,9 +284,11 @@ def _held(time: Array, values: Array, step: float) -> tuple[Array, Array]:
     return fine, stairs[np.searchsorted(stamps, fine + 1e-3 * step, side="right") - 1]
 
 
-def _exact(time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float) -> float:
-    """Exact lag near an estimated lag, at which both records of a command have the same values. It is the estimate if there is
-    no such lag.
+def _exact(
+    time_simulation: Array, simulation: Array, time_recording: Array, recording: Array, lag: float
+) -> tuple[float, tuple[float, float]]:
+    """Exact lag near an estimated lag, at which both records of a command have the same values, and the range of all such lags.
+    It is the estimate if there is no such lag.
 
     With the exact lag, two records of a command have the same values at the samples of the coarser record. If the finer record
     holds each value until the next sample, a range of lags fits, whose width is up to one sample. If a lag of 0 is in this
@@ -292,13 +313,17 @@ def _exact(time_simulation: Array, simulation: Array, time_recording: Array, rec
 
     best, width = sign * lag, max(steps)
     if abs(lag) <= width and misfit(0.0) <= _SAME * scale:
-        return 0.0
+        return 0.0, (0.0, 0.0)
+    equal = [shift for shift in np.linspace(best - width, best + width, _SHIFTS) if misfit(shift) <= _SAME * scale]
     for _ in range(_ROUNDS):
         shifts = np.linspace(best - width, best + width, _SHIFTS)
         misfits = np.array([misfit(shift) for shift in shifts])
         best = float(shifts[np.flatnonzero(misfits <= (1.0 + 1e-6) * misfits.min() + 1e-12 * scale)[-1]])
         width *= 2.0 / (_SHIFTS - 1)
-    return sign * best if misfit(best) <= _SAME * scale else lag
+    if not misfit(best) <= _SAME * scale:
+        return lag, (lag, lag)
+    ends = sorted(sign * one for one in (min(equal, default=best), best))
+    return sign * best, (ends[0], ends[1])
 
 
 _ROUNDS, _SHIFTS = 4, 41
@@ -306,6 +331,8 @@ _ROUNDS, _SHIFTS = 4, 41
 _SHIFTS: number of lags that each round tries. Each round is 20 times finer than the round before, so that four rounds divide
 the first range by 160,000.
 """
+_WIDE = 2.5
+"""Range of equally good lags above which it is reported, in steps of the finer record."""
 _SAME = 1e-8
 """Two records are equal if their mean square difference, relative to their variance, is at most this value. They then agree in
 four digits.
@@ -321,7 +348,7 @@ def require_overlap(time_simulation: Array, time_recording: Array, lag: float = 
     if end <= start:
         raise RecordingError(
             "no overlap in time: the simulation lasts from "
-            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, the recording from {time_recording[0] - lag:g} to "
+            f"{time_simulation[0]:g} to {time_simulation[-1]:g} s, and the recording lasts from {time_recording[0] - lag:g} to "
             f"{time_recording[-1] - lag:g} s",
             code="no-overlap",
             hint="Align the first samples with --align start, or set the lag with --align SECONDS",

@@ -117,7 +117,7 @@ def _tables(leaves: Sequence[Leaf], stated: set[str]) -> Iterator[RawTable]:
 
 
 def _columns(name: str, value: Any) -> list[RawColumn]:
-    """Columns of a vector or matrix; none for other values. The longer dimension of a matrix is the time."""
+    """Columns of a vector or matrix; no columns for other values. The longer dimension of a matrix is the time."""
     array = np.squeeze(np.asarray(value))
     zero = None
     if array.dtype.kind == "M" and array.ndim == 1 and len(array):

@@ -210,6 +210,6 @@ class Recording:
             f"has no column for {joint}.{quantity}",
             file=self.path,
             choices=tuple(c.meaning for c in self.channels.values() if c.quantity),
-            hint=f"Columns in the file: {', '.join(self.channels)}. Map one with --map COLUMN={joint}.{quantity}",
+            hint=f"Columns in the file: {', '.join(self.channels)}. Map a column with --map COLUMN={joint}.{quantity}",
             code="no-such-quantity",
         )

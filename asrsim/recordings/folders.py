@@ -56,7 +56,7 @@ def require_one_time(tables: Sequence[RawTable]) -> None:
     dated = {bool(table.zero) for table in tables}
     if len(dated) > 1:
         with_date, without = (listed([t.name for t in tables if bool(t.zero) is dates], 4) for dates in (True, False))
-        message = f"its files have two clocks: the times of {with_date} are dates, those of {without} are not"
+        message = f"its files have two clocks: the times of {with_date} are dates, the times of {without} are not"
         raise RecordingError(message, hint="Give the files one by one, as separate recordings", code="two-clocks")
     if tables and max(table.time[0] for table in tables) >= min(table.time[-1] for table in tables):
         spans = listed([f"{table.name} from {table.time[0]:.6g} to {table.time[-1]:.6g} s" for table in tables], 4)

@@ -50,8 +50,8 @@ class Reader:
     magic: tuple[bytes, ...] = ()
     """First bytes that identify the format. They have precedence over the ending of the file's name."""
     confined: bool = True
-    """Whether the file is read in a child process with limits on time and memory. Of asrsim's formats, only text and JSON are
-    not.
+    """Whether the file is read in a child process with limits on time and memory. asrsim reads text and JSON without a child
+    process.
     """
 
     def __post_init__(self) -> None:

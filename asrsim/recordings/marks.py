@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 
 _OTHER = {".": ",", ",": "."}
-"""The other mark for each of the two decimal marks. The other mark may separate groups of three digits in large numbers."""
+"""The other mark of each decimal mark: a comma for a point, a point for a comma. The other mark may separate groups of digits.
+"""
 _GROUPS = {
     mark: re.compile(rf"-?[1-9]\d{{0,2}}(?P<groups>(?:\{other}\d{{3}})+)(?P<part>\{mark}\d*)?")
     for mark, other in _OTHER.items()

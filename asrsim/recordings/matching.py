@@ -22,7 +22,7 @@ def match_joints(names: Sequence[str], recording: Recording) -> Mapping[str, str
     column, joint = next(iter(recording.channels.values())), names[0] if names else "JOINT"
     doubt = next((f"; {one.source}: {one.question}" for one in recording.asked), "")
     problem = Problem(
-        f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording "
+        f"no common joint: the simulation has {', '.join(names) or 'none'}, the recording has "
         f"{', '.join(recorded) or 'no column that is mapped to a joint'}{doubt}",
         file=recording.path,
         code="no-common-joint",

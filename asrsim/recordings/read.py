@@ -30,7 +30,7 @@ from asrsim.recordings.reading import ColumnMap, Reading, is_document, load_read
 from asrsim.recordings.suspicions import condense, suspicions
 from asrsim.recordings.times import with_times
 from asrsim.recordings.turns import turn_of, unwrapped
-from asrsim.recordings.units import Unit, fits, split_header, unsure_units
+from asrsim.recordings.units import Unit, fits, split_header, unread_unit, unsure_units
 from asrsim.recordings.words import UNIT_KINDS, DoubtError
 from asrsim.samples import Array
 
@@ -125,6 +125,7 @@ def _recording(
     require_one_recording(raw, columns)
     columns = _without_repeats(columns, findings)
     findings += [
+        *_unread_units(raw, columns),
         *suspicions(columns, [column.values for column in raw]),
         *_questions(path, columns, READERS.file_of(content.format)),
     ]
@@ -172,7 +173,7 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
         if one.quantity is not None and one.unit is None and (choices := unsure_units(raw[index].header)):
             hint = f"State it: --map '{one.column}={one.joint}.{one.quantity} [{choices[0]}]'"
             problems.append(
-                replace(problem, message="its unit may mean several", choices=choices, hint=hint, code="wrong-unit")
+                replace(problem, message="its unit may mean several units", choices=choices, hint=hint, code="wrong-unit")
             )
         elif one.quantity is not None and not fits((unit := _unit(raw[index], one)).si, unit_of(one.quantity)):
             message = f"is in {unit.symbol}, which is not a unit of {one.quantity} ({unit_of(one.quantity)})"
@@ -184,6 +185,21 @@ def _explicit(raw: Sequence[RawColumn], reading: Reading, joints: Sequence[str] 
     if problems:
         raise RecordingError(problems)
     return found
+
+
+def _unread_units(raw: Sequence[RawColumn], columns: Sequence[Column]) -> Iterator[Problem]:
+    """Problems of mapped columns whose headers end with an unknown unit, while neither mapping nor factor states it.
+
+    columns: columns in the order of `raw`.
+    """
+    by_name = {column.source: column for column in columns}
+    for one in raw:
+        column = by_name[one.name]
+        unread = "" if one.joint is not None or column.stated or not column.given else unread_unit(one.header)
+        if unread and column.quantity and column.read_as is not None and abs(column.read_as.scale) == 1.0:
+            message = f"its header states '{unread}', which is not a known unit: the unit {column.unit or 'of SI'} is assumed"
+            hint = f"State the unit, or a factor: --map '{one.name}={column.meaning} [unit]'"
+            yield Problem(message, key=one.name, hint=hint, code="suspected-unit")
 
 
 def _unit(raw: RawColumn, one: ColumnMap | None) -> Unit:

@@ -106,7 +106,7 @@ def _flat(data: Any, prefix: str, around: Sequence[Any] = ()) -> Iterator[tuple[
 
 
 def read_excel(path: Path, reading: Reading) -> Content:
-    """Content of the sheet that `reading` names or, if it names none, of the first sheet with two rows of numbers. Raises
+    """Content of the sheet that `reading` names or, if it names no sheet, of the first sheet with two rows of numbers. Raises
     RecordingError.
     """
     from python_calamine import CalamineWorkbook

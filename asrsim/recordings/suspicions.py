@@ -231,7 +231,7 @@ def _markers(column: Column, time: Array, numbers: Array) -> Iterator[Problem]:
         usual = re.fullmatch(r"-?9{2,}(\.9+|\.0)?", str(mark)) or abs(mark) in _LIMITS
         if high > low and gap > (_NEAR if usual else _FAR) * (high - low):
             message = f"is {mark:g} in {counted(int(there.sum()), 'sample')}, the first at t = {time[there][0]:.6g} s, and "
-            message += f"from {low:g} to {high:g} in all others: does this number mark missing values?"
+            message += f"from {low:g} to {high:g} in all other samples: does this number mark missing values?"
             hint = f"If so, state it in the document beside the file: `missing: {mark:.12g}`"
             yield Problem(message, key=column.source, hint=hint, code="suspected-marker")
             return

@@ -417,8 +417,8 @@ def _separator(lines: Sequence[str], reading: Reading) -> tuple[str, str]:
         whole = [row if row[-1] or columns < 3 else row[:-1] for row in rows if len(row) == columns]
         widths = list_widths(whole)
         good = sum(share_of_values(kinds_of(spread(row, widths), decimal)) for row in whole) / len(rows)
-        # If all cells are numbers with each of the two decimal marks, prefer the decimal mark with which the other mark is
-        # rarer.
+        # If a point or a comma may be the decimal mark of all cells, prefer the mark for which fewer cells contain the other
+        # mark.
         other = sum(bool(use_of_other(cell, decimal)) for row in whole for cell in row) / (columns * len(rows))
         return round(good - (0.4 if columns == 1 else 0.0) - 0.1 * other, 3)
 

@@ -136,7 +136,8 @@ def unit_of_time(column: RawColumn) -> Unit | None:
 def _timed(table: RawTable, reading: Reading, findings: list[Problem]) -> RawTable:
     """Table with its times in s and without its time columns. NaN replaces the number that marks missing values.
 
-    The time is in the columns that the user states. If the user states none, it is in the first column whose name means a time.
+    The time is in the columns that the user states. If the user states no column, the time is in the first column whose name
+    means a time.
     """
     columns, names = table.columns, [column.name for column in table.columns]
     if (lost := reading.missing) is not None:
@@ -269,7 +270,7 @@ def _continued(values: Array, periods: Sequence[float], name: str, unit: str, fi
 
 
 def _median(values: Array) -> float:
-    """Median of the values that are numbers; 0 if there are none."""
+    """Median of the values that are numbers; 0 if no value is a number."""
     known = values[np.isfinite(values)]
     return float(np.percentile(known, 50, method="nearest")) if len(known) else 0.0
 
@@ -343,7 +344,8 @@ def _cleaned(table: RawTable, findings: list[Problem]) -> RawTable:
         step, rate = coarse
         message = f"has steps of {step:g} s, so {len(repeated)} of {len(valid)} samples repeat the time of the sample before"
         hint = (
-            f"For even samples state their rate, --rate {rate:.3g}; if the rows alternate between several joints, `joint: name`"
+            f"If the samples are even, state --rate {rate:.3g}; if the rows alternate between several joints, state "
+            "`joint: name`"
         )
         raise RecordingError(message, key=name, line=table.line(repeated[0]), hint=hint, code="coarse-clock")
     leave_out(repeated, "repeated time stamp", "repeated-time", 0.5, why)

@@ -88,6 +88,8 @@ _UNSURE = {"grad": ("deg", "gon"), "grads": ("deg", "gon"), "grad/s": ("deg/s", 
 """Units that an ambiguous spelling may mean. In German, Grad means degrees; in other languages, grad is 1/400 of a turn."""
 _LETTERS = {letter.lower() for letter in UNITS if len(letter) == 1 and letter.isalpha()}
 _GAP, _WORD = r"(?:[_\s]in)?[_\s]+", r"[^_\s]+"
+_BRACKETS = re.compile(r".*[^\s_\[\](){}<>][_\s]*[\[(<{](?P<unit>[^\[\](){}<>]*[^\W\d_][^\[\](){}<>]*)[\])>}]\s*")
+"""Pattern of a header that ends with a text in brackets."""
 _NAME, _ANOTHER = rf"(?P<name>.*?[^_\s]){_GAP}", rf"[_\s]+{_WORD}"
 """_NAME: pattern of a name, with the gap before its unit.
 _ANOTHER: pattern of a further word of the unit.
@@ -163,17 +165,29 @@ def parse_unit(text: str) -> Unit:
 
 @lru_cache(maxsize=8192)
 def split_header(header: str) -> tuple[str, Unit | None]:
-    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg` or `t / ms`. The unit is None if the header states
-    none.
+    """Name and unit in a header such as `q1 [deg]`, `pos (rad)`, `q1_deg` or `t / ms`. The unit is None if the header states no
+    unit.
     """
     text = header.strip(' "')
     for pattern in _HEADERS:
         found = pattern.fullmatch(text)
         # Words with a blank between them are separate symbols, so the unit of `theta m deg` is not mdeg.
         unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
-        if found and unit is not None:
+        # Both parts of `v [km/h]` have half of a bracket: the h is not its unit.
+        if found and unit is not None and _closed(found["name"]):
             return found["name"] + (found.groupdict().get("rest") or ""), unit
     return text, None
+
+
+def _closed(name: str) -> bool:
+    """Whether a name has as many opening as closing brackets."""
+    return all(name.count(opening) == name.count(closing) for opening, closing in ("[]", "()", "{}"))
+
+
+def unread_unit(header: str) -> str:
+    """Text in brackets at the end of a header that is probably an unknown unit, such as `cNm`; "" otherwise."""
+    found = _BRACKETS.fullmatch(header.strip(' "'))
+    return found["unit"].strip() if found is not None and split_header(header)[1] is None else ""
 
 
 def fits(unit: str, quantity_unit: str) -> bool:

@@ -58,7 +58,7 @@ def result_fault(function: Callable[..., Any], message: str) -> InputError:
 
 
 class Registry(Generic[T]):
-    """Table of named entries; the error for an unknown name lists the known ones.
+    """Table of named entries; the error for an unknown name lists the known names.
 
     Installed packages add entries through an entry point group. These entries are loaded when a name is not
     found, so that they do not slow down the start. An entry is refused if it is not derived from `base`, is not an instance of
@@ -155,7 +155,7 @@ class Registry(Generic[T]):
             raise InputError(self.unknown(name)) from None
 
     def unknown(self, name: str) -> Problem:
-        """Problem of a name that is not in the registry: its entry is broken, or there is none."""
+        """Problem of a name that is not in the registry: its entry is broken, or there is no entry."""
         known = self.names()
         if name in self._broken:
             return self._broken[name]

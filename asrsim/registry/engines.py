@@ -21,14 +21,16 @@ class EngineEntry:
     scenario's modes and parameters already."""
     doc: str
     module: str = ""
-    """Python module that the engine needs; empty if it needs none."""
+    """Python module that the engine needs; empty if it needs no module."""
     prescribed: bool = False
     """Whether the scenario's `motion` prescribes the motion of the links."""
     masses_of_file: bool = False
     """Whether the links have the masses of the robot's file: then asrsim checks the balance of their energy, and `--certify`
     compares the run with another engine."""
     faster: str = ""
-    """Name of an engine that gives the same motion many times faster in a world without contacts; empty if there is none."""
+    """Name of an engine that computes the same motion many times faster in a world without contacts; empty: there is no such
+    engine.
+    """
 
     @property
     def available(self) -> bool:

@@ -37,7 +37,7 @@ class Stepping:
                 raise InputError("must be from 0 to 1", key=f"stepping {self.name}.{name}", value=value, code="out-of-range")
 
 
-OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what takes its place"
+OWN_STEPPINGS = "docs/architecture.md, 'A stepping of your own', states what to use instead"
 """Hint for an unknown stepping."""
 
 
@@ -48,7 +48,7 @@ class _Steppings(Mapping[str, Stepping]):
         self._table: dict[str, Stepping] = {}
         for stepping in steppings:
             if stepping.name in self._table:
-                message = "two steppings have this name; each needs its own"
+                message = "two steppings have this name; each stepping needs a separate name"
                 raise InputError(message, key="stepping", value=stepping.name, code="stepping")
             self._table[stepping.name] = stepping
 

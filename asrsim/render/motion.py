@@ -230,7 +230,11 @@ def logged_scene(info: RunInfo, path: Path) -> tuple[RenderScene, tuple[str, ...
     keys = {key: value for key, value in info.resolved["scenario"].items() if key in _KEYS}
     info = replace(info, urdf=_shape_only(info.urdf), resolved={"scenario": {**keys, "duration": 1.0}})
     with TemporaryDirectory(prefix="asrsim-render-") as folder:
-        scenario, robot = restore(info, Path(folder))
+        try:
+            scenario, robot = restore(info, Path(folder))
+        except InputError as error:
+            # Name the log, since the restored files are temporary.
+            raise LogError(replace(problem, file=path, line=None) for problem in error.problems) from error
         shown, notes = drawable(robot, scenario.package_paths)
         scene = RenderScene(shown, scenario)
     return scene, (*notes, *scene.notes)

@@ -21,7 +21,7 @@ _BALL_COLOUR: Rgba = (0.15, 0.15, 0.17, 1.0)
 
 
 def drawable(robot: Robot, package_paths: Mapping[str, Path | str] | None = None) -> tuple[Robot, tuple[str, ...]]:
-    """The robot with visuals for links that have none, and notes for the user about meshes and links.
+    """The robot with visuals for links without visuals, and notes for the user about meshes and links.
 
     A link without visuals gets its collision shapes as visuals. A link without any shapes gets rods, which lead from its frame
     to each joint attached to it, or to its centre of mass. The thickness of the rods follows from their lengths. Fixed links

@@ -90,6 +90,8 @@ def _verdict(fit: FitFolder) -> str:
         parts.append(f"<h3>What may be missing, and what each cause would explain</h3>{bullets(fit.causes)}")
     if fit.accepted:
         parts.append("<p>The model was accepted although it does not fit: its robot file was written.</p>")
+    if fit.predictions:
+        parts.append(f"<h3>How well it predicts other recordings</h3>{bullets(fit.predictions)}")
     if fit.remarks:
         parts.append(f"<h3>How the recordings were read</h3>{bullets(fit.remarks)}")
     return section("Verdict", "".join(parts)) if parts else ""

@@ -216,6 +216,6 @@ class _Tags:
             return None
         if arithmetic:
             leading = leading_number(text)
-            message = f"arithmetic, taken as {value:g}; the toolbox reads only the leading number {leading:g}"
+            message = f"the arithmetic is taken as {value:g}; the toolbox reads only the leading number {leading:g}"
             self.findings.warn(message, self.by_name[name], f"{self.shown}.{name}", code="misread-value", value=text)
         return value

@@ -92,14 +92,16 @@ def _sizes(robot: Robot) -> Iterator[Problem]:
     for link in robot.links:
         moves, mass, inertia = link is not robot.root, link.mass or 0.0, link.inertia or (0.0,) * 6
         if moves and mass > max(HEAVY, DENSITY * size**3):
-            yield _about(f"a heavy link for {what} (masses are in kg)", robot, link, code="heavy-link", value=f"{mass:g} kg")
+            yield _about(
+                f"the link is heavy for {what} (masses are in kg)", robot, link, code="heavy-link", value=f"{mass:g} kg"
+            )
         away = math.hypot(*link.centre_of_mass)
         if away > AWAY + 2.0 * size:
             message = f"the centre of mass lies far outside {what} (lengths are in m)"
             yield _about(message, robot, link, code="far-centre", value=f"{away:g} m from the link's frame")
         gyration = math.sqrt(max(inertia[0], inertia[3], inertia[5], 0.0) / mass) if mass else 0.0
         if moves and gyration > AWAY + 2.0 * size:
-            message = f"the inertia is that of a body far larger than {what} (in kg m^2)"
+            message = f"only a body far larger than {what} has this inertia (in kg m^2)"
             yield _about(message, robot, link, code="large-inertia", value=f"radius of gyration {gyration:.4g} m")
 
 
@@ -108,7 +110,7 @@ def _no_inertial(robot: Robot) -> Iterator[Problem]:
     kg."""
     for link in robot.links:
         if link.mass is None and link is not robot.root:
-            message = "link has no <inertial>: taken as massless (PyBullet alone would assume 1 kg)"
+            message = "link has no <inertial>: the link is taken as massless (PyBullet alone would assume 1 kg)"
             yield _about(message, robot, link, code="no-inertial")
 
 
@@ -141,7 +143,7 @@ def _passive(robot: Robot) -> Iterator[Problem]:
 
 def _no_actuators(robot: Robot) -> Iterator[Problem]:
     if not robot.actuators and robot.moving_joints:
-        hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts one on every joint"
+        hint = "`asrsim init FILE --actuator NAME` writes a scenario that puts an actuator on every joint"
         message = "no actuator of the toolbox is in this file: no joint is driven"
         yield Problem(message, code="no-actuators", file=robot.path, key=robot.name, hint=hint)
 

@@ -51,7 +51,7 @@ def _divide(findings: Findings, joint: Any) -> None:
     else:
         axes, kinds = np.eye(3), ("continuous", "revolute", "continuous")
         parts = f"hinges about x, y and z; the hinge about y stops at {STEEPEST:g} rad, before the other axes coincide"
-    message = f"has several degrees of freedom: simulated as joints {names[0]}, {names[1]}, {names[2]}, which are {parts}"
+    message = f"has several degrees of freedom: it is simulated as joints {names[0]}, {names[1]}, {names[2]}, which are {parts}"
     limits, dynamics, origin = (elements(joint, tag)[:1] for tag in ("limit", "dynamics", "origin"))
     if any(number_of(tag.get(key, "0")) for tag in limits for key in ("lower", "upper")):
         message += ". Its limits of position are left out"

@@ -47,6 +47,30 @@ def tensor_of(inertia: Iterable[float]) -> np.ndarray:
     return np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
 
 
+def second_moments(inertia: Iterable[float]) -> np.ndarray:
+    """Second moments of mass (3, 3), the integral of x x^T over the mass, kg m^2, from six numbers of an inertia. A body has
+    this inertia only if no eigenvalue is negative: then no principal moment exceeds the sum of the other two.
+    """
+    tensor = tensor_of(inertia)
+    moments: np.ndarray = 0.5 * np.trace(tensor) * np.eye(3) - tensor
+    return moments
+
+
+def nearest_possible(inertia: Inertia, least: float = 0.0) -> Inertia:
+    """The physically possible inertia whose second moments are closest to the second moments of `inertia`.
+
+    least: smallest eigenvalue of the second moments, as a fraction of their trace. Source: the condition is by Wensing, Kim and
+    Slotine (2018), Linear matrix inequalities for physically consistent inertial parameter identification.
+    """
+    moments = second_moments(inertia)
+    sizes, axes = np.linalg.eigh(moments)
+    floor = least * max(float(np.trace(moments)), 0.0)
+    if sizes[0] >= floor:
+        return inertia
+    nearest = (axes * np.maximum(sizes, floor)) @ axes.T
+    return numbers_of(np.trace(nearest) * np.eye(3) - nearest)
+
+
 def numbers_of(tensor: np.ndarray) -> Inertia:
     """Six numbers of an inertia tensor (3, 3)."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = tensor.tolist()

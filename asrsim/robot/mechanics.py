@@ -138,7 +138,8 @@ def fixed_at(joint: Joint, position: float) -> Joint:
 
 
 def _narrowed(findings: Findings, master: Joint, follower: Joint) -> Joint:
-    """The master with a range in which the follower is within its limits, if there is such a range."""
+    """The master with limits within which the follower keeps its own limits; the unchanged master if there are no such
+    limits."""
     low, high = master.stops
     ends = sorted((stop - follower.offset) / follower.multiplier for stop in follower.stops)
     least, most = max(low, ends[0]), min(high, ends[1])

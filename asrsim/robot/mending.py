@@ -28,7 +28,9 @@ def mended(data: bytes, path: Path) -> tuple[bytes, list[Problem]]:
         found = mend(data)
         if found is not None:
             data, fault, line = found
-            notes.append(Problem(f"{fault}; read as ROS and Gazebo read it", file=path, line=line, code="mended-xml"))
+            notes.append(
+                Problem(f"{fault}; asrsim reads the file as ROS and Gazebo do", file=path, line=line, code="mended-xml")
+            )
     return data, notes
 
 

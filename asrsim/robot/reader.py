@@ -136,7 +136,7 @@ def _read(root: Any, data: bytes, findings: Findings, locked: Sequence[str]) -> 
 
 
 def _text(data: bytes, root: Any, *, mended: bool) -> str:
-    """Document as text. A declaration of another encoding is removed, since a text has none."""
+    """Document as text. A declaration of another encoding is removed, since a text has no encoding."""
     from lxml import etree
 
     encoding = (root.getroottree().docinfo.encoding or "utf-8").lower()

@@ -24,7 +24,7 @@ UNIT = 2e-4
 """Largest deviation of an axis from length 1 without a warning; it covers rounded values such as 0.707 and 0.7071."""
 LONGEST_NAME = 255
 """Largest length of a name, characters; PyBullet crashes at 1024 bytes."""
-EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs none"
+EMPTY_LIMIT = "Exporters write 0 for an empty field: give the joint's limits, or make it continuous, which needs no limits"
 """Hint for limits of 0."""
 _SLACK = 0.1
 """Range of limits, and difference of this range from a turn, that exporters write for a continuous joint, rad."""
@@ -45,7 +45,7 @@ def declare_world(findings: Findings, root: Any) -> bool:
     users = [parent for parent in joints if name_of(parent, "link") == WORLD]
     if not users or any(name_of(link) == WORLD for link in elements(root, "link")):
         return False
-    message = f"the parent link '{WORLD}' is not declared: taken as the fixed world"
+    message = f"the parent link '{WORLD}' is not declared: it is taken as the fixed world"
     findings.warn(message, users[0], name_of(users[0].getparent()), code="undeclared-world", hint='Add <link name="world"/>')
     etree.SubElement(root, "link", name=WORLD)
     return True
@@ -180,7 +180,7 @@ def _too_small(findings: Findings, tag: Any, place: str, value: float) -> None:
 
 
 def _physical(findings: Findings, tag: Any, name: str, mass: float, matrix: np.ndarray, largest: float) -> np.ndarray:
-    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest tensor without one."""
+    """Inertia tensor, kg m^2. A tensor with a negative principal moment is replaced by the nearest physical tensor."""
     moments, axes = np.linalg.eigh(matrix)
     scale = float(np.abs(matrix).max())
     shown = f"{_listed(moments)} kg m^2"
@@ -245,7 +245,7 @@ def _joint(findings: Findings, element: Any, name: str, links: tuple[str, ...], 
         tags = elements(element, tag)
         changes |= read(findings, tags[0], name, joint) if tags else {}
     if kind in ("revolute", "prismatic") and not elements(element, "limit"):
-        message = "has no <limit>, which the URDF format requires; taken as unlimited"
+        message = "has no <limit>, which the URDF format requires: the joint is taken as unlimited"
         findings.warn(message, element, name, code="missing-limit")
     return replace(joint, **changes)
 
@@ -304,7 +304,8 @@ def _limits(findings: Findings, tag: Any, name: str, joint: Joint) -> dict[str, 
         return limits
     if lower is None and upper is None:
         message = (
-            "its <limit> states neither lower nor upper: taken as unlimited. ROS and Gazebo take both as 0 and hold the joint"
+            "its <limit> states neither lower nor upper: the joint is taken as unlimited. ROS and Gazebo take both as 0 and "
+            "hold the joint"
         )
         hint = "Give the joint's limits; a revolute joint without limits is of type='continuous'"
         findings.warn(message, tag, name, code="missing-limit", hint=hint)

@@ -27,7 +27,7 @@ def without_floating_root(
             findings.warn(message, joint.line, joint.name, code="floating-root", hint=hint)
             links, joints = tuple(link for link in links if link is not above), tuple(one for one in joints if one is not joint)
         elif joint.kind == "floating":
-            hint = "A robot that floats as a whole: leave this joint out and set `base: {fixed: false}` in the scenario"
+            hint = "If the robot floats as a whole, leave this joint out and set `base: {fixed: false}` in the scenario"
             findings.error("floating joints cannot be simulated", joint.line, joint.name, code="joint-type", hint=hint)
     return links, joints
 

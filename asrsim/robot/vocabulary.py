@@ -115,6 +115,26 @@ def _rotor_inertia(actuator: Any, _text: str) -> Effect | None:
     return Effect(shown, at_joint) if at_joint else None
 
 
+_BASE = "State `base: {rpy: [...]}` in the scenario"
+"""Hint for a robot that Gazebo turns."""
+
+
+def _model_pose(tag: Any, text: str) -> Effect | None:
+    """Orientation of the whole robot in Gazebo.
+
+    A position has no effect on the motion. A `<gazebo>` with a reference places only a part of a link.
+    """
+    angles = [number_of(part) or 0.0 for part in text.split()[3:6]]
+    if tag.getparent().get("reference") or not any(angles):
+        return None
+    shown = ", ".join(f"{angle:g}" for angle in angles)
+    message = (
+        f"Gazebo turns the robot by rpy [{shown}]; in asrsim the robot keeps its orientation, so gravity acts in another "
+        "direction"
+    )
+    return Effect(message, max(map(abs, angles)))
+
+
 def _of_actuator(actuator: Any, names: Collection[str]) -> float | None:
     """Number in a child of an `<actuator>` or its `<transmission>` with one of the names, in any name space."""
     for tag in (*elements(actuator), *elements(actuator.getparent())):
@@ -231,7 +251,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(READ, "@name"), **_words(SILENT, "@type @verbose @concave verbose sensor bullet audio_source"
                                                  " self_filter xacro:*"),
         **_within("inertial", "visual", "collision"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim, forces move it"),
         **_words(CONTACT, "contact surface inertia_scaling self_collision_checking collision_checking"),
         "gravity": READ,
     },
@@ -339,7 +359,7 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(SILENT, "sensor:* controller:* interface:* xacro:* gripper"),
         **_words(left("this joint closes a loop in older versions of Gazebo; it is left out", neutral=None), "joint:*"),
         **_words(SILENT, "@name @xmlns @version sensor controller material laserRetro provideFeedback disableFixedJointLumping"
-                         " preserveFixedJoint implicitSpringDamper visual pose light include frame ignition:model"
+                         " preserveFixedJoint implicitSpringDamper visual light include frame ignition:model"
                          " stopCfm stopErp cfmDamping fudgeFactor physics canonicalBody @parent audio_sink"
                          " audio_source projector rendering script_url genTexCoord transparency mass inertial_precision"),
         **_words(CONTACT, "mu mu1 mu2 kp kd maxVel minDepth fdir1 maxContacts max_contacts selfCollide self_collide"
@@ -349,8 +369,9 @@ WORDS: Mapping[str, Mapping[str, Word]] = {
         **_words(left(_STOP), "stopKp stopKd"),
         "dampingFactor": left("Gazebo slows the link in every step by a factor of {}; in asrsim it moves without this loss"),
         "velocity_decay": left("Gazebo slows the link in every step; in asrsim it moves without this loss", neutral=None),
+        "pose": special(_model_pose, "Gazebo turns the robot; in asrsim the robot keeps its orientation", hint=_BASE),
         "static": left("Gazebo holds the whole robot in place (static); in asrsim it moves"),
-        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim it moves under them"),
+        "kinematic": left("Gazebo moves this link without forces (kinematic); in asrsim, forces move it"),
         "enable_wind": left("wind does not act in asrsim"),
         "joint": READ, **_words(_SDF, "inertial axis limit link model"),
     },

@@ -264,16 +264,23 @@ class Scenario:
         ListOf(of=block_of(Wrench, "load on a link")), default=(), doc="forces and torques on links"
     )
     command_imperfections: Mapping[str, Imperfections] = declare(
-        IMPERFECTIONS_BY_JOINT, key="imperfections.commands", default={}, doc="imperfections of the references"
+        IMPERFECTIONS_BY_JOINT,
+        key="imperfections.commands",
+        default={},
+        doc="imperfections of the scenario's references; references that are set from outside (live runs, views, environments, "
+        "the library) act as they were sent",
     )
     sensor_imperfections: Mapping[str, Imperfections] = declare(
         IMPERFECTIONS_BY_JOINT,
         key="imperfections.sensors",
         default={},
-        doc="imperfections of the sensors that the PID controllers read",
+        doc="imperfections of the sensors that the PID controllers read. Positions have all of them; velocities, on which the "
+        "derivative action acts, are delayed and held, but have neither noise nor quantisation",
     )
     link_damping: Mapping[str, LinkDamping] = declare(
-        MapOf(of=block_of(LinkDamping, "damping law")), default={}, doc="link damping that changes with the stiffness"
+        MapOf(of=block_of(LinkDamping, "damping law")),
+        default={},
+        doc="link damping of joints with actuators, which changes with the stiffness",
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
     task: CartesianTask | None = declare(

@@ -72,7 +72,7 @@ class CartesianTask:
                 message = f"times must ascend, but {after:g} follows {before:g}"
                 raise ScenarioError(message, key="poses", code="order")
         if len({pose.rpy is None for pose in self.poses}) > 1:
-            message = "either all poses have an orientation (rpy) or none"
+            message = "all poses must have an orientation (rpy), or no pose"
             raise ScenarioError(message, key="poses", code="mixed-orientation")
 
 

@@ -88,7 +88,7 @@ def _check_key(key: str) -> None:
             code="override",
             hint=f"Numbers of the URDF are changed there, by `asrsim sweep --over {key}=...`, or by reset(parameters=...)"
             if path[1] in (*LINK_NAMES, *JOINT_NAMES)
-            else f"A joint's parameter is parameters.{key}, its reference references.{key}",
+            else f"A joint's parameter is parameters.{key}, and its reference is references.{key}",
         )
 
 

@@ -68,8 +68,8 @@ def undersampled(scenario: Scenario, substeps: int) -> Iterator[Problem]:
     """Warnings about signals that change faster than the substeps sample them, so that the robot follows a slower motion.
 
     In a substep h, a sine of frequency f deviates from the straight line between two samples by at most the fraction tan(pi f h
-    / 2) / 2 of its largest change in a substep. A signal counts as undersampled above the deviation of a sine with half the
-    sampling rate, which is half of the change. Corners of slower signals stay below this limit.
+    / 2) / 2 of its largest change in a substep. At half the sampling rate, this is half of the change. A signal that deviates
+    by more than half of its change counts as undersampled. Corners of slower signals stay below this limit.
     """
     length = scenario.step / substeps
     numbers = np.arange(POINTS)

@@ -46,7 +46,7 @@ class Playback(Signal):
     start: float | None = declare(
         NUMBER,
         doc="simulated time of the earliest sample in any column of the file; by default, the sample's time in the "
-        "recording, or 0 if the times are those of a wall clock",
+        "recording, or 0 if the times come from a wall clock",
         unit="s",
         default=None,
     )
@@ -86,7 +86,9 @@ class Playback(Signal):
 
     @property
     def units(self) -> tuple[str, ...]:
-        """SI units that the column may have before it is scaled, with "1" for a pure number; no unit if its unit is unknown."""
+        """SI units that the column may have before it is scaled, with "1" for a pure number, or an unknown unit in its header.
+        No unit if neither header nor name states a unit.
+        """
         return self._units
 
     @cached_property

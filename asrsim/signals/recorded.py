@@ -13,7 +13,7 @@ from asrsim.quantities import linear_unit
 from asrsim.samples import Array
 
 if TYPE_CHECKING:
-    from asrsim.recordings.data import Column, Content, Recording
+    from asrsim.recordings.data import Column, Content, RawColumn, Recording
 
 _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
 """Codes of findings that report samples which the reading of a recording has removed."""
@@ -21,10 +21,11 @@ _FAULTS = ("ragged-row", "bad-time", "falling-time", "repeated-time")
 
 def read_column(path: Path, column: str) -> tuple[Array, Array, float, tuple[str, ...]]:
     """Strictly increasing times (n,) in s and values (n,) of a column, the earliest time of all columns in the file in s, and
-    the SI units that the column may have; no unit if neither the file nor the column's name states one.
+    the SI units that the column may have; no unit if neither the file nor the column's name states a unit.
 
-    Values are in SI units where the header or a document states the unit. If only some times of the file have a date, the
-    earliest time is that of the columns with a date if this column has a date, and otherwise that of the other columns.
+    Values are in SI units where the header or a document states the unit. If only some columns of the file have
+    dates, the earliest time is taken from the columns with dates if this column has dates, and otherwise from the columns
+    without dates.
 
     Args:
         path: Path of the recording.
@@ -60,14 +61,18 @@ def read_column(path: Path, column: str) -> tuple[Array, Array, float, tuple[str
         raise RecordingError(problems)
     # Times with a date and times without a date cannot be compared.
     earliest = min(float(one.time[0]) for one in content.tables if bool(one.zero) is bool(table.zero))
-    return found.time, found.values, earliest, _units_of(found)
+    return found.time, found.values, earliest, _units_of(columns[place or 0][1], found)
 
 
-def _units_of(column: Column) -> tuple[str, ...]:
-    """SI units that a column may have, with "1" for a pure number. If only the column's quantity is known, its joint may be
-    revolute or prismatic."""
+def _units_of(raw: RawColumn, column: Column) -> tuple[str, ...]:
+    """SI units that a column may have, with "1" for a pure number, or the unknown unit in its header. If only the column's
+    quantity is known, its joint may be revolute or prismatic."""
+    from asrsim.recordings.units import unread_unit
+
     if column.stated:
         return (column.unit or "1",)
+    if raw.joint is None and (unread := unread_unit(raw.header)):
+        return (unread,)
     return (column.unit, linear_unit(column.unit)) if column.quantity and column.unit else ()
 
 

@@ -15,8 +15,9 @@ from asrsim.signals.common import between
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled(Signal):
     """Linear interpolation between samples, constant before the first and after the last sample. Of two samples at the same
-    time, the first is the value before a jump, and the second the value after the jump. Scenario files cannot contain this
-    signal."""
+    time, the first is the value before a jump, and the second is the value after the jump. Scenario files cannot contain this
+    signal.
+    """
 
     kind: ClassVar[str] = "sampled"
 

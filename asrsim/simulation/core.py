@@ -330,7 +330,7 @@ class Core:
 
 
 def _widened(table: Array, columns: int) -> Array:
-    """The table (..., k) with further columns of zeros. A zero means that no stage acts."""
+    """The table, extended by columns of zeros to (..., columns). A zero means that no stage acts."""
     wide = np.zeros((*table.shape[:-1], columns))
     wide[..., : table.shape[-1]] = table
     return wide

@@ -19,8 +19,9 @@ FLOOR = 5e-3
 
 
 def runaway(prepared: Prepared, joint: str, time: float, what: str) -> DivergenceError:
-    """DivergenceError with the likely cause and a remedy. joint: name of the joint at fault, empty if the fault is one of the
-    whole robot; what: description of the fault."""
+    """DivergenceError with the likely cause and a remedy. joint: name of the joint at fault, empty if the fault concerns the
+    whole robot; what: description of the fault.
+    """
     omega_h, engine = prepared.resolution.omega_h, prepared.scenario.engine
     cause = (
         f"the step is probably too large for the stiffest spring (omega h = {omega_h:.2g}). Lower the step or raise substeps"
@@ -31,7 +32,7 @@ def runaway(prepared: Prepared, joint: str, time: float, what: str) -> Divergenc
     if prepared.model is not None and not prepared.model.of_file:
         own = (
             f"the mass matrix and bias of the engine '{engine}' are wrong for this motion, or its bias contains a spring that "
-            "the step does not resolve. Compare it by --cross-check, and lower the step"
+            "the step does not resolve. Compare the engine by --cross-check, and lower the step"
         )
         cause = f"{cause}. Or {own}" if joint else f"probably {own}"
     where = f"joint '{joint}'" if joint else "the run"

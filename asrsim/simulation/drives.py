@@ -101,7 +101,7 @@ class SteppedJoint:
 
     @property
     def stages(self) -> tuple[type[Stage], ...]:
-        """Stages that act on the joint; none in the released order."""
+        """Stages that act on the joint; no stages in the released order."""
         return tuple(map(STAGES.get, self._stages))
 
     def stage_constants(self, stage: type[Stage], motor: int) -> Any:
@@ -256,7 +256,7 @@ def with_delays(drive: SteppedJoint, delays: Mapping[str, float]) -> SteppedJoin
 
 def ranges_of(scenario: Scenario, drives: Sequence[SteppedJoint]) -> dict[str, dict[str, Range]]:
     """Smallest and largest value of each reference, by joint and reference. The values come from the scenario, or from the
-    robot's limits if the scenario states none. External torques are included if the robot's file subscribes to them or the
+    robot's limits if the scenario states no values. External torques are included if the robot's file subscribes to them or the
     scenario declares their range.
     """
     found: dict[str, dict[str, Range]] = {}

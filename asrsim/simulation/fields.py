@@ -117,6 +117,7 @@ class JointState:
     stage_lost: float = value("energy lost in the stages since the previous substep", "J")
     kick_velocity: float = value("velocity of the link at the kick, estimated before the kick, for joints with stages", "rad/s")
     kick_lead: float = value("time from the velocities of the motors to their kick; after the kick: length of the substep", "s")
+    kick_since: float = value("time since the last kick; 0 at the first kick, for joints with stages", "s")
     steady: float = value("number of kicks since an input jumped, at most 2, for joints with stages", "")
     spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
     motor_energy: float = value("kinetic energy of the motors", "J")
@@ -188,7 +189,7 @@ class JointKind:
     dynamic: int = constant("number of positions with motor dynamics; other positions equal their references", "", integer=True)
     springs: int = constant("number of springs, one for each motor", "", integer=True)
     pulling: int = constant(
-        "number of torques of the springs that act on the link; the others act on the housing", "", integer=True
+        "number of torques of the springs that act on the link; the other torques act on the housing", "", integer=True
     )
     placed: int = constant("number of positions that change the springs' energy", "", integer=True)
     controllers: int = constant("number of controllers with sensors", "", integer=True)

@@ -1,8 +1,8 @@
 """Imperfections: delay, hold at a rate, seeded noise and quantisation of commands (signals) and of sensors.
 
 The PID controllers of the motors (modes 5, 6) or of the link (mode 1) use the sensors' measurements instead of the true values.
-The laws of the actuators are unchanged: a position error acts like the opposite error of the reference, a velocity error like
-a torque. All imperfections are off by default.
+The laws of the actuators are unchanged: a position error acts like the opposite error of the reference, and a velocity error
+acts like a torque. All imperfections are off by default.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Functions that the kernel calls by address, in their Python version: the address is the function object itself.
 
-In compiled code, `asrsim.simulation.native` replaces these functions by calls through C pointers. It finds them by their names.
+In compiled code, `asrsim.simulation.native` replaces these functions by calls through C pointers. It finds the functions by
+name.
 """
 
 from __future__ import annotations

@@ -238,7 +238,7 @@ def _at(kind: Any) -> Any:
 
 @cache
 def _part(whole: Any, part: Any) -> Any:
-    """Function for compiled code that returns record i of the parts that follow a record in its row."""
+    """Function for compiled code that returns part number i of a row, in which the parts follow a record."""
     from llvmlite import ir
     from numba import types
     from numba.extending import intrinsic

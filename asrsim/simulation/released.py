@@ -2,9 +2,9 @@
 runs can be reproduced.
 
 The semi-implicit Euler method integrates the motors. In modes 5 and 6, the spring's torque on a motor is computed from the
-motors' old positions, and the torque on the link from their new positions; this scheme is not passive. Actuators with one motor
-also have the second motor that the released code integrates. In the SEA the second motor drives nothing; in AwAS-II the second
-motor moves the adjuster, with constants of the released class.
+motors' old positions, and the torque on the link is computed from their new positions; this scheme is not passive. Actuators
+with one motor also have the second motor that the released code integrates. In the SEA the second motor drives nothing; in
+AwAS-II the second motor moves the adjuster, with constants of the released class.
 
 Faults of the released code are *not* reproduced if their effect is undefined or useless. In asrsim, position references before
 the first command equal the initial position, and torque references are 0; the load on AwAS-II's second motor is 0; the first

@@ -38,7 +38,7 @@ class Start:
 
 
 def started_joints(drives: tuple[SteppedJoint, ...], start: Start) -> tuple[SteppedJoint, ...]:
-    """The joints with the positions, velocities and motors of `start`; the same object if `start` contains none. Raises
+    """The joints with the positions, velocities and motors of `start`; the same object if `start` contains no values. Raises
     InputError for wrong names and values.
     """
     given = {

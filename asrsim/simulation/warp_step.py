@@ -137,7 +137,7 @@ def _nothing(caller: Translation, given: list[Value]) -> Value:
 
 
 def _part(whole: Any, part: Any) -> Call:
-    """Record i of the parts that follow a record in its row."""
+    """Function that returns part number i of a row. The row begins with the record `whole`, and the parts follow the record."""
     first, size = len(columns(whole)), len(columns(part))
     return lambda caller, given: given[0].from_place(f"{first} + {given[1].text} * {size}", part)
 

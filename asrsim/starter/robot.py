@@ -238,11 +238,15 @@ class Starter:
         heading = [
             f"yaml-language-server: $schema={SCHEMA_FILE}",
             f"Starter scenario for {self.robot.name}, written by `asrsim init`. Units are SI: rad, m, N m, s.",
-            "docs/scenario.md explains every key, `asrsim actuators` every parameter; `asrsim check` finds mistakes.",
+            (
+                "docs/scenario.md explains every key, and `asrsim actuators` explains every parameter; "
+                "`asrsim check` finds mistakes."
+            ),
         ]
         if not self.robot.actuators:
             heading.append(
-                "The robot has no actuators. `actuators: qbmove` puts one on every joint; `asrsim actuators` lists all."
+                "The robot has no actuators. `actuators: qbmove` puts a qbMove on every joint; `asrsim actuators` lists all "
+                "types."
             )
         return yaml_text(*self.data(), heading)
 
@@ -360,7 +364,7 @@ def _finished(starter: Starter, loaded: Robot, folder: Path, fastest: float) -> 
 
 
 def _runnable(starter: Starter, loaded: Robot, folder: Path) -> Starter:
-    """Starter that a run accepts; it starts at equilibrium only if the arm has one. Raises the errors of a run."""
+    """Starter that a run accepts; it starts at equilibrium only if the arm has an equilibrium. Raises the errors of a run."""
     try:
         for scenario in starter.scenarios(folder):
             prepare(scenario, loaded)

@@ -82,7 +82,7 @@ def require_columns(
                 key="expect",
                 choices=found,
                 code="no-such-quantity",
-                hint=f"Its columns: {', '.join(list(recording.channels)[:30])}. Map one with "
+                hint=f"Its columns: {', '.join(list(recording.channels)[:30])}. Map a column with "
                 f"options: {{map: ['COLUMN={name}.{claim.quantity}']}}",
             )
             for name in missing

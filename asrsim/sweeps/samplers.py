@@ -21,7 +21,7 @@ class Sampler(ABC):
     title: str
     """Description of the sampler, for the documentation."""
     blocks: bool = False
-    """Whether the draws consist of the blocks A and B, and for every column j of a copy of A with column j of B (Saltelli et
+    """Whether the draws consist of blocks: A, B, and for every column j, a copy of A with column j of B (Saltelli et
     al. 2010). Sobol indices are computed from these blocks. All keys must then be drawn independently of each other.
     """
 

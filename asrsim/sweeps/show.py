@@ -83,7 +83,7 @@ def chosen_results(table: Table, results: Sequence[str], most: int) -> list[str]
 
 
 def study_data(table: Table, results: Sequence[str] = ()) -> dict[str, Any]:
-    """The study and its results as data for JSON. results: names of the results; by default, those that vary."""
+    """The study and its results as data for JSON. results: names of the results; by default, the results that vary."""
     names = list(results) or varying(table)
     found = {name: sobol(table, name) for name in names}
     quantiles = {name: table.quantiles(name) for name in names}

@@ -204,7 +204,7 @@ def _commands(ready: Prepared, plan: RecordingPlan, time: Array, notes: list[str
 
 
 def _clocks(ready: Prepared, measured: Array, time: Array) -> Iterator[str]:
-    """Notes on joints whose measured positions lag behind the commands by another time than the positions of the model."""
+    """Notes on joints whose measured positions lag behind the commands by more or less time than the model's positions."""
     count = min(len(time), round(LONGEST / ready.scenario.step))
     time = time[:count] - time[0]
     with Worlds(ready, 1, watched=False) as worlds:

@@ -46,8 +46,8 @@ observed torque.
 
 
 def varied(prepared: Prepared) -> list[dict[str, Mapping[str, float]]]:
-    """For each copy of a twin, the parameters that differ from the twin's, by joint and by name. There is one copy for each of
-    `KINDS`.
+    """For each copy of a twin, the parameters that differ from the twin's parameters, by joint and by name. There is one copy
+    for each of `KINDS`.
     """
     tables: list[dict[str, Mapping[str, float]]] = [{} for _ in KINDS]
     for stepped in prepared.drives:
@@ -83,7 +83,7 @@ class Mismatch(NamedTuple):
 
 
 def mismatch_of(joints: int, interval: float) -> Mismatch:
-    """Regression before its first row."""
+    """Regression that has no rows yet."""
     columns = len(KINDS) + 1
     return Mismatch(
         products=np.zeros((joints, columns + 1, columns + 1)),

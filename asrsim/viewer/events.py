@@ -53,8 +53,8 @@ def events_of(path: Path, samples: Samples, joints: Sequence[JointInfo], robot: 
 
 
 def limit_events(samples: Samples, joints: Sequence[JointInfo], robot: Robot, parameters: Mapping[str, Any]) -> Iterator[Event]:
-    """Events at which a link reaches a stop or its effort limit, a motor its torque limit, or a spring its largest deflection.
-    parameters: parameter values of the actuators, by joint.
+    """Events: a link reaches a stop or its effort limit, a motor reaches its torque limit, or a spring reaches its largest
+    deflection. parameters: parameter values of the actuators, by joint.
     """
     known = {joint.name: joint for joint in robot.joints}
     for column, name in enumerate(samples.joints):

@@ -50,7 +50,7 @@ class Painter:
                     self._draw()
                     spent = clock.thread_time() - began
                 now = clock.perf_counter()
-                # A late picture does not delay the next one, and pictures that are overdue are skipped. For `SHARE`, count only
+                # A late picture does not delay the next picture; pictures that are overdue are skipped. For `SHARE`, count only
                 # the time in which this thread works, and not the time in which it waits for a page or for a core.
                 due = max(due + FRAME, now + (1.0 / SHARE - 1.0) * spent)
                 pause = due - now

@@ -72,7 +72,7 @@ class Value:
         return Value(self.kind.number, f"{self.text}[{summed(self.at, index)}]")
 
     def from_place(self, index: str, record: Any = None) -> Value:
-        """The row that begins at an index of this row; record: class of the record that begins there, if it is one."""
+        """The row that begins at an index of this row; record: class of the record, if a record begins there."""
         return Value(Row(self.kind.number, record=record), self.text, summed(self.at, index))
 
     def field(self, name: str) -> Value:

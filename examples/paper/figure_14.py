@@ -162,7 +162,7 @@ def _push(result: Result) -> Array:
 
 
 def _touch(result: Result) -> float:
-    """Time at which the arm first touches the box, s; the end of the run if it never does."""
+    """Time at which the arm first touches the box, s; the end of the run if the arm never touches the box."""
     touching = _force(result) > 0.0
     return float(result.time[np.argmax(touching)] if touching.any() else result.time[-1])
 

@@ -34,8 +34,8 @@ class Lab:
     ) -> Result:  # fmt: skip
         """Result of a run of an example scenario's variant.
 
-        label: name of the run's folder inside the scenario's, by default the variant; robot: replaces the scenario's
-        robot; log: write a log. Raises the errors of `asrsim.run`.
+        label: name of the run's folder inside the folder of the scenario, by default the variant; robot: replaces the robot
+        of the scenario; log: write a log. Raises the errors of `asrsim.run`.
         """
         scenario = self.scenario(name, variant, overrides)
         if overrides or robot is not None:

@@ -35,7 +35,7 @@ def response(result: Result) -> FrequencyResponse:
 
 
 def from_equilibrium(result: Result) -> FrequencyResponse:
-    """Frequency response from the equilibrium position to the link position: only spring, load and friction, no motors."""
+    """Frequency response from the equilibrium position to the link position. It does not depend on the motors."""
     series = result[JOINT]
     return frequency_response(result.time, series.equilibrium_position, series.link_position, band=BAND)
 

@@ -784,7 +784,9 @@ def test_the_stepping_of_the_page_runs_and_is_of_its_order(monkeypatch, tmp_path
 
 
 def test_two_steppings_with_one_name_are_refused():
-    with pytest.raises(InputError, match=r"two steppings have this name; each needs its own \(got 'leapfrog'\)"):
+    with pytest.raises(
+        InputError, match=r"two steppings have this name; each stepping needs a separate name \(got 'leapfrog'\)"
+    ):
         type(STEPPINGS)(*STEPPINGS.values(), Stepping(name="leapfrog", order=2, doc="mine"))
 
 

@@ -125,7 +125,10 @@ def two_mass_frequency() -> Iterator[Check]:
     deflection = column(result, "motor_1_position") - column(result, "link_position")
     error = abs(frequency(deflection[50:], step) / leapfrog_frequency(omega, step) - 1.0)
     yield Check(
-        name="frequency of motor against link", figure=error, bound=1e-10, source="sqrt(k (1/J + 1/I)) and asin(omega h / 2)"
+        name="frequency at which motor and link oscillate against each other",
+        figure=error,
+        bound=1e-10,
+        source="sqrt(k (1/J + 1/I)) and asin(omega h / 2)",
     )
 
 

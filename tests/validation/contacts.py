@@ -142,8 +142,14 @@ def resting() -> Iterator[Check]:
             return
         for pair, mass in (("box/ground", MASS + 1.0), ("small/box", 1.0), ("box/small", -1.0)):
             error = float(np.max(np.abs(samples.contacts[pair][-100:] + mass * gravity)))
-            name = f"force on {pair.replace('/', ' by ')} at rest on a slope{label}"
-            yield Check(name=name, figure=error, bound=1e-3, unit="N", source="the weights, also along the slope")
+            name = f"rest on a slope: force on {pair.replace('/', ' by ')}{label}"
+            yield Check(
+                name=name,
+                figure=error,
+                bound=1e-3,
+                unit="N",
+                source="weights of the boxes, normal to the slope and along the slope",
+            )
         sunk = float(np.max(np.abs(samples.bodies["small"][-1, :3] - place)))
         yield Check(name=f"box on a box, way from where it was put{label}", figure=sunk, bound=1e-4, unit="m", source="0")
 

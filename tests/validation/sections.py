@@ -30,7 +30,7 @@ SECTIONS: tuple[Section, ...] = (
         text=(
             "Simulations are compared with solutions in closed form. If the true frequency is omega, a leapfrog simulation "
             "with step h oscillates at 2 / h asin(omega h / 2). Simulated frequencies are compared with this value, so only "
-            "rounding errors remain. The load is that of the paper (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
+            "rounding errors remain. The load is the paper's load (section 4.1): 0.2 kg at 0.04 m from a horizontal axis."
         ),
         measures=(
             closed_forms.static_equilibrium,
@@ -48,9 +48,9 @@ SECTIONS: tuple[Section, ...] = (
         title="Contacts",
         text=(
             "By default, PyBullet stops its contact solver after 50 iterations, or at a residual of 1e-7. Boxes and joints "
-            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim stops it after 500 iterations, "
-            "or at a residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a time "
-            "constant of several steps. Bodies at rest neither sink nor creep. A box that slides fast sometimes loses "
+            "that should stick then creep (by 0.15 mm/s and 1 mrad/s in these tests). asrsim stops the solver after 500 "
+            "iterations, or at a residual of 1e-18; most steps need fewer iterations. Contacts in MuJoCo are springs with a "
+            "time constant of several steps. Bodies at rest neither sink nor creep. A box that slides fast sometimes loses "
             "contact, so its friction is correct only on average. The logged contact force is the force on the first body of"
             " the pair in the last substep before the sample. In every step, the sum of all forces on a body equals its mass"
             " times its acceleration (`tests/physics/test_contact_worlds.py`)."
@@ -82,8 +82,8 @@ SECTIONS: tuple[Section, ...] = (
             "between steps. The order of a single robot may be lower, because a torque that reaches its limit within a step "
             "adds an error that depends on the phase of the step. With dry friction of joints and Dahl friction of motors, "
             "the order is also two, because a step is split where the velocity of a link becomes 0. If torques push a link "
-            "back while it strikes its stop, it leaves the stop at the time of the impact. The error of this motion is of "
-            "second order (`tests/physics/test_joint_stops.py`). In an arm with several joints, velocity torques are "
+            "back while it strikes its stop, the link leaves the stop at the time of the impact. The error of this motion is "
+            "of second order (`tests/physics/test_joint_stops.py`). In an arm with several joints, velocity torques are "
             "constant within the step of an impact, so the order may be one. With delayed, sampled, noisy and quantised "
             "commands and measurements, the order is two (`tests/physics/test_sensors.py`). For 16 sensors with random rates"
             " of 90 to 900 Hz and delays of .1 to 6 ms, the error is 3e-6 to 1.1e-5 rad at 1 ms. The order that is computed "
@@ -99,7 +99,7 @@ SECTIONS: tuple[Section, ...] = (
         title="Independent dynamics",
         text=(
             "The mass matrix, gravity torques and velocity torques of the engines are obtained from single steps. They are "
-            "compared with those of Pinocchio at 20 random states of each robot."
+            "compared with Pinocchio's matrices and torques at 20 random states of each robot."
         ),
         measures=(dynamics.rigid_body,),
         needs="pinocchio",
@@ -129,7 +129,7 @@ SECTIONS: tuple[Section, ...] = (
     Section(
         title="Real Gazebo, with friction and limits",
         text=(
-            "The recorded runs of Gazebo differ from those of asrsim by up to 2e-2 rad (RMS over 5 s), which is the error "
+            "The recorded runs of Gazebo differ from asrsim's runs by up to 2e-2 rad (RMS over 5 s), which is the error "
             "that Gazebo's time step causes. With dry friction, links also come to rest at different positions: a link may "
             "rest at any position at which the torques of spring and weight differ by less than the friction. AwAS-II at .04"
             " m is unstable in Gazebo."

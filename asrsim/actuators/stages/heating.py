@@ -4,7 +4,7 @@
 
 A winding is one thermal mass with the capacity C. The thermal resistance R connects it to surroundings at the temperature T_a.
 The torque limit falls from its full value at `derating_temperature` to 0 at `max_temperature`. The electric resistance of the
-winding is constant in this model, although a real one rises with the temperature.
+winding is constant in this model, although a real winding's resistance rises with the temperature.
 """
 
 from __future__ import annotations
@@ -115,6 +115,6 @@ class Heating(Stage):
         # The mean power until the next kick is not yet known, so extrapolate it from the powers at this kick and at the last
         # kick.
         mean = power + 0.5 * (power - last)
-        decay = exp(-kick.step / (own.resistance * own.capacity))
+        decay = exp(-kick.next_step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)
         memory.power = power

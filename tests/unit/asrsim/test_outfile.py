@@ -3,11 +3,12 @@
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from asrsim.errors import OutputError
 from asrsim.log import LogWriter
-from asrsim.outfile import MARKS, check_output, is_ours, make_folder, write_text, written
+from asrsim.outfile import MARKS, check_output, csv_text, is_ours, make_folder, write_text, written
 from support.log_example import INFO, example_samples
 
 PAGE = '<meta name="generator" content="asrsim 1">'
@@ -115,3 +116,9 @@ def test_a_folder_that_is_not_there_is_an_output_error(tmp_path):
 def test_an_unreadable_file_is_not_overwritten(tmp_path):
     assert not is_ours(tmp_path, "page")
     assert not is_ours(tmp_path / "nowhere", "page")
+
+
+def test_numbers_in_csv_are_the_shortest_texts_that_read_back_exactly():
+    assert csv_text(["time [s]", "a"], np.array([[0.1 + 0.2, 1e-9], [np.nan, 2.0]])) == (
+        "time [s],a\n0.30000000000000004,1e-09\nnan,2.0\n"
+    )

@@ -15,8 +15,9 @@ RANGES = {"*": {"equilibrium_position": [-1.0, 1.0], "stiffness_preset": [0.05, 
 ACTIONS = np.random.default_rng(3).uniform(-1.0, 1.0, (12, 3, 2))
 
 
-def made(count=3, *, engine="mujoco", duration=0.2, ranges=RANGES, **options):
-    keys = {} if engine is None else {"engine": engine}
+def made(count=3, *, engine="mujoco", duration=0.2, ranges=RANGES, imperfections=None, **options):
+    keys = {"engine": engine, "imperfections": imperfections}
+    keys = {name: value for name, value in keys.items() if value is not None}
     scenario = asrsim.make_scenario(
         EXAMPLES / "urdf" / "dof2_horizontal.urdf", duration=duration, modes={"*": 6}, reference_ranges=ranges, **keys
     )
@@ -230,6 +231,7 @@ def test_many_worlds_are_in_mujoco_unless_told_otherwise():
         ({"count": 1.5}, "num_envs.*whole number"),
         ({"threads": 0}, "threads.*whole number"),
         ({"device": "cuda"}, "device.*worlds on Warp only"),
+        ({"imperfections": {"commands": {"joint_1": {"delay": 0.1}}}}, "commands of 'joint_1' would not act"),
     ],
 )
 def test_a_wrong_option_is_refused_when_the_environment_is_made(options, words):

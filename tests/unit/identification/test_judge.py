@@ -43,6 +43,10 @@ def test_residuals_beyond_the_noise_are_faults_by_name():
         (white + sine, "an oscillation of 60 Hz remains"),
     ):
         assert words in fault_of(one, left)
+    # Correlated residuals are a fault also if they are somewhat smaller than the noise, and none if they are far below it.
+    slow = 2.0**0.5 * np.sin(20.0 * time)
+    assert "residuals are not white" in fault_of(one, 0.8e-3 * slow)
+    assert fault_of(one, 0.3e-3 * slow) == ""
     # Noise of the played commands may cause an oscillation.
     assert fault_of(one, white + sine, 0.3 * (white + sine)) == ""
 
@@ -126,7 +130,7 @@ def estimate(key, verdict="weak", **numbers):
 def result(**changes):
     usual = {
         "estimates": (), "channels": (), "remarks": (), "status": "complete", "whole": False, "fits": True, "accepted": False,
-        "misfit": (), "causes": (),
+        "misfit": (), "causes": (), "transfers": (),
     }  # fmt: skip
     return SimpleNamespace(**{**usual, **changes})
 
@@ -180,11 +184,18 @@ ENDINGS = {
 """How a fit ended: changes of the result, options, exit code, files, words."""
 
 
-def test_a_finished_fit_is_accepted_without_a_new_one(tmp_path, monkeypatch, asrsim_command):
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory):
+    """Recording of a joint, scenario with a wrong damping, and the fit of the damping."""
+    folder = tmp_path_factory.mktemp("fit")
+    recording = record(write(folder, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), folder / "a.csv")
+    guess = write(folder, "guess", {**SEA, "damping": 0.03})
+    return recording, guess, identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+
+
+def test_a_finished_fit_is_accepted_without_a_new_one(fitted, tmp_path, monkeypatch, asrsim_command):
     """`--resume` writes the files that the same fit with `--accept` writes; it refuses fits of other tasks."""
-    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
-    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
-    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+    recording, guess, found = fitted
     found = replace(found, misfit=("too large",), channels=tuple(replace(one, explained=0.92) for one in found.channels))
 
     def command(name, *options, accepted=None, free="joint_1.damping"):
@@ -215,10 +226,8 @@ def test_a_finished_fit_is_accepted_without_a_new_one(tmp_path, monkeypatch, asr
         assert words in outcome.err
 
 
-def test_which_files_an_end_leaves(tmp_path, monkeypatch, asrsim_command):
-    recording = record(write(tmp_path, "true", SEA, f"{{equilibrium_position: {CHIRP}}}"), tmp_path / "a.csv")
-    guess = write(tmp_path, "guess", {**SEA, "damping": 0.03})
-    found = identification.identify(identification.task_of(guess, [recording], free=["joint_1.damping"]))
+def test_which_files_an_end_leaves(fitted, tmp_path, monkeypatch, asrsim_command):
+    recording, guess, found = fitted
     for name, (changes, options, code, files, words) in ENDINGS.items():
         ended = partial(lambda made, *_, **__: made, replace(found, **changes))
         monkeypatch.setattr(identification, "identify", ended)

@@ -16,6 +16,7 @@ from asrsim.identification.write import fit_data, write_robot
 from asrsim.outfile import write_json
 from asrsim.plots.job import PlotJob, plot
 from asrsim.scenario import load_scenario
+from asrsim.signals import Constant
 from support.identify_files import SEA, prepared, save, write
 
 TIME = np.arange(0.0, 2.0005, 2e-3)
@@ -79,6 +80,15 @@ def test_the_written_scenario_plays_the_command_when_the_fit_did(fitted, tmp_pat
     write_robot(replace(result, scenario=scenario), tmp_path)
     (claim,) = asrsim.run(tmp_path / "scenario.yaml", out=tmp_path / "run").summary.claims
     assert claim.holds
+
+
+def test_a_scenario_that_does_not_play_the_command_keeps_its_reference_and_claims_nothing(fitted, tmp_path):
+    result, place = fitted
+    steady = write(place.parent, "lab", SEA, references="{equilibrium_position: 0.2}")
+    write_robot(replace(result, scenario=load_scenario(steady)[0]), tmp_path)
+    (written,) = load_scenario(tmp_path / "scenario.yaml")
+    assert written.references_of("joint_1")["equilibrium_position"] == Constant(value=0.2)
+    assert written.expect == ()
 
 
 def test_the_clock_and_the_start_of_a_fit_are_in_its_replay(tmp_path):

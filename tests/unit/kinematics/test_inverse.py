@@ -55,12 +55,14 @@ def test_of_two_springs_the_less_deflected_one_counts():
     assert demands["spring deflection"].needed == pytest.approx(0.3)
 
 
-def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_says():
-    """The laws and the reference map are linear here: four equations for three motors and the equilibrium."""
+@pytest.mark.parametrize("on_housing", [0, 1])
+def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_says(on_housing):
+    """The laws and the reference map are linear here: four equations for three motors and the equilibrium. The torque of a
+    motor on the housing does not act on the link."""
     stiffness, gains, preset, q, torque = np.array([5.0, 8.0, 12.0]), np.array([30.0, 60.0, 90.0]), 0.2, 0.3, 2.5
 
     class Three(Actuator):
-        name, motors = "three_unequal", 3
+        name, motors, housed = "three_unequal", 3, on_housing
 
         @staticmethod
         def elastic_torques(q, theta_1, theta_2, theta_3, parameters):
@@ -83,8 +85,9 @@ def test_three_motors_with_unequal_gains_hold_a_link_as_their_static_balance_say
     still = np.zeros(101)
     found = drive_backwards(drive, time, still + q, still, still + torque, still + preset)
     rho, offsets = np.array([1.0, 2.0, 1.0]), np.array([preset, 0.0, -3.0 * preset])
-    # Unknown: theta_i and e; k_i (theta_i - q) = P_i (rho_i e + c_i - theta_i), sum k_i (theta_i - q) = torque.
-    balance = np.block([[np.diag(stiffness + gains), -(gains * rho)[:, None]], [stiffness, 0.0]])
-    *motors, equilibrium = np.linalg.solve(balance, [*(gains * offsets + stiffness * q), torque + stiffness.sum() * q])
+    # Unknown: theta_i and e; k_i (theta_i - q) = P_i (rho_i e + c_i - theta_i), sum k_i (theta_i - q) = torque on the link.
+    link = stiffness * (np.arange(3) < 3 - on_housing)
+    balance = np.block([[np.diag(stiffness + gains), -(gains * rho)[:, None]], [link, 0.0]])
+    *motors, equilibrium = np.linalg.solve(balance, [*(gains * offsets + stiffness * q), torque + link.sum() * q])
     np.testing.assert_allclose(found.motors[50], motors, atol=1e-6)
     assert found.inputs[50] == pytest.approx(equilibrium, abs=1e-6)

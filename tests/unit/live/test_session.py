@@ -196,6 +196,14 @@ NONSENSE = [
 ]
 
 
+@pytest.mark.parametrize("delay", [0.0, 0.1])
+def test_a_live_run_says_that_commands_from_outside_are_perfect(tmp_path, delay):
+    said, imperfections = [], {"commands": {"joint_1": {"delay": delay}}}
+    run_live(tmp_path / "run", Script(), scenario=arm(imperfections=imperfections), duration=0.01, tell=said.append)
+    told = [text for text in said if text.startswith("imperfections of the commands of joint_1 act on the signals")]
+    assert bool(told) == bool(delay)
+
+
 def test_nonsense_is_counted_reported_once_and_dropped(tmp_path):
     said = []
     session, summary = run_live(tmp_path / "run", Script(NONSENSE * 3), duration=0.2, tell=said.append)
@@ -381,23 +389,25 @@ def test_wrong_options_are_refused(asrsim_command, tiny, wrong):
 
 
 def test_ticks_catch_up_and_slip():
+    """Each sleep takes 0.1 ms too long."""
     now = [0.0]
-    pace = Pace(2.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s))
+    pace = Pace(2.0, now=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s + 1e-4))
     for _ in range(10):
         now[0] += 0.001
         pace.wait(0.01)
-    assert now[0] == pytest.approx(0.05)
+    assert now[0] == pytest.approx(0.0501)
+    assert pace.lateness() == pytest.approx((1e-4, 1e-4))
     assert pace.busy == pytest.approx(0.01)
     now[0] += 0.1
     for _ in range(30):
         pace.wait(0.01)
-    assert now[0] == pytest.approx(0.2)
+    assert now[0] == pytest.approx(0.2001)
     assert not pace.slips
     now[0] += 1.0
     pace.wait(0.01)
     assert pace.slips == 1
     pace.wait(0.01)
-    assert now[0] == pytest.approx(1.205)
+    assert now[0] == pytest.approx(1.2052)
 
 
 def test_a_run_is_late_after_two_seconds_of_lateness():

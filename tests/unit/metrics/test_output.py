@@ -5,6 +5,7 @@ import math
 import pytest
 
 from asrsim.metrics import MetricRow, read_metrics, write_metrics
+from asrsim.plots.rows import metric_tables
 
 
 @pytest.mark.parametrize("value", [0.1 + 0.2, -5e-324, math.nan, math.inf])
@@ -15,6 +16,8 @@ def test_metrics_are_read_as_written_and_infinite_ones_as_undefined(tmp_path, va
     assert [vars(one) for one in found] == [
         vars(row) | {"value": pytest.approx(value if value < 1 else math.nan, nan_ok=True)}
     ] * 2
+    (table,) = metric_tables([row])
+    assert (table[-1].cells == ["-"]) is not math.isfinite(value)
 
 
 @pytest.mark.parametrize(

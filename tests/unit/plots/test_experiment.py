@@ -165,7 +165,7 @@ def test_a_late_command_is_not_taken_for_a_late_clock(tiny, asrsim_command, head
 
 
 def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_path):
-    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.5)
+    log, recording = made_up_log(tmp_path / "log.mcap"), lab(tmp_path / "lab.csv", gain=0.95)
     result = plot(PlotJob(logs=(log,), folder=tmp_path, experiments=(str(recording),), lag="off"))
     axes = overlay_figure(result.runs, result.compared, ["joint_1"], ["link_position"]).axes
     assert [line.get_gid() for line in axes[1].get_lines() if line.get_gid()] == ["joint_1.link_position.difference.0"]
@@ -173,8 +173,9 @@ def test_simulation_and_experiment_are_drawn_apart_with_their_difference(tmp_pat
     simulation = drawn["joint_1.link_position.simulation.0"].get_ydata()
     experiment = drawn["joint_1.link_position.experiment.0"].get_ydata()
     difference = drawn["joint_1.link_position.difference.0"].get_ydata()
-    np.testing.assert_allclose(experiment, 0.5 * simulation, atol=1e-3)
+    np.testing.assert_allclose(experiment, 0.95 * simulation, atol=1e-3)
     np.testing.assert_allclose(difference, simulation - experiment, atol=1e-12)
+    assert np.ptp(axes[1].get_ylim()) < 3.0 * np.ptp(difference)
     curve = json.loads((tmp_path / "recorded.json").read_text())["curves"][0]
     np.testing.assert_allclose(curve["time"], drawn["joint_1.link_position.experiment.0"].get_xdata(), atol=1e-6)
     np.testing.assert_allclose(curve["values"], experiment, rtol=1e-5, atol=1e-9)

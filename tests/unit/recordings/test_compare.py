@@ -124,6 +124,24 @@ def test_a_later_recording_on_the_same_clock_is_aligned(tmp_path, late):
     assert found.how.startswith("cross-correlation")
 
 
+def test_a_lag_beyond_the_search_is_found_although_a_wrong_lag_correlates():
+    """Without a command, a swing also fits its later part: here with a correlation of 0.76 at 1.4 s."""
+    ours, late = 0.001 * np.arange(8001), 1.7
+    since = np.maximum(ours - 0.1, 0.0)
+    swing = 0.8 * (1.0 - np.exp(-3.0 * since) * np.cos(12.8 * since)) + 0.05 * np.sin(3.1 * since)
+    theirs = slice(13, 6301)
+    assert align(ours, swing, ours[theirs] + late, swing[theirs]).lag == pytest.approx(late, abs=1e-5)
+
+
+@pytest.mark.parametrize(("rate", "told"), [(37.0, True), (500.0, False)])
+def test_a_step_between_two_samples_leaves_a_range_of_lags_which_is_told(rate, told):
+    theirs, late = np.arange(0.013, 5.0, 1.0 / rate), 0.1234
+    found = align(TIME, reference(TIME), theirs, reference(theirs - late), name="elbow.reference_1", command=True)
+    assert found.lag == pytest.approx(late, abs=1.0 / rate)
+    notes = [str(one) for one in found.findings]
+    assert ("all lags from" in " ".join(notes)) == told
+
+
 def test_a_periodic_signal_gets_its_smallest_lag_and_a_note(tmp_path):
     t = np.arange(0, 5, 0.01)
     path = write(tmp_path, "time,elbow_pos", t, np.sin(2 * np.pi * 2 * (t - 0.04)))

@@ -1,6 +1,7 @@
 """One file for each quantity, or for each topic: a folder is one recording."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +27,10 @@ def meanings(folder, joints):
     return {column.source: column.meaning for column in recording.channels.values()}
 
 
-def test_files_of_one_quantity_each_are_joined_by_time(tmp_path):
+def test_files_of_one_quantity_each_are_joined_by_time(tmp_path, monkeypatch):
+    """In the order of their names, whatever the order of the file system."""
+    listed = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda path: iter(sorted(listed(path), reverse=True)))
     lab = tmp_path / "lab"
     write(lab / "position.csv", "time,knee,hip", TIME, np.sin(TIME), np.cos(TIME))
     write(lab / "desired_torque.csv", "time,knee", TIME[::2], np.sin(2 * TIME[::2]))
@@ -38,6 +42,12 @@ def test_files_of_one_quantity_each_are_joined_by_time(tmp_path):
         "position/hip": ("hip.link_position", "rad"),
         "run_3_velocity/hip [deg/s]": ("hip.link_velocity", "rad/s"),
     }
+    assert [name.partition("/")[0] for name in recording.channels] == [
+        "desired_torque",
+        "position",
+        "position",
+        "run_3_velocity",
+    ]
     command = recording.column("knee", "reference_1")
     np.testing.assert_allclose(command.values, np.sin(2 * command.time), atol=1e-8)
     np.testing.assert_allclose(recording.column("hip", "link_velocity").values, np.pi * TIME, rtol=1e-8)

@@ -166,6 +166,7 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
         "/arm/state/h",
         "tau [MNm]",
         "q1 [Mdeg]",
+        "v [km/h]",
         "q1 [grad]",
     ],
 )
@@ -177,7 +178,7 @@ def test_a_letter_of_a_name_is_not_a_unit(header):
 def test_a_unit_that_may_be_two_is_asked_about(tmp_path, name):
     (column,) = read(tmp_path, [name]).asked
     assert column.question == "its unit may be deg or gon"
-    with pytest.raises(RecordingError, match=r"its unit may mean several; choose from deg, gon"):
+    with pytest.raises(RecordingError, match=r"its unit may mean several units; choose from deg, gon"):
         read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position"])
     with pytest.raises(RecordingError, match=r"may mean several units.*choose from deg, gon"):
         read_recording(tmp_path / "lab.csv", mapping=[f"{name}=joint_1.link_position [grad]"])
@@ -344,6 +345,17 @@ def test_a_position_that_is_mapped_as_a_command_stays_a_position(tmp_path, tiny)
     recording = read_recording(tmp_path / "lab.csv", mapping=["elbow_pos_des=elbow.reference_1"], joints=["elbow"])
     plan = make_plan(with_overrides(load_robot(tiny.robot), modes={"*": 4}), recording, step=0.001)
     assert [block.mode for block in plan.robot.actuators] == [6]
+
+
+def test_a_joint_starts_at_the_first_position_of_its_link_or_else_of_springs_motor_or_command(tmp_path, tiny):
+    names = [f"elbow.{name}" for name in ("link_position", "equilibrium_position", "motor_1_position", "reference_1")]
+    for missing in range(len(names)):
+        places = 0.1 * np.arange(1, 5)[missing:]
+        table = np.column_stack([TIME, places + np.sin(3 * TIME)[:, None]])
+        header = ",".join(["time", *(f"{name} [rad]" for name in names[missing:])])
+        np.savetxt(tmp_path / "lab.csv", table, delimiter=",", header=header, comments="")
+        plan = make_plan(load_robot(tiny.robot), read_recording(tmp_path / "lab.csv", joints=["elbow"]), step=0.001)
+        assert plan.initial == {"elbow": pytest.approx(places[0])}
 
 
 def test_of_two_commands_of_a_joint_the_position_is_played(tmp_path):

@@ -117,6 +117,13 @@ def test_a_sensor_that_restarts_is_suspected_and_can_be_unwrapped(tmp_path, head
         np.testing.assert_allclose(values - values[0], gear * turned, atol=0.002 * gear * restart * factor)
 
 
+def test_an_outlier_does_not_keep_an_angle_wrapped(tmp_path):
+    wrapped = np.where(np.arange(len(TIME)) == 7, 1e3, (9 * Q) % math.tau)
+    recording = read(tmp_path, "q1", (wrapped,), mapping=["q1=-joint_1.link_position unwrapped"])
+    values = recording.column("joint_1", "link_position").values[8:]
+    np.testing.assert_allclose(values - values[0], -9 * (Q[8:] - Q[8]), atol=1e-6)
+
+
 def test_a_number_stated_as_missing_is_no_number(tmp_path):
     values = np.where(np.isin(np.arange(len(TIME)), [5, 6, 20]), -999.0, Q)
     (tmp_path / "lab.csv.yaml").write_text("missing: -999\n")
@@ -129,3 +136,17 @@ def test_constant_columns_and_missing_numbers_are_said(tmp_path):
     said = {one.code: one for one in recording.findings}
     assert said["missing-numbers"].message == "10 of 1000 samples have no number, the first at t = 1 s"
     assert said["constant-column"].key == "dq1"
+
+
+@pytest.mark.parametrize(
+    ("header", "item", "told"),
+    [
+        ("tau1 [cNm]", "2=joint_1.link_torque", True),
+        ("tau1 [cNm]", "2=0.01*joint_1.link_torque", False),
+        ("tau1 [cNm]", "2=joint_1.link_torque [N m]", False),
+        ("q [1]", "2=joint_1.link_position", False),
+    ],
+)
+def test_an_unknown_unit_in_the_header_of_a_mapped_column_is_said(tmp_path, header, item, told):
+    said = [one for one in read(tmp_path, header, (Q,), mapping=[item]).findings if one.code == "suspected-unit"]
+    assert bool(said) == told

@@ -109,6 +109,7 @@ def test_the_ghost_stands_where_springs_are_without_load(log):
 
 
 def test_a_gif_plays_for_as_long_as_the_run(log, tmp_path):
+    """All frames share the 128 colours of one palette, so that no colour flickers."""
     from PIL import Image
 
     film = Film(log, size=60, sharpness=1)
@@ -116,11 +117,13 @@ def test_a_gif_plays_for_as_long_as_the_run(log, tmp_path):
     with Image.open(path) as gif:
         assert gif.info["loop"] == 0
         # Frames that are alike are joined; the last one is shown too.
-        total = 0
+        total, colours = 0, set()
         for number in range(gif.n_frames):
             gif.seek(number)
             total += gif.info["duration"]
+            colours |= {colour for _, colour in gif.convert("RGB").getcolors(10_000)}
     assert gif.n_frames > 3
+    assert len(colours) <= 128
     assert total == pytest.approx(900, abs=20)
 
 

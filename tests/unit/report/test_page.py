@@ -280,16 +280,18 @@ def test_a_page_of_many_runs_says_that_it_shows_the_first_ones(most, folder, tmp
     assert len(page_data(page)["runs"]) == 2
 
 
-def test_warnings_of_a_run_are_on_its_page_as_the_command_says_them(tiny, asrsim_command):
-    """With file, line, key, value and remedy, where they have them; the file without its folder."""
+def test_warnings_of_all_runs_are_on_their_page_as_the_command_says_them(tiny, asrsim_command):
+    """With file, line, key, value and remedy, where they have them; the file without its folder. Only the first run has the
+    warning about gravity."""
     robot = tiny.robot.read_text().replace('mass value="0.5"', 'mass value="51"').replace('upper="3"', 'upper="90"')
     tiny.robot.write_text(robot)
-    tiny.scenario.write_text(f"{tiny.scenario.read_text()}gravity: [0, 0, 9.81]\ncompiled: false\n")
+    variants = "variants: {a: {gravity: [0, 0, 9.81]}, b: {}}\n"
+    tiny.scenario.write_text(f"{tiny.scenario.read_text()}compiled: false\n{variants}")
     asrsim_command("run", tiny.scenario, "--no-plot", "-o", "out", "--set", "duration=0.2")
     told = " ".join(asrsim_command("check", tiny.scenario).out.replace(f"{tiny.folder}/", "").split())
     shown = " ".join(Page(write_report(tiny.folder / "out", film=False)).text.split())
     codes = ("heavy-link", "limit-in-degrees", "gravity")
-    warnings = {one.code: one for one in asrsim.prepare(tiny.scenario).warnings}
+    warnings = {one.code: one for one in asrsim.prepare(tiny.scenario, variant="a").warnings}
     for one in map(warnings.__getitem__, codes):
         assert one.file is not None
         text = str(replace(one, file=Path(one.file.name), value=None if one.value is None else str(one.value)))

@@ -253,6 +253,7 @@ WORDS = {
     # what: (words in <robot>, part of the warning)
     "gravity of no link": ('<gazebo reference="wrist"><turnGravityOff>true</turnGravityOff></gazebo>', "no such link"),
     "gravity as a vector": ('<gazebo reference="arm"><gravity>0 0 -1.6</gravity></gazebo>', "neither true nor false"),
+    "pose of the robot": ("<gazebo><pose>0 0 1 1.57 0 0</pose></gazebo>", "turns the robot by rpy [1.57, 0, 0]"),
     "start velocity": (
         STARTING,
         "initial velocity",

@@ -137,7 +137,7 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
     ("text", "line", "key", "message"),
     [
         ("duratoin: 2", 3, "duratoin", "Did you mean 'duration'?"),
-        ("step: 1e-3\nstep: 1e-3", 4, "step", "duplicate of that in line 3"),
+        ("step: 1e-3\nstep: 1e-3", 4, "step", "duplicate of the key in line 3"),
         ("step: on", 3, "step", "must be a number > 0 (got 'on')"),
         ("step: -1", 3, "step", "must be a number > 0"),
         ("step: .nan", 3, "step", "finite"),
@@ -174,7 +174,7 @@ def test_forbidden_key_of_a_variant_is_one_fault(load, key):
             "task: {link: a, poses: [{time: 0, position: [0, 0, 0], rpy: [0, 0, 0]}, {time: 1, position: [0, 0, 0]}]}",
             3,
             "task.poses",
-            "either all poses have an orientation",
+            "all poses must have an orientation",
         ),
         ("task: {link: a, poses: []}", 3, "task.poses", "of at least 1 value, but has 0 entries"),
         ("ilc: {trajectory: {a: 1}}", 3, "ilc", "'tolerance' is missing"),

@@ -31,15 +31,16 @@ def test_contacts_continue_from_a_snapshot(tmp_path, engine):
     world = asrsim.make_scenario(scenario.robot, duration=0.1, world={"ground": {"friction": 0.2}, "objects": boxes}).world
     scenario = replace(scenario, world=world, gravity=(1.0, 0.5, -9.81))
     tape = Tape()
-    with Simulation(scenario, sinks=[tape], compiled=False) as simulation:
+    with Simulation(scenario, sinks=[tape], record=True, compiled=False) as simulation:
         simulation.advance_to(simulation.last // 2)
         simulation.flush()
         tape.chunks.clear()
         middle = simulation.snapshot()
-        first = tape.of(simulation)
+        first, whole = tape.of(simulation), simulation.samples
         simulation.restore(middle)
         tape.chunks.clear()
         assert_same(first, tape.of(simulation))
+        assert_same(whole, simulation.samples)
     assert np.ptp(first.bodies["box_3"][:, 0]) > 1e-3
 
 

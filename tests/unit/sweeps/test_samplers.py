@@ -124,7 +124,7 @@ def test_a_finished_study_is_shown_without_the_sampler_that_placed_its_draws(tin
     [
         (2, "draws[4:6] = draws[6:8]", r"rows 4 to 5 must be A with column 0 of B; row 4 must be \[.*\] and is \["),
         (2, "draws[7, 0] += 1e-9", "rows 6 to 7 must be A with column 1 of B; row 7 must be"),
-        (2, "draws[2:4] = draws[:2]", "the blocks A and B must be drawn separately, but their columns 0 are equal"),
+        (2, "draws[2:4, 1] = draws[:2, 1]", "the blocks A and B must be drawn separately, but their columns 1 are equal"),
         (64, "draws[64:128, 1] = draws[192:, 1] = (draws[:64, 1] + 0.3) % 1.0", "column 1 of B follows from column 1 of A"),
     ],
 )

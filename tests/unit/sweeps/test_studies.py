@@ -279,8 +279,9 @@ def test_a_refusal_names_all_that_changed(tmp_path):
               "substeps": {}, "runs": 2}  # fmt: skip
     open_store(tmp_path, before, resume=False, overwrite=False)
     open_store(tmp_path, before, resume=True, overwrite=False)
-    now = {**before, "study": {**study, "samples": 3}, "inputs": {"s": {"arm.urdf": "a", "seen.csv": "c"}}}
-    with pytest.raises(InputError, match=r"other values of samples; its inputs have changed: seen\.csv\."):
+    inputs = {"s": {"arm.urdf": "a", "seen.csv": "c"}, "another variant": {"new.csv": "d"}}
+    now = {**before, "study": {**study, "samples": 3}, "inputs": inputs}
+    with pytest.raises(InputError, match=r"other values of samples; its inputs have changed: seen\.csv, new\.csv\."):
         open_store(tmp_path, now, resume=True, overwrite=False)
 
 
@@ -501,6 +502,7 @@ def test_the_measured_value_of_a_claim_is_a_result_that_names_the_claim(tiny, as
     (row,) = [line for line in done.out.splitlines() if "claim_0" in line]
     assert re.split(r"\s{2,}", row.strip())[0] == "claim_0.measured (elbow link_position: maximum)"
     assert Table("study").unit("claim_0.measured") == "rad"
+    assert Table("study").claims() == {"elbow link_position: maximum < 9": 1.0}
     assert "overshoot" not in done.out
     assert over_key(Table("study"), "claim_0.measured").words == "elbow link_position: maximum"
 

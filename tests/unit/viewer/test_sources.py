@@ -365,20 +365,24 @@ def test_a_twin_s_torques_are_shown_as_they_are_found_and_then_played(server):
 
 
 def test_a_log_without_poses_and_an_unknown_variant_are_errors_before_a_page_opens(tmp_path):
-    with pytest.raises((LogError, InputError)):
+    with pytest.raises(LogError, match=r"log\.mcap: robot: has no link"):
         asrsim.view(made_up_log(tmp_path / "log.mcap", count=20))
     with pytest.raises(InputError, match="no variant is called 'sotf'"):
         asrsim.view(SOFT_ARM, variant="sotf")
 
 
 def test_a_robot_whose_meshes_are_missing_is_shown_with_a_note(tmp_path):
+    """Its fixed joint does not move and has no slider."""
     robot = tmp_path / "robot.urdf"
     visual = '<visual><geometry><mesh filename="package://nobody/arm.stl"/></geometry></visual>'
     mass = '<inertial><origin xyz="0 0 0.2"/><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
-    joint = '<joint name="j" type="continuous"><parent link="base"/><child link="arm"/></joint>'
-    robot.write_text(f'<robot name="r"><link name="base"/>{joint}<link name="arm">{mass}{visual}</link></robot>')
+    joint = '<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{3}"/></joint>'
+    joints = joint.format("foot", "fixed", "floor", "base") + joint.format("j", "continuous", "base", "arm")
+    links = f'<link name="floor"/><link name="base"/><link name="arm">{mass}{visual}</link>'
+    robot.write_text(f'<robot name="r">{joints}{links}</robot>')
     with asrsim.view(robot) as view:
         assert any("nobody" in note for note in view.show.subject.notes)
+        assert view.show._values.keys() == {"j"}
         view.show._values["j"] = 0.7
         end = time.monotonic() + 30.0
         while abs(view.show._page.stage.figure.nodes["arm"].wxyz[0] - np.cos(0.35)) > 1e-9:
