@@ -320,7 +320,7 @@ def _hidden_jumps(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         time = hidden_jump(scenario, signal)
         if time is not None:
             message = "jumps at a time that its `jumps` does not return: errors of the run are of first order in the step there"
-            hint = "Return the times of jumps from `jumps(start, end)` of the signal's class"
+            hint = "Return this time from `jumps(start, end)` of the class; for a playback, choose linear or hold"
             yield Problem(message, key=key, value=f"{time:.9g} s", hint=hint, code="hidden-jump")
 
 
