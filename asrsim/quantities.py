@@ -121,7 +121,7 @@ LIMITS = {
 
 def linear_unit(unit: str) -> str:
     """Unit for a prismatic joint that corresponds to this unit for a revolute joint."""
-    return unit.replace("kg m^2", "kg").replace("N m", "N").replace("rad", "m")
+    return unit.replace("kg m^2", "kg").replace("(N m)", "N").replace("N m", "N").replace("rad", "m")
 
 
 PRISMATIC_UNITS = {unit: linear_unit(unit) for unit in ("rad", "rad/s", "N m", "N m/rad")}

@@ -46,8 +46,9 @@ MOTOR = 0.7
 SLACK = 1e-6
 """Largest relative excess of a slope over its bound that counts as a rounding error."""
 SAMPLE = Kick(
-    motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3
-)
+    motor_position=0.5, motor_velocity=0.3, deflection=0.03, velocity=0.2, motor_torque=1.0, elastic_torque=0.7, step=1e-3,
+    next_step=1e-3,
+)  # fmt: skip
 """Kick with which each law is called once, to see what it returns."""
 ELECTRIC = {"motor_1_torque_constant": 0.05, "motor_1_gear_ratio": 30.0, "motor_1_resistance": 1.0}
 """Constants of the electric motor on which a stage is tried."""
@@ -231,9 +232,12 @@ class StageTrial:
                 LARGEST * np.sin(3.0 * angles[0]),
                 LARGEST * np.sin(2.0 * angles[1]),
                 np.full(STEPS, STEP / faster),
+                np.full(STEPS, STEP / faster),
             )
         )
         """Rows of numbers, one for each kick, in the order of the fields of `Kick`."""
+        # Before the first kick there is no other.
+        self.trajectory[0, -2] = 0.0
 
     def _largest(self, unit: str) -> float:
         """Largest magnitude of the stage's parameters that have this unit; 0 if no parameter has it."""
@@ -364,7 +368,7 @@ def _limits(trial: StageTrial) -> Iterator[float]:
 
 CHECKS: tuple[tuple[str, str, float, Callable[[StageTrial], Iterable[float]]], ...] = (
     ("off by default", "the stage does not act at its defaults, and acts with other values", 0.0, _acts),
-    ("finite", "no overflow or division by zero along random motions", 0.0, _finite),
+    ("finite", "no overflow or division by zero along random motions; `kick.step` of the first kick is 0", 0.0, _finite),
     ("stiffness", "the slope of `torque` over the deflection is at most `stiffness_bound`", 0.0, _stiffness),
     (
         "ground stiffness",

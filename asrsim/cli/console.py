@@ -11,7 +11,7 @@ import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -96,7 +96,7 @@ def complain(text: str, style: str = "") -> None:
 
 def say_json(data: Mapping[str, Any] | Sequence[Any]) -> None:
     """Print a JSON document on stdout. Numbers that are not finite become null, which is how JSON writes undefined numbers. The
-    data may contain NumPy arrays and numbers, paths, and objects with `as_dict`.
+    data may contain NumPy arrays and numbers, paths, dataclasses, and objects with `as_dict`.
     """
     say(printable(json.dumps(mapped(data, _encoded), indent=2, ensure_ascii=not _unicode(), allow_nan=False)))
 
@@ -110,6 +110,8 @@ def _encoded(value: Any) -> Any:
     for method in ("as_dict", "tolist"):
         if hasattr(value, method):
             return mapped(getattr(value, method)(), _encoded)
+    if is_dataclass(value):
+        return mapped({one.name: getattr(value, one.name) for one in fields(value)}, _encoded)
     return os.fspath(value)
 
 

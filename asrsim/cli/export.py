@@ -65,7 +65,7 @@ def export(
 
     def text() -> None:
         rows = found.as_dict()["joints"]
-        springs = ["-" if row["spring_error"] is None else f"{row['spring_error']:.3g} mrad" for row in rows.values()]
+        springs = ["-" if row["spring_error"] is None else f"{row['spring_error']:.3g} {row['unit']}" for row in rows.values()]
         say_table(
             [
                 TableColumn("joint", list(rows)),

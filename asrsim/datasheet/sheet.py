@@ -131,7 +131,7 @@ def _springs(source: Source, statics: Statics) -> Iterator[Entry]:
     yield from _at_both_ends(statics, "deflection", "largest deflection", "rad", statics.reach, limited, limited)
     yield Entry(key="energy", words="largest elastic energy", unit="J", value=statics.peak_energy, how=WITHIN)
     values, tags = source.drive.values, parameter_tags(source.drive.actuator)
-    width = 2.0 * values["hysteresis_torque"] * source.drive.actuator.motors
+    width = 2.0 * values["hysteresis_torque"] * statics.moving
     yield Entry(
         key="hysteresis",
         words="width of the torque's hysteresis",
@@ -139,7 +139,7 @@ def _springs(source: Source, statics: Statics) -> Iterator[Entry]:
         value=width or None,
         how=f"{LAW}: twice the hysteresis torque of all springs" if width else f"not stated: <{tags['hysteresis_torque']}>",
     )
-    turn = min(high - low for low, high in (*source.drive.motor_ranges, source.stops))
+    turn = min(high - low for low, high in (*source.drive.motor_ranges[: statics.moving], source.stops))
     stops = [f"<{tags[f'motor_1_{name}_position']}>" for name in ("min", "max")]
     yield Entry(
         key="rotation",

@@ -57,6 +57,11 @@ class Statics:
         """Whether the second reference changes the stiffness."""
         return self.drive.actuator.motors > 1 or self.drive.actuator.adjuster
 
+    @property
+    def moving(self) -> int:
+        """Number of motors that move with the link; the motors on the housing come after them."""
+        return self.drive.actuator.motors - self.drive.actuator.housed
+
     @cached_property
     def presets(self) -> tuple[float, float]:
         """Smallest and largest second reference of the curves on the sheet, in the reference's unit."""
@@ -204,11 +209,11 @@ class Statics:
         return high if self.softest == low else low
 
     def motor_torque(self, speed: Array) -> Array:
-        """Torque (n,) in N m of all motors together at a steady speed (n,) in rad/s. It is the largest torque within their
-        limits of torque and voltage, minus damping and friction.
+        """Torque (n,) in N m of all motors that move the link, together, at a steady speed (n,) in rad/s. It is the largest
+        torque within their limits of torque and voltage, minus damping and friction. Motors on the housing stand still.
         """
         drive, total = self.drive, np.zeros_like(speed)
-        for i, one in enumerate(drive.electric):
+        for i, one in enumerate(drive.electric[: self.moving]):
             most = np.minimum(one.limit, one.stall - one.damping * speed)
             inner = drive.values[f"motor_{i + 1}_damping"]
             total += most - inner * speed - drive.motor_friction[i]
@@ -223,7 +228,7 @@ class Statics:
     @cached_property
     def top_speed(self) -> float:
         """Largest steady speed without load, rad/s; infinite if nothing limits it."""
-        fastest = min(self.drive.max_velocity)
+        fastest = min(self.drive.max_velocity[: self.moving])
         if math.isfinite(fastest) and self.driving_torque(np.array([fastest]))[0] >= 0.0:
             return fastest
         above = min(fastest, 1e6)

@@ -50,7 +50,7 @@ class Export:
     """Name of the program that the files are made for."""
     replay: Replay
     spring_errors: Mapping[str, float]
-    """Largest difference between the law and the spline of a joint's springs, divided by the stiffness, mrad, by joint."""
+    """Largest difference between the law and the spline of a joint's springs, divided by the stiffness, mrad (mm), by joint."""
 
     @property
     def good(self) -> bool:

@@ -27,7 +27,9 @@ from asrsim.identification.extensions import (
     Optimum,
     Propose,
     best_predictions,
+    exchanged,
     extended,
+    held_out,
     is_significant,
     pruned,
     tied_to,
@@ -179,14 +181,19 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
         found, _ = best_predictions(sorted((found, there), key=lambda one: mean_square(one.problem, one.x)))
         if mean_square(found.problem, found.x) < NOISE:
             break
+    if found.chosen and mean_square(found.problem, found.x) <= base - MUCH * excess:
+        found = exchanged(problem, found, kinds, rounds=ROUNDS)
     found = _with_either_command(found)
     explained, rest = (problem, x), mean_square(found.problem, found.x)
-    if found.chosen and rest <= base - MUCH * excess:
+    # Effects of a machine improve predictions of its other motions, too. Parameters that only follow errors of a wrong model do
+    # not.
+    predicts = held_out(found.problem, found.x) <= held_out(problem, x)
+    if found.chosen and rest <= base - MUCH * excess and predicts:
         more = "" if rest <= target else "; the model lacks further effects"
         explained = found.problem, found.x
         yield Suspicion(
             text=_suspected(found, percent((rest / base) ** 0.5), faults) + more,
-            trials=(*(one.estimates for one in trials), found.estimates),
+            trials=tuple(one.estimates for one in (*trials, *found.rivals, found)),
             model=None if any(cause.elastic for cause in found.chosen) else explained,
             added=tuple(one.name for cause in found.chosen for one in cause.parameters),
             rivals=tuple(one.estimates for one in found.rivals),
@@ -331,7 +338,8 @@ def _rivals(found: Extended, faults: dict[str, None]) -> Iterator[str]:
     well.
     """
     for i, cause in enumerate(found.chosen):
-        likely = [one for one in found.rivals if one.chosen[:-1] == found.chosen[:i]][:RIVALS]
+        others = found.chosen[:i] + found.chosen[i + 1 :]
+        likely = [one for one in found.rivals if one.chosen[:-1] == others][:RIVALS]
         names = []
         for one in likely:
             other = one.chosen[-1]

@@ -23,6 +23,7 @@ from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.suspicions import gear_between
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import reference_names
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
@@ -203,15 +204,15 @@ def _read(task: Task, experiment: Experiment, scenario: Scenario, robot: Robot) 
 
 
 def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
-    modes = {block.joint: MODES[block.mode] for block in plan.robot.actuators}
+    blocks = {block.joint: block for block in plan.robot.actuators}
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
         # A mapped command without a unit has the unit of the reference in the joint's mode.
-        unit = column.unit or (modes[one.joint].units[0] if one.slot == 0 else "")
+        unit = column.unit or (MODES[blocks[one.joint].mode].units[0] if one.slot == 0 else "")
         prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
-            name=EXTERNAL if one.slot is None else modes[one.joint].references[one.slot],
+            name=EXTERNAL if one.slot is None else reference_names(blocks[one.joint])[one.slot],
             time=column.time[good] - plan.lag, values=column.values[good],
             hold=one.hold and not str(column.quantity).startswith("motor"), column=column,
             unit=PRISMATIC_UNITS.get(unit, unit) if prismatic else unit,

@@ -102,6 +102,11 @@ class Extension:
     share: float = FURTHER
     excess: float = 1.0
 
+    @property
+    def names(self) -> set[str]:
+        """Names of the parameters that become free."""
+        return {parameter.name for parameter in self.parameters}
+
     def added_to(self, problem: FitProblem) -> FitProblem:
         """Problem with this extension."""
         if self.elastic is not None:
@@ -204,7 +209,9 @@ class Extended:
     trials: tuple[Extended, ...] = ()
     """Extended problems that were tried and that had smaller errors than the problem before."""
     rivals: tuple[Extended, ...] = ()
-    """Extended problems whose last extension explains the recordings as well as the extension that was adopted instead."""
+    """Extended problems that explain the recordings as well. Each has another extension, its last one, in place of one of
+    `chosen`.
+    """
 
     @property
     def estimates(self) -> dict[str, float]:
@@ -252,7 +259,7 @@ def extended(
             # Continue the searches of these trials before comparing them, since some searches may not have converged.
             best = _most_likely([_trial(one.chosen, one.problem, one.x, rounds) for one in best], DECISIVE)
             best = best_predictions(_simplest(best))
-        found = replace(best[0], rivals=(*found.rivals, *best[1:]))
+        found = best[0]
     return replace(found, trials=tuple(better))
 
 
@@ -265,7 +272,7 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
 
 def _simplest(trials: Sequence[Extended]) -> list[Extended]:
     """The simplest trials. A trial is left out if it frees all parameters of another trial and further parameters."""
-    keys = [{parameter.name for one in trial.chosen for parameter in one.parameters} for trial in trials]
+    keys = [set[str]().union(*(one.names for one in trial.chosen)) for trial in trials]
     return [trial for trial, own in zip(trials, keys, strict=True) if not any(own > other for other in keys)]
 
 
@@ -273,19 +280,17 @@ def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
     """The given trials in a new order. They are about equally likely, and the most likely trial comes first. If another trial
     predicts the held-out parts clearly better than the most likely trial, the trial with the best predictions comes first.
     """
-    errors = [_held_out(one) for one in trials]
+    errors = [held_out(one.problem, one.x) for one in trials]
     best = int(np.argmin(errors))
     best = best if errors[best] <= FURTHER * errors[0] else 0
     return [trials[best], *trials[:best], *trials[best + 1 :]]
 
 
-def _held_out(found: Extended) -> float:
+def held_out(problem: FitProblem, x: Array) -> float:
     """Mean Huber loss of the predictions in the held-out parts; 0 if everything was fitted."""
-    problem = found.problem
     firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
     left = [
-        part.weighted(values)[first:]
-        for first, (part, values) in zip(firsts, differences(problem.everything, found.x), strict=True)
+        part.weighted(values)[first:] for first, (part, values) in zip(firsts, differences(problem.everything, x), strict=True)
     ]
     held = np.concatenate(left)
     return huber(held) if len(held) else 0.0
@@ -316,8 +321,36 @@ def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
         if mean_square(found.problem, found.x) > FURTHER * mean_square(fewer, x):
-            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)), rivals=found.rivals)
+            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)))
     return found
+
+
+def exchanged(problem: FitProblem, found: Extended, kinds: Sequence[Propose], *, rounds: int) -> Extended:
+    """Extended problem in which each extension was compared with the extensions that could take its place. At the estimates
+    without the extension, the most promising other extensions are fitted. The best of them all is kept, and those that explain
+    the recordings as well become rivals. problem: problem without extensions.
+
+    Two extensions may imitate each other. For example, a larger mass has the same effect as a smaller scale of the torque if
+    inertia and friction are free.
+    """
+    rivals = list[Extended]()
+    for extension in found.chosen:
+        others = tuple(one for one in found.chosen if one is not extension)
+        without = with_all(problem, others)
+        own = extension.names
+        x = found.x[[entry.name not in own for entry in found.problem.layout.entries]]
+        optimum = Optimum(without, x)
+        promises = [optimum.promise(one) for propose in kinds for one in propose(without, x) if not own <= one.names]
+        hopeful = sorted((one for one in promises if one.share), key=lambda one: -one.share)[:TRIED]
+        trials = [_trial((*others, one.extension), one.problem, one.start, rounds) for one in hopeful]
+        near = [one for one in _most_likely([found, *trials], NEAR * DECISIVE) if one is not found]
+        # Continue the searches before comparing them, since some searches may not have converged.
+        found, *near = (_trial(one.chosen, one.problem, one.x, rounds) for one in (found, *near))
+        likely = best_predictions(_simplest(_most_likely([found, *near], DECISIVE)))
+        kept, _ = best_predictions([likely[0], found])
+        rivals += [one for one in likely if one is not kept]
+        found = kept
+    return replace(found, rivals=tuple(rivals))
 
 
 def jumps(problem: FitProblem, _: Array) -> Iterator[Extension]:

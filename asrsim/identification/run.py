@@ -40,7 +40,7 @@ from asrsim.identification.result import (
     doubted,
     estimates,
 )
-from asrsim.identification.search import Best, OutOfTime, Stopped, followed_by, reaches, refined, search, settle
+from asrsim.identification.search import Best, OutOfTime, Stopped, free_run, refined, search, settle
 from asrsim.identification.task import Task, task_of
 from asrsim.identification.transfer import failed_predictions, transfers, with_own_values
 from asrsim.identification.uncertainty import Uncertainty, uncertainty, widened
@@ -338,7 +338,7 @@ def _final(problem: FitProblem, trained: Array, status: str) -> tuple[FitProblem
     if whole.ends != problem.ends:
         refit = refined(whole, x)
         # Short predictions may improve while a free simulation leaves the recording: keep the estimates of the training part.
-        if mean_square(whole, refit) < mean_square(whole, x) and reaches((whole, refit), followed_by(whole, x)):
+        if mean_square(whole, refit) < mean_square(whole, x) and free_run(whole, refit).reaches(free_run(whole, x)):
             x = whole.possible(refit)
         if mean_square(whole, x) > APART * max(mean_square(problem, trained), 1.0):
             whole, x = problem, trained

@@ -6,16 +6,17 @@ With a fast observer the residuals are errors of short predictions, and their su
 The search at each level starts at the estimate of the level before. If a free simulation fits after the first level, the search
 ends there.
 
-The free simulation is kept if the model fits. It is also kept if it follows the channels and passes one of two tests: it
-predicts held-out parts as well as fitted parts, or its estimates agree with the estimates of the levels before it. Otherwise
+The free simulation is kept if the model fits. It is also kept if it follows the whole recordings and passes one of two tests:
+it predicts held-out parts as well as fitted parts, or its estimates agree with the estimates of the levels before it. Otherwise
 errors of the model accumulate in the free simulation, and the level to keep is selected in three steps.
 
 1. A level is a candidate if a free simulation of the whole recordings with its estimates explains as many channels as the
 fitted free simulation. Three limits are compared: 50, 90 and 95 % of a channel's variance. If no level is a candidate, the free
 simulation is kept.
 2. The candidate whose estimates differ least between tenths of the recordings is kept. If several levels differ equally within
-chance, the level with the best predictions is kept.
-3. If this is the first level, further levels with higher bandwidths are tried, as long as the highest level is the best.
+chance, the level is kept whose estimates give the smallest error of a free simulation.
+3. If this is the first level, further levels with higher bandwidths are tried, as long as their estimates differ as little
+between tenths, within chance. The highest of these levels is kept.
 
 At a low bandwidth, errors of the model accumulate in the predictions. At a high bandwidth, predictions are so short that they
 show mostly noise.
@@ -34,6 +35,7 @@ from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, 
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.problem import (
+    Differences,
     FitProblem,
     differences,
     huber,
@@ -144,24 +146,27 @@ def search(best: Best, begin: Callable[[str], None]) -> None:
         _hold(best)
     free = extended(best.problem, best.x, (jumps, presliding), enough=fits)
     best.take(free.problem, free.x)
-    most, followed = followed_by(free.problem, free.x), follows(free.problem, free.x)
+    most = free_run(free.problem, free.x)
+    # If a free simulation follows only the training part, errors of the model have moved its estimates.
+    followed = most.explained[0] == len(problem.whole.parts)
     agrees = followed and (all(_agree(*pair) for pair in pairwise(found)) or _transfers(free.problem, free.x))
     if agrees or not problem.observes or fits(free.problem, free.x):
         return
     # A level is a candidate only if it passes `reaches`. Short predictions may contain too little information: their estimates
     # may fail in a free simulation.
-    levels = [_judged(*fit) for fit in (found if followed else found[:-1]) if reaches(fit, most)]
+    runs = [(fit, free_run(*fit)) for fit in (found if followed else found[:-1])]
+    levels = [_judged(fit, run) for fit, run in runs if run.reaches(most)]
     if not levels:
         return
-    kept, level = _best(levels), LEVELS[0]
-    fastest = levels[0] if levels[0].problem is found[0][0] else None
-    while kept is fastest and problem.can_rise(level := level * RISE):
+    kept, level = min(_steady(levels), key=lambda one: one.run.error), LEVELS[0]
+    rises = kept.problem is found[0][0]
+    while rises and problem.can_rise(level := level * RISE):
         begin(_name(level))
         risen = _solved(kept.problem.observed(level), kept.x)
-        if not reaches(risen, most):
-            break
-        levels.append(fastest := _judged(*risen))
-        kept = _best(levels)
+        run = free_run(*risen)
+        levels.append(_judged(risen, run))
+        rises = run.reaches(most) and levels[-1] in _steady(levels)
+        kept = levels[-1] if rises else kept
     if kept.problem.playing.bandwidth > 0.0:
         best.slow = ((free.problem, free.x),) if followed else tuple(fit for fit in found[-2::-1] if follows(*fit))
         best.take(kept.problem, kept.x)
@@ -177,18 +182,16 @@ class _Level:
     """Standard deviations (n,) of the estimates, from the spread between tenths of the recordings, in the vector's units. They
     are nan for parameters without effect.
     """
-    error: float
-    """Negative logarithm of the likelihood of the predictions, per sample, up to a constant and a factor."""
+    run: FreeRun
+    """Free simulation with the estimates."""
 
 
-def _judged(problem: FitProblem, x: Array) -> _Level:
-    return _Level(problem, x, uncertainty(problem, x, quick=True).spread, _likelihood((problem, x)))
+def _judged(fit: tuple[FitProblem, Array], run: FreeRun) -> _Level:
+    return _Level(*fit, uncertainty(*fit, quick=True).spread, run)
 
 
-def _best(levels: Sequence[_Level]) -> _Level:
-    """The level to keep. Its estimates differ least between tenths of the recordings; of levels that differ equally within
-    chance, it has the best predictions.
-    """
+def _steady(levels: Sequence[_Level]) -> list[_Level]:
+    """The levels whose estimates differ least between tenths of the recordings. They differ equally within chance."""
     entries = levels[0].problem.layout.entries
     # Leave out parameters of single recordings, such as initial positions, since they affect short predictions less.
     shared = [entry.track is None for entry in entries]
@@ -199,8 +202,7 @@ def _best(levels: Sequence[_Level]) -> _Level:
     ]
     known = [np.log(np.clip(np.nan_to_num(one.spread, nan=np.inf), 1e-300, most))[shared] for one in levels]
     sums = [float(np.mean(one)) if len(one) else 0.0 for one in known]
-    good = [one for one, sum_ in zip(levels, sums, strict=True) if sum_ <= min(sums) + CHANCE]
-    return min(good, key=lambda one: one.error)
+    return [one for one, sum_ in zip(levels, sums, strict=True) if sum_ <= min(sums) + CHANCE]
 
 
 def _name(level: float) -> str:
@@ -237,24 +239,35 @@ def follows(problem: FitProblem, x: Array) -> bool:
     return all(explains(part, left, FOLLOWED) for part, left in differences(problem, x))
 
 
-def followed_by(problem: FitProblem, x: Array) -> list[int]:
-    """Numbers of channels that a free simulation of the whole recordings with these estimates explains, at three limits: more
-    than 50, 90 and 95 % of a channel's variance.
-    """
-    found = differences(problem.observed(0.0).everything, x)
-    return [sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH)]
+@dataclass(frozen=True)
+class FreeRun:
+    """How well a free simulation follows the whole recordings that are fitted."""
+
+    explained: tuple[int, ...]
+    """Numbers of channels that the simulation explains, at three limits: more than 50, 90 and 95 % of a channel's variance."""
+    error: float
+    """Logarithm of the RMS error, mean over the channels."""
+
+    def reaches(self, other: FreeRun) -> bool:
+        """Whether this simulation explains at least as many channels as another one, at each limit."""
+        return all(own >= least for own, least in zip(self.explained, other.explained, strict=True))
 
 
-def reaches(fit: tuple[FitProblem, Array], most: Sequence[int]) -> bool:
-    """Whether a free simulation with these estimates explains at least as many channels as another simulation, at each limit.
-    most: result of `followed_by` for the other simulation.
-    """
-    return all(own >= least for own, least in zip(followed_by(*fit), most, strict=True))
+def free_run(problem: FitProblem, x: Array) -> FreeRun:
+    """Judgement of a free simulation of the whole recordings with these estimates."""
+    found = differences(problem.observed(0.0).whole, x)
+    explained = tuple(sum(explains(part, left, least) for part, left in found) for least in (FOLLOWED, ACCEPTABLE, ENOUGH))
+    return FreeRun(explained, 0.5 * _unlikelihood(found) / len(found))
 
 
 def _likelihood(fit: tuple[FitProblem, Array]) -> float:
     """Negative logarithm of the likelihood of predictions with unknown noise, per sample, up to a constant and a factor."""
-    sizes = [float(np.mean(left**2)) if np.isfinite(left).all() else np.inf for _, left in differences(*fit)]
+    return _unlikelihood(differences(*fit))
+
+
+def _unlikelihood(found: Differences) -> float:
+    """Sum over the channels of the logarithms of their mean square errors."""
+    sizes = [float(np.mean(left**2)) if np.isfinite(left).all() else np.inf for _, left in found]
     return float(np.sum(np.log(np.maximum(sizes, 1e-300))))
 
 
@@ -291,6 +304,7 @@ def settle(best: Best) -> None:
     """Adapt substeps and weights to the estimates. Add staircases, instants of jumps and pre-sliding friction if they are
     significant.
     """
+    begun = best.problem, best.x
     _resolve(best)
     smooth = best.problem.playing
     _hold(best)
@@ -301,9 +315,12 @@ def settle(best: Best) -> None:
     found = extended(best.problem, best.x, (jumps, presliding), enough=is_explained)
     # Reject effects with which a free simulation explains fewer channels. Such effects may nevertheless improve short
     # predictions.
-    if found.chosen and reaches((found.problem, found.x), followed_by(best.problem, best.x)):
+    if found.chosen and free_run(found.problem, found.x).reaches(free_run(best.problem, best.x)):
         best.problem, best.x, best.cost = found.problem, found.x, found.cost
         _resolve(best)
+    # Short predictions may improve while a free simulation leaves the recording.
+    if best.problem.playing.bandwidth > 0.0 and not free_run(best.problem, best.x).reaches(free_run(*begun)):
+        best.problem, best.x = begun
     best.x = _timed(best.problem, best.x)
 
 

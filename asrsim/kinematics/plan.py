@@ -122,7 +122,8 @@ def _references(drive: Drive, equilibria: Array, preset: Array) -> dict[str, Arr
         return {mode.references[0]: equilibria}
     if mode.mapped:
         return {mode.references[0]: equilibria, mode.references[1]: preset}
-    return dict(zip(mode.references, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
+    names = mode.references_of(drive.actuator.motors)
+    return dict(zip(names, over_arrays(drive.actuator.motor_references)(equilibria, preset), strict=False))
 
 
 def _text(point: Array) -> str:

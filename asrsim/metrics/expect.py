@@ -13,11 +13,12 @@ import numpy as np
 
 from asrsim.document.kinds import Choice, Either, Kind, ListOf, Number, Text
 from asrsim.errors import InputError, Problem, ScenarioError
+from asrsim.joint_units import unit_at
 from asrsim.metrics.asked import measure_text
 from asrsim.metrics.measures import MEASURES, measure, trial_problems, unrest
 from asrsim.metrics.motion import AXES
 from asrsim.quantities import DERIVED, QUANTITIES, shown, unit_of
-from asrsim.samples import TIP, TIP_GOAL, Array, Samples
+from asrsim.samples import TIP, TIP_GOAL, Array, JointInfo, Samples
 
 if TYPE_CHECKING:
     from asrsim.scenario.data import Expectation
@@ -89,7 +90,7 @@ def evaluate_expectation(
     columns: Mapping[str, Array],
     *,
     reference: Array | None = None,
-    prismatic: bool = False,
+    joint: JointInfo | None = None,
     checked: bool,
 ) -> ExpectationResult:
     """Verdict on a claim, measured on the quantities of its joint or body.
@@ -100,7 +101,7 @@ def evaluate_expectation(
         columns: Quantity -> values (n,) (or (n, 7) for `position` of a body) of the joint or body.
         reference: Reference (n,) for measures of a difference; by default the joint's own reference, computed as
             `position_error` + `link_position` if both exist and the claim is about the link position.
-        prismatic: Whether the joint is prismatic, so that its units are m and N.
+        joint: The joint, whose kind, actuator and operation mode state the units; None for a body.
         checked: Whether `check_expectation` accepted the claim already.
 
     Raises:
@@ -129,20 +130,20 @@ def evaluate_expectation(
         expectation=expectation,
         holds=holds(expectation, measured),
         measured=measured,
-        unit=claim_unit(expectation, prismatic=prismatic),
+        unit=claim_unit(expectation, joint),
         moving=moving,
-        moving_unit=_series_unit(expectation, prismatic=prismatic),
+        moving_unit=_series_unit(expectation, joint),
     )
 
 
-def claim_unit(expectation: Expectation, *, prismatic: bool = False) -> str:
-    """Unit of a claim's measured number; "" for a pure number. prismatic: as in `evaluate_expectation`."""
-    return MEASURES.get(expectation.measure).unit_of(_series_unit(expectation, prismatic=prismatic))
+def claim_unit(expectation: Expectation, joint: JointInfo | None = None) -> str:
+    """Unit of a claim's measured number; "" for a pure number. joint: as in `evaluate_expectation`."""
+    return MEASURES.get(expectation.measure).unit_of(_series_unit(expectation, joint))
 
 
-def _series_unit(expectation: Expectation, *, prismatic: bool) -> str:
+def _series_unit(expectation: Expectation, joint: JointInfo | None) -> str:
     if expectation.quantity in QUANTITIES or expectation.quantity in DERIVED:
-        return unit_of(expectation.quantity, prismatic=prismatic)
+        return unit_of(expectation.quantity) if joint is None else unit_at(expectation.quantity, joint)
     return "N" if expectation.quantity.startswith("contact_force") else "m"
 
 

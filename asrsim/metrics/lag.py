@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,8 @@ the smallest lag is chosen.
 """
 _VALLEY = 0.2
 """Smallest fall of the correlation between two peaks for which the peaks count as distinct."""
+_GAP = 3.0
+"""Largest interval between two samples, in typical intervals of the series, across which a series is interpolated."""
 _TOP = 0.1
 """Fraction of a peak's height over which its parabola is fitted."""
 TRUSTED = 0.6
@@ -46,8 +47,9 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     """Lag of b behind a, from series (n,) and (m,) of any sampling; None if one of them is constant.
 
     The two series are interpolated linearly to a common even step (NaN omitted). The correlation at each lag is normalised over
-    the overlap (mean and size removed), so offsets and gains do not matter. Lags with an overlap of less than half of the
-    shorter series are excluded. The peak is refined by a parabola, which is wider for noisier correlations.
+    the overlap (mean and size removed), so offsets and gains do not matter. The overlap does not contain gaps of a series,
+    since a line across a gap would shift the peak. Lags with an overlap of less than half of the shorter series are excluded.
+    The peak is refined by a parabola, which is wider for noisier correlations.
 
     limit: largest lag in either direction, s; None: a quarter of the shorter series.
     """
@@ -58,10 +60,9 @@ def estimate_lag(time_a: Array, values_a: Array, time_b: Array, values_b: Array,
     limit = 0.25 * min(spans) if limit is None else limit
     step = min(float(np.median(np.diff(t))) for t, _ in (a, b))
     step = max(step, max(spans) / _LONGEST)
-    x, y = (np.interp(np.arange(t[0], t[-1] + 0.5 * step, step), t, v) for t, v in (a, b))
-    x, y = x - np.mean(x), y - np.mean(y)
+    (x, known_x), (y, known_y) = (_evenly(t, v, step) for t, v in (a, b))
     offset = float(b[0][0] - a[0][0])
-    lags, rho = _normalised(x, y, step, offset=offset, limit=limit)
+    lags, rho = _normalised(x, y, known_x, known_y, step, offset=offset, limit=limit)
     if not len(lags):
         return None
     peak, ambiguous = _choose(lags, rho)
@@ -108,31 +109,46 @@ def _finite(time: Array, values: Array) -> tuple[Array, Array]:
     return time[keep], values[keep]
 
 
-def _normalised(x: Array, y: Array, step: float, *, offset: float, limit: float) -> tuple[Array, Array]:
-    """Lags (s) within the limit, and the correlation coefficient of the overlap at each lag."""
-    from scipy.signal import correlate
+def _evenly(time: Array, values: Array, step: float) -> tuple[Array, Array]:
+    """Values (k,) every `step` s from the first sample to the last, and whether they are known (k,): 0 inside a gap, else 1.
+    Their mean is removed. Values in a gap are 0.
+    """
+    grid = np.arange(time[0], time[-1] + 0.5 * step, step)
+    after = np.clip(np.searchsorted(time, grid, side="left"), 1, len(time) - 1)
+    wide = time[after] - time[after - 1] > _GAP * np.median(np.diff(time))
+    known = np.where(wide & (grid > time[after - 1]) & (grid < time[after]), 0.0, 1.0)
+    even = np.interp(grid, time, values)
+    return (even - np.average(even, weights=known)) * known, known
+
+
+def _normalised(
+    x: Array, y: Array, known_x: Array, known_y: Array, step: float, *, offset: float, limit: float
+) -> tuple[Array, Array]:
+    """Lags (s) within the limit, and the correlation coefficient of the overlap at each lag.
+
+    Sums over the overlap at each lag are themselves correlations (Padfield, IEEE Trans. Image Processing 21, 2012).
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
 
     shifts = np.arange(-(len(x) - 1), len(y))
-    start, end = np.maximum(0, -shifts), np.minimum(len(x), len(y) - shifts)
-    count = end - start
+    length = next_fast_len(len(shifts), real=True)
+    of_x, of_y = ([rfft(part, length) for part in (known, own, own * own)] for known, own in ((known_x, x), (known_y, y)))
 
-    def sums(values: Array, first: Any, last: Any) -> Array:
-        """Sums of values[first:last] for all overlaps."""
-        running = np.concatenate([[0.0], np.cumsum(values)])
-        return np.asarray(running[last] - running[first])
+    def sums(first: int, second: int) -> Array:
+        """Sums of x^first y^second over all overlaps."""
+        return np.asarray(np.roll(irfft(np.conj(of_x[first]) * of_y[second], length), len(x) - 1)[: len(shifts)])
 
-    in_x, in_y = (start, end), (start + shifts, end + shifts)
-    sum_x, sum_y = sums(x, *in_x), sums(y, *in_y)
-    power_x = sums(x * x, *in_x) - sum_x**2 / count
-    power_y = sums(y * y, *in_y) - sum_y**2 / count
+    count = np.round(sums(0, 0))
+    overlap = np.maximum(count, 1.0)
+    sum_x, sum_y = sums(1, 0), sums(0, 1)
+    power_x, power_y = sums(2, 0) - sum_x**2 / overlap, sums(0, 2) - sum_y**2 / overlap
     # The correlation is undefined if a series is constant in the overlap. The threshold excludes correlations of rounding
     # errors.
     floor_x, floor_y = 1e-6 * np.sum(x * x), 1e-6 * np.sum(y * y)
-    usable = (count >= 0.5 * min(len(x), len(y))) & (power_x > floor_x) & (power_y > floor_y)
+    usable = (count >= 0.5 * min(known_x.sum(), known_y.sum())) & (power_x > floor_x) & (power_y > floor_y)
     lags = np.asarray(offset + shifts * step, dtype=np.float64)
     usable &= np.abs(lags) <= limit + 0.5 * step
-    products = np.asarray(correlate(y, x, mode="full", method="fft"), dtype=np.float64)
-    rho: Array = (products - sum_x * sum_y / count)[usable] / np.sqrt(power_x[usable] * power_y[usable])
+    rho: Array = (sums(1, 1) - sum_x * sum_y / overlap)[usable] / np.sqrt(power_x[usable] * power_y[usable])
     return lags[usable], rho
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
@@ -53,14 +54,14 @@ def legend(
 def _named(quantity: str) -> str:
     """Name of a quantity, and its symbol if a stage declares one."""
     name, symbol = fill(style.plain(style.name(quantity)), LETTERS - 1), style.symbol(quantity)
-    apart = " " if len(name.rpartition("\n")[2]) + SYMBOL <= LETTERS else "\n"
+    # Of `$\tau_{w1}$`, three letters are drawn.
+    drawn = len(re.sub(r"[${}_^]", "", re.sub(r"\\[A-Za-z]+", "x", symbol)))
+    apart = " " if len(name.rpartition("\n")[2]) + 1 + drawn < LETTERS else "\n"
     return f"{name}{apart}{symbol}" if symbol else name
 
 
 LETTERS = 17
 """Number of usual letters of a line that fits at the right of the axes. Names have one letter less, since m and w are wide."""
-SYMBOL = 4
-"""Width of a symbol and of the space before it, in letters."""
 LIMIT = "limit"
 """Name of the limits in a legend."""
 LIMIT_LINE = (0, (4, 1.5, 1, 1.5))

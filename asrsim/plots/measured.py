@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from asrsim.joint_units import unit_at
 from asrsim.log import open_log
 from asrsim.log.derived import own_reference
 from asrsim.metrics import MetricRow
 from asrsim.metrics.asked import asked_measures
-from asrsim.quantities import unit_of
 from asrsim.recordings.align import simulated, simulated_sources
 
 MEASURED = ("link_position",)
@@ -48,7 +48,7 @@ def measured_rows(
             if values is None:
                 continue
             reference = own_reference(samples, info) if quantity == "link_position" else None
-            unit = unit_of(quantity, prismatic=info.prismatic)
+            unit = unit_at(quantity, info)
             for one in asked:
                 value = one.of(samples.time, values, reference)
                 yield MetricRow(

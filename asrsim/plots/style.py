@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from asrsim.plots.curves import KNOWN
-from asrsim.quantities import MOST_MOTORS, each_motor, linear_unit
+from asrsim.quantities import DERIVED, MOST_MOTORS, QUANTITIES, linear_unit
 from asrsim.samples import JointInfo
 
 if TYPE_CHECKING:
@@ -194,20 +194,14 @@ _BODY_NAMES = {
 
 
 def unit(quantity: str, joint: JointInfo | None = None) -> str:
-    """Unit of a joint's quantity for pictures: m and N for a prismatic joint, m for the adjuster of AwAS-II."""
-    from asrsim.actuators import ACTUATORS, MODES
+    """Unit of a joint's quantity for pictures, as in `asrsim.joint_units.unit_at`."""
+    from asrsim.joint_units import unit_at
 
+    if joint is not None and (quantity in QUANTITIES or quantity in DERIVED):
+        return unit_at(quantity, joint)
     known = KNOWN.get(quantity)
     text = known.unit if known else ""
-    if joint is not None:
-        mode = MODES.get(joint.mode) if joint.mode is not None else None
-        if quantity in each_motor("reference_{}") and mode is not None:
-            text = mode.units[min(int(quantity[-1]), len(mode.units)) - 1]
-        if has_adjuster(joint) and quantity in ("reference_2", "motor_2_position", "motor_2_velocity"):
-            return ACTUATORS.get(joint.actuator).reference_2_unit + ("/s" if quantity == "motor_2_velocity" else "")
-        if joint.prismatic:
-            text = linear_unit(text)
-    return text
+    return linear_unit(text) if joint is not None and joint.prismatic else text
 
 
 def has_adjuster(joint: JointInfo) -> bool:

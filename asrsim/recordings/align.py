@@ -79,7 +79,9 @@ def align_recording(
     name, time, values, column = best
     with naming(recording.path):
         command = name.rpartition(".")[2].startswith("reference")
-        return align(time, values, column.time, column.values, choice=lag, name=name, command=command)
+        # Columns may have separate times. All of them are shifted by the same lag, so the recording begins with the earliest.
+        begins = min(float(one.time[0]) for one in recording.channels.values() if len(one.time))
+        return align(time, values, column.time, column.values, choice=lag, name=name, command=command, begins=begins)
 
 
 @contextmanager
@@ -185,6 +187,7 @@ def align(
     choice: LagChoice = "auto",
     name: str = "",
     command: bool = False,
+    begins: float | None = None,
 ) -> Alignment:
     """Lag of a recording behind a simulation.
 
@@ -196,11 +199,12 @@ def align(
         choice: See `LagChoice`.
         name: Name of the quantity, for messages.
         command: Whether the quantity is a command. If a command is a staircase, each value is held until the next sample.
+        begins: Time at which the recording begins, s; by default, the first of `time_recording`.
 
     Raises:
         RecordingError: The choice is not a `LagChoice` or, with `auto`, the records do not overlap in time.
     """
-    start = float(time_recording[0] - time_simulation[0])
+    start = float((time_recording[0] if begins is None else begins) - time_simulation[0])
     stated = {"off": 0.0, "start": start}.get(str(choice), choice)
     if stated != "auto":
         if not isinstance(stated, float | int) or not np.isfinite(stated):

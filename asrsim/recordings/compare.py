@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from asrsim.errors import Problem, RecordingError
+from asrsim.joint_units import unit_at
 from asrsim.log.derived import own_reference
 from asrsim.metrics.asked import AskedMeasure, asked_measures
 from asrsim.metrics.measures import MEASURES, PAIR_MEASURES, STEP_MEASURES, measure
@@ -140,11 +141,11 @@ def compare(
             code="no-common-quantity",
         )
 
-    prismatic = {info.name for info in infos if info.prismatic}
+    by_name = {info.name: info for info in infos}
     alignment = align_recording(recording, pairing, lambda *_: samples, lag=lag, infos=infos)
     with naming(recording.path):
         series = tuple(
-            _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, prismatic=joint in prismatic)
+            _series(joint, name, samples.time, own, columns[joint, name], alignment.lag, by_name.get(joint))
             for (joint, name), own in found.items()
         )
     every, _ = matched_columns(recording, pairing, infos)
@@ -179,8 +180,7 @@ def _series(
     values: Array,
     column: Column,
     lag: float,
-    *,
-    prismatic: bool,
+    info: JointInfo | None,
 ) -> Series:
     shifted = column.time - lag
     start, end = require_overlap(time, column.time, lag)
@@ -196,7 +196,6 @@ def _series(
     a = resample(time, values, grid) if coarse else values[part]
     b = column.values[part] if coarse else resample(shifted, column.values, grid)
     findings = beside(a, b, column, joint)
-    unit = unit_of(quantity, prismatic=prismatic) or column.unit
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < 2:
         findings.append(Problem("has fewer than two samples with numbers in both records", code="no-overlap"))
@@ -204,7 +203,7 @@ def _series(
     return Series(
         joint=joint,
         quantity=quantity,
-        unit=unit,
+        unit=(unit_of(quantity) if info is None else unit_at(quantity, info)) or column.unit,
         time=grid,
         simulation=a,
         recording=b,

@@ -20,7 +20,7 @@ _OFTEN = 0.35
 
 
 def turn_of(numbers: Array, factor: float, scale: float) -> float | None:
-    """Number after which an angle restarts, in the numbers of a file; None if the numbers do not jump by a whole turn.
+    """Number after which an angle restarts, in the numbers of a file; None if neither whole turn fits the jumps.
 
     The sensor may be on either side of a gear: the numbers restart after a whole turn before or after the multiplication by
     `scale`. The result is the period whose jumps occur in the numbers. If both periods occur, it is the period after whose
@@ -33,6 +33,8 @@ def turn_of(numbers: Array, factor: float, scale: float) -> float | None:
     """
     steps = np.abs(np.diff(numbers))
     candidates = {math.tau / factor, math.tau / abs(factor * scale)} if scale else set()
+    if len(candidates) == 1:
+        return candidates.pop()
     found = [one for one in candidates if len(steps) and 0.5 * one < steps.max() < _WIDEST * one]
     return min(found, key=lambda one: float(np.abs(np.diff(np.unwrap(numbers, period=one))).sum()), default=None)
 

@@ -173,9 +173,15 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         found = pattern.fullmatch(text)
         # Words with a blank between them are separate symbols, so the unit of `theta m deg` is not mdeg.
         unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
-        if found and unit is not None:
+        # Both parts of `v [km/h]` have half of a bracket: the h is not its unit.
+        if found and unit is not None and _closed(found["name"]):
             return found["name"] + (found.groupdict().get("rest") or ""), unit
     return text, None
+
+
+def _closed(name: str) -> bool:
+    """Whether a name has as many opening as closing brackets."""
+    return all(name.count(opening) == name.count(closing) for opening, closing in ("[]", "()", "{}"))
 
 
 def unread_unit(header: str) -> str:

@@ -278,7 +278,9 @@ class Scenario:
         "derivative action acts, are delayed and held, but have neither noise nor quantisation",
     )
     link_damping: Mapping[str, LinkDamping] = declare(
-        MapOf(of=block_of(LinkDamping, "damping law")), default={}, doc="link damping that changes with the stiffness"
+        MapOf(of=block_of(LinkDamping, "damping law")),
+        default={},
+        doc="link damping of joints with actuators, which changes with the stiffness",
     )
     world: World = declare(WORLD, default=World(), doc="ground and objects", shown="empty", field_default=World)
     task: CartesianTask | None = declare(

@@ -23,6 +23,7 @@ from asrsim.scenario.data import Scenario, for_joint
 from asrsim.scenario.kinds import prescribes_motion, released_order
 from asrsim.scenario.names import shadowed_entries
 from asrsim.scenario.signal_checks import ROUNDING, extremes, hidden_jump, over_run, reference_key, signals_of, wanted_positions
+from asrsim.scenario.starts import start_positions, start_velocities
 from asrsim.signals.base import Signal
 from asrsim.signals.combine import Delay, Sum
 from asrsim.signals.playback import Playback
@@ -33,6 +34,8 @@ LATEST = 1.0
 """Largest plausible delay, s."""
 STEPS = (1e-6, 0.05)
 """Range of plausible time steps, s: from motor electronics to slow robot controllers."""
+_CONTRADICTS = 1e-3
+"""Difference of initial values above which they contradict each other, rad and rad/s (m and m/s)."""
 UNSTABLE = 2.0
 """Largest product of decay rate and time step for which explicit damping is stable. Above it, the motion changes its sign in
 every step and grows."""
@@ -99,6 +102,40 @@ def _default_start(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
             message = f"starts at 0, outside its limits, {low:g} to {high:g}: its stop pushes it back"
             hint = f"Set its initial position under `initial`, for example to {low if low > 0.0 else high:g}"
             yield Problem(message, key=f"initial.{joint.name}", hint=hint, code="default-start")
+
+
+def _start_without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about initial values that do not act: those of coupled joints that contradict their masters, and those of motors
+    that have no motion of their own."""
+    if scenario.initial_equilibrium:
+        if prescribes_motion(scenario.engine):
+            yield Problem("has no effect: the motion of the links is prescribed", key="initial", code="prescribed-start")
+        return
+    for joint in robot.moving_joints if prescribes_motion(scenario.engine) else ():
+        key = joint.name if joint.name in scenario.initial_positions else "*"
+        start, motion = scenario.initial_positions.get(key), for_joint(scenario.motion, joint.name)
+        first = None if motion is None else float(motion.values(np.zeros(1))[0])
+        if start is not None and first is not None and abs(start - first) > _CONTRADICTS:
+            message = f"only motors start there: the prescribed motion of '{joint.name}' starts at {first:g}"
+            yield Problem(message, key=f"initial.{key}", value=start, code="prescribed-start")
+    positions = start_positions(scenario, robot)
+    tables = (
+        (scenario.initial_positions, positions),
+        (scenario.initial_velocities, start_velocities(scenario, robot, positions)),
+    )
+    for stated, found in tables:
+        for name in stated.keys() & found.keys():
+            if abs(stated[name] - found[name]) > _CONTRADICTS:
+                what = "position" if found is positions else "velocity"
+                message = f"has no effect: '{name}' follows another joint, and its initial {what} is {found[name]:.6g}"
+                yield Problem(message, key=f"initial.{name}", value=stated[name], code="coupled-start")
+    for block in robot.actuators:
+        mode = MODES[block.mode]
+        for key in (block.joint, "*"):
+            if not mode.motor and (key in scenario.initial_motor_positions or key in scenario.initial_motor_velocities):
+                why = "motors stand at their references" if mode.spring else "no motor moves"
+                message = f"initial values of motors have no effect: in mode {mode.number}, {why}"
+                yield Problem(message, key=f"initial.{key}", code="motorless-start")
 
 
 # -- references --------------------------------------------------------------------------------------------------------
@@ -283,7 +320,7 @@ def _hidden_jumps(scenario: Scenario, _robot: Robot) -> Iterator[Problem]:
         time = hidden_jump(scenario, signal)
         if time is not None:
             message = "jumps at a time that its `jumps` does not return: errors of the run are of first order in the step there"
-            hint = "Return the times of jumps from `jumps(start, end)` of the signal's class"
+            hint = "Return this time from `jumps(start, end)` of the class; for a playback, choose linear or hold"
             yield Problem(message, key=key, value=f"{time:.9g} s", hint=hint, code="hidden-jump")
 
 
@@ -302,6 +339,24 @@ def _missing_references(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
                 yield Problem(message, key=f"references.{block.joint}", code="missing-reference")
 
 
+def _planned(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
+    """Warnings about references and inverse dynamics that a Cartesian task replaces."""
+    if scenario.task is None:
+        return
+    for block in robot.actuators:
+        mode, given = MODES[block.mode], scenario.references_of(block.joint)
+        moved = "" if scenario.computes_reference(block.joint) else ", in which this joint stays at its initial position"
+        # The task takes the presets from the references.
+        for name in mode.references[: 1 if mode.mapped else None]:
+            if name in given:
+                message = f"has no effect on '{block.joint}': the Cartesian task computes this reference{moved}"
+                yield Problem(message, key=reference_key(scenario, block, name), code="planned-reference")
+    if any(scenario.inverse_dynamics.values()):
+        yield Problem(
+            "has no effect: the Cartesian task computes all references", key="inverse_dynamics", code="planned-reference"
+        )
+
+
 # -- no effect ---------------------------------------------------------------------------------------------------------
 
 
@@ -309,6 +364,12 @@ def _without_effect(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
     for key in shadowed_entries(scenario, robot):
         message = "has no effect: every joint that it could apply to has a separate entry"
         yield Problem(message, key=key, code="unused-entry")
+    driven = {block.joint for block in robot.actuators}
+    passive = [joint.name for joint in robot.moving_joints if joint.name not in driven and not joint.mimic]
+    if "*" in scenario.link_damping and passive:
+        message = f"acts on joints with actuators only, not on {listed(passive, 4)}"
+        hint = "Passive joints have the damping of the robot's file: <dynamics damping='...'/>"
+        yield Problem(message, key="link_damping.*", hint=hint, code="passive-damping")
     for name, damping in scenario.link_damping.items():
         if damping.ratio and not damping.inertia:
             message = "a ratio without 'inertia' has no effect: damping is 2 ratio sqrt(inertia stiffness)"
@@ -330,8 +391,16 @@ def _contact_words(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 
 def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
-    """Warnings in toolbox stepping about motor controllers that diverge at the time step, and about parameters that the toolbox
-    ignores."""
+    """Warnings in toolbox stepping about motor controllers that diverge at the time step, and about parameters and keys that
+    the toolbox ignores."""
+    if released_order(scenario.stepping):
+        for name, imperfections in scenario.sensor_imperfections.items():
+            if imperfections.active:
+                key = f"imperfections.sensors.{name}"
+                yield Problem("toolbox stepping ignores imperfections of sensors", key=key, code="released-model")
+        for key, count in (("substeps", scenario.substeps), ("motor_substeps", scenario.motor_substeps)):
+            if count not in (None, 1):
+                yield Problem("toolbox stepping takes no substeps", key=key, value=count, code="released-model")
     for block in robot.actuators if released_order(scenario.stepping) else ():
         mode, actuator, values = MODES[block.mode], ACTUATORS.get(block.actuator), block.values()
         ignored = [one.name for one in actuator.all_parameters() if one.optional and values[one.name] != one.default]
@@ -348,6 +417,7 @@ def _released(scenario: Scenario, robot: Robot) -> Iterator[Problem]:
 
 DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _default_start,
+    _start_without_effect,
     _gravity_and_step,
     _orientations,
     _delays,
@@ -359,6 +429,7 @@ DOUBTS: tuple[Callable[[Scenario, Robot], Iterator[Problem]], ...] = (
     _sudden_turns,
     _hidden_jumps,
     _missing_references,
+    _planned,
     _contact_words,
     _released,
 )

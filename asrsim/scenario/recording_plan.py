@@ -13,6 +13,7 @@ from asrsim.quantities import PRISMATIC_UNITS, each_motor
 from asrsim.recordings.data import Column, Recording
 from asrsim.recordings.matching import match_joints, wrong_unit
 from asrsim.recordings.suspicions import condense, gear_between
+from asrsim.recordings.units import split_header
 from asrsim.robot import ActuatorBlock, Robot
 from asrsim.robot.mounting import reference_names
 from asrsim.robot.values import overridden
@@ -144,7 +145,7 @@ def make_plan(robot: Robot, recording: Recording, *, step: float, idle: Sequence
         ),
         lag=lag,
         duration=max(step, np.floor((end - lag) / step + 1e-6) * step),
-        initial=_initial(robot, columns, played, remarks),
+        initial=_initial(changed, columns, played, remarks),
         initial_motors=_initial_motors(changed, columns, remarks),
         exceeded=tuple(one for block in changed.actuators for one in exceeded_limits(block, columns)),
         remarks=tuple(remarks),
@@ -198,7 +199,7 @@ def _command(
     mode, own = MODES[block.mode], [TORQUES[block.mode]] if block.mode in TORQUES else []
     reference = columns.get((block.joint, "reference_1"))
     order = ["reference_1", *own, *fallbacks]
-    if mode.direct and reference is not None and reference.unit not in (*mode.units, "N"):
+    if mode.direct and reference is not None and reference.unit not in (*mode.units, "N") and not _of_mode(reference):
         # For a torque-controlled motor, prefer the recorded torque to a position.
         order = [*own, *order]
     for quantity in order:
@@ -246,10 +247,7 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     if command.quantity == "motor_1_position" and mode.spring and (single or complete):
         # Motors with known positions need no controller, since mode 2 prescribes the positions.
         return 2
-    if command.quantity == TORQUES.get(block.mode) or (
-        not command.unit and command.quantity == "reference_1" and command.given
-    ):
-        # A mapped command without a unit has the unit of the mode.
+    if command.quantity == TORQUES.get(block.mode) or _of_mode(command):
         return mode.number
     if command.unit in ("V", "A"):
         return UNIT_MODES[command.unit]
@@ -263,6 +261,14 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and not complete)
 
 
+def _of_mode(command: Column) -> bool:
+    """Whether a command without a unit has the unit of the joint's mode, since a mapping or the column's header calls it
+    `reference_1`. Other headers without a unit, such as `knee_cmd`, mean a position.
+    """
+    called = command.given or split_header(command.source)[0].rpartition(".")[2].strip() == "reference_1"
+    return called and command.quantity == "reference_1" and not command.unit
+
+
 def _played(joint: str, slot: int | None, column: Column) -> PlayedRecording:
     hold = is_staircase(column.values[np.isfinite(column.values)])
     return PlayedRecording(joint=joint, slot=slot, column=column, hold=hold)
@@ -274,12 +280,11 @@ def _initial(
     """First recorded position of each joint. It is the position of the link or, if this was not recorded, of the springs, of a
     motor, or of the command."""
     initial: dict[str, float] = {}
+    positioned = {block.joint for block in robot.actuators if MODES[block.mode].units[0] == "rad"}
     for joint in robot.moving_joints:
         names = ("link_position", "equilibrium_position", "motor_1_position")
         sources = [columns[joint.name, name] for name in names if (joint.name, name) in columns]
-        sources += [
-            one.column for one in played if (one.joint, one.slot) == (joint.name, 0) and one.column.unit not in UNIT_MODES
-        ]
+        sources += [one.column for one in played if (one.joint, one.slot) == (joint.name, 0) and one.joint in positioned]
         recorded = [value for column in sources if (value := _first(column)) is not None]
         start = recorded[0] if recorded else 0.0
         inside = min(max(start, joint.stops[0]), joint.stops[1])

@@ -1,4 +1,6 @@
-"""Initial positions of the joints. They come from the scenario, else from the robot's file, else they are 0."""
+"""Initial positions of the joints. They come from the scenario's `initial` or from the start of a prescribed motion, else from
+the robot's file, else they are 0.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ from asrsim.scenario.data import Scenario, for_joint
 
 def stated_start(scenario: Scenario, joint: Joint) -> float:
     """Initial position that scenario or file state for a joint that follows no other joint, rad or m."""
-    return float(for_joint(scenario.initial_positions, joint.name, joint.start or 0.0))
+    motion = for_joint(scenario.motion, joint.name)
+    start = joint.start or 0.0 if motion is None else float(motion.values(np.zeros(1))[0])
+    return float(for_joint(scenario.initial_positions, joint.name, start))
 
 
 def start_positions(scenario: Scenario, robot: Robot) -> dict[str, float]:

@@ -16,6 +16,10 @@ JUMP = 8.0
 TORN, BESIDE = 4.0, 6
 """Numbers for jumps in a smooth motion. TORN: ratio of the size of a change to the third differences beside it above which the
 change counts as a jump; BESIDE: number of third differences on each side that are compared."""
+LATE, GAP = 1.7, 3.0
+"""Ratios of an interval between two samples to the typical interval. LATE: above it, samples are missing, and the change is
+compared by its rate; GAP: above it, no change counts as a jump, since nobody knows what the series did in between.
+"""
 LARGE, MANY = 0.05, 40
 """LARGE: smallest size of a jump that counts as large, as a fraction of the series' range; MANY: largest number of large jumps.
 A series with more large jumps counts as stairs."""
@@ -65,7 +69,7 @@ class CubicCurve:
 
 def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCurve:
     """Curve through samples (n,) at ascending times (n,) in s. hold: zero-order hold in place of splines."""
-    jumping = np.diff(values) != 0.0 if hold else is_jump(values)
+    jumping = np.diff(values) != 0.0 if hold else is_jump(time, values)
     cubics = np.zeros((len(time), 4))
     cubics[:, 0] = values
     edges = [0, *(np.flatnonzero(jumping) + 1).tolist(), len(time)]
@@ -81,16 +85,20 @@ def curve_through(time: Array, values: Array, *, hold: bool = False) -> CubicCur
     return CubicCurve(np.asarray(time), cubics, large if len(large) <= MANY else large[:0])
 
 
-def is_jump(values: Array) -> NDArray[np.bool_]:
-    """Whether the series (n,) jumps between each two successive samples, (n - 1,). At a jump, the change is much larger than
-    the changes beside it, or the third differences have the pattern of a jump.
+def is_jump(time: Array, values: Array) -> NDArray[np.bool_]:
+    """Whether the series (n,) jumps between each two successive samples at the times (n,) in s; (n - 1,). At a jump, the change
+    is much larger than the changes beside it, or the third differences have the pattern of a jump. A series does not jump in a
+    gap.
     """
-    steps = np.abs(np.diff(values))
+    intervals = np.diff(time)
+    wide = intervals / np.median(intervals) if len(intervals) else intervals
+    steps = np.abs(np.diff(values)) / np.maximum(wide, 1.0)
     least = 1e-3 * np.ptp(values)
     # At an end of the series, compare with two changes on the same side, since a single change may be near 0 at an extremum.
     before, after = np.concatenate([steps[2:3], steps[:-1]]), np.concatenate([steps[1:], steps[-3:-2]])
     beside = np.maximum(before, after) if len(steps) > 2 else np.full(len(steps), np.inf)
-    return np.logical_or(steps > np.maximum(JUMP * beside, least), _torn(values, least))
+    torn = _torn(values, least) & (wide <= LATE)
+    return ((steps > np.maximum(JUMP * beside, least)) | torn) & (wide <= GAP)
 
 
 def _torn(values: Array, least: float) -> NDArray[np.bool_]:

@@ -54,7 +54,8 @@ class Playback(Signal):
     offset: float = driven("offset added after scaling", default=0.0)
     interpolation: str = declare(
         Choice((*INTERPOLATIONS, "smooth")),
-        doc="between samples: a line, the earlier sample's value, or a smooth curve that jumps where the recording jumps",
+        doc="between samples: a line, the earlier sample's value, or a smooth curve that jumps where the recording jumps and "
+        "bridges its gaps",
         default="linear",
     )
     _series: tuple[Array, Array] = field(init=False, repr=False, compare=False)

@@ -117,6 +117,7 @@ class JointState:
     stage_lost: float = value("energy lost in the stages since the previous substep", "J")
     kick_velocity: float = value("velocity of the link at the kick, estimated before the kick, for joints with stages", "rad/s")
     kick_lead: float = value("time from the velocities of the motors to their kick; after the kick: length of the substep", "s")
+    kick_since: float = value("time since the last kick; 0 at the first kick, for joints with stages", "s")
     steady: float = value("number of kicks since an input jumped, at most 2, for joints with stages", "")
     spring_energy: float = value("energy stored in the springs", "J", log="spring_energy", watched=True)
     motor_energy: float = value("kinetic energy of the motors", "J")

@@ -98,7 +98,7 @@ def settle(
         now = at_time
     read_engine(joint, link, scheme, velocity, now, jumped)
     if kind.stages:
-        end_stages(joint, kind, scheme)
+        end_stages(joint, kind, scheme, first)
         spring_law(kind.spring_law, joint, link, kind, joint.position, TASK.remember)
 
 

@@ -53,9 +53,11 @@ def note_kick(joint: JointState, kind: JointKind, step: float, noted: bool) -> N
             motor.kick_parallel = motor.parallel
 
 
-def end_stages(joint: JointState, kind: JointKind, scheme: Scheme) -> None:
-    """Store the length of the substep, before the stages update their memories."""
-    joint.kick_lead = scheme.step
+def end_stages(joint: JointState, kind: JointKind, scheme: Scheme, first: bool) -> None:
+    """Store the times from the last kick and to the next kick, before the stages update their memories. first: whether this is
+    the first kick.
+    """
+    joint.kick_since, joint.kick_lead = 0.0 if first else scheme.step, scheme.step
     for i in range(kind.dynamic, kind.springs):
         motor = motor_of(joint, i)
         if joint.steady >= STEADY:
@@ -248,7 +250,8 @@ def _remembering(keep: Any) -> Any:
             # A motor on the housing has no spring to the link.
             kick.deflection = motor.kick_position - joint.position if i < kind.pulling else 0.0
             kick.velocity = motor.mean_velocity - joint.velocity if i < kind.pulling else 0.0
-            kick.motor_torque, kick.elastic_torque, kick.step = motor.torque, motor.load, joint.kick_lead
+            kick.motor_torque, kick.elastic_torque = motor.torque, motor.load
+            kick.step, kick.next_step = joint.kick_since, joint.kick_lead
             keep(joint, link, kind, i, kick)
 
     return remember

@@ -104,11 +104,11 @@ class Claims:
                     series = recorded.series(claim, joint)
                     time, columns = series.time, {claim.quantity: series.simulation}
                     reading = series.reading
-                    how |= {"reference": series.recording, "prismatic": joint.prismatic}
+                    how |= {"reference": series.recording, "joint": joint}
                 else:
                     samples = read(*needed)
                     time, columns = samples.time, _columns(claim, samples, joint)
-                    how["prismatic"] = joint.prismatic
+                    how["joint"] = joint
                 measured[subject] = replace(evaluate_expectation(claim, time, columns, **how), reading=reading)
                 results.append(measured[subject])
             except InputError as error:
@@ -158,7 +158,7 @@ def claim_units(claims: Sequence[Expectation], joints: Sequence[JointInfo]) -> l
     found = []
     for claim in claims:
         found += [claim_unit(claim)] if claim.body is not None else []
-        found += [claim_unit(claim, prismatic=joint.prismatic) for joint in _joints_of(claim, joints)]
+        found += [claim_unit(claim, joint) for joint in _joints_of(claim, joints)]
     return found
 
 

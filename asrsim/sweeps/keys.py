@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from asrsim.actuators import MODES
 from asrsim.errors import InputError, Problem, did_you_mean
 from asrsim.robot.model import Robot
+from asrsim.robot.mounting import reference_names
 from asrsim.robot.vary import names_of
 from asrsim.scenario.data import SCENARIO, Scenario, for_joint
 from asrsim.scenario.names import shadowed
@@ -185,7 +185,7 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
     names = tuple(blocks) if driven else tuple(joint.name for joint in robot.moving_joints)
     found = [name for name in names if fnmatchcase(name, parts[place])]
     if parts[0] == "references" and len(parts) > 2:
-        found = [name for name in found if parts[2] in MODES[blocks[name].mode].references]
+        found = [name for name in found if parts[2] in reference_names(blocks[name])]
     elif parts[0] == "parameters" and len(parts) > 2:
         found = [name for name in found if parts[2] in blocks[name].names]
     if not found:
@@ -196,10 +196,10 @@ def _matched_keys(key: str, parts: tuple[str, ...], robot: Robot) -> tuple[str, 
 
 
 def _no_effect(key: str, joint: str) -> Problem:
-    message = "changes nothing: the joint does not have it in its operation mode"
     if joint == "*":
         message = "changes nothing: no joint has it, or each joint has a separate entry, which replaces the entry '*'"
-    return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
+        return Problem(message, key=key, hint="Name the joint", code="sweep-nothing")
+    return Problem("changes nothing: the joint does not have it in its operation mode", key=key, code="sweep-nothing")
 
 
 def _parameter_places(joint: str, key: str, scenario: Scenario, robot: Robot) -> Places | None:
@@ -221,7 +221,7 @@ def _reference_places(joint: str, name: str, scenario: Scenario, robot: Robot) -
     places = tuple(
         (block.joint, name)
         for block in robot.actuators
-        if name in MODES[block.mode].references
+        if name in reference_names(block)
         and (joint == block.joint or (joint == "*" and name not in scenario.references.get(block.joint, {})))
     )
     return None if any(for_joint(scenario.command_imperfections, owner) is not None for owner, _ in places) else places

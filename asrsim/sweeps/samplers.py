@@ -56,7 +56,26 @@ def block_fault(points: Array, samples: int) -> str:
                 f"rows {samples * (j + 2)} to {samples * (j + 3) - 1} must be A with column {j} of B; row {row} must be "
                 f"{wanted[wrong[0]].tolist()} and is {block[wrong[0]].tolist()}"
             )
+    return _dependence(first, second)
+
+
+def _dependence(first: Array, second: Array) -> str:
+    """First column of the block B (samples, keys) that follows from this column of A, as a sentence; empty without such a
+    column. The column is that of A, shifted or reversed in the unit interval, if the fraction of its sum or difference with
+    that of A is nearly the same in all rows.
+    """
+    waves, others = np.exp(2j * np.pi * first), np.exp(2j * np.pi * second)
+    related = np.maximum(np.abs(np.mean(waves * others, axis=0)), np.abs(np.mean(waves.conj() * others, axis=0)))
+    # The value of independent draws exceeds c with the probability exp(-samples c^2).
+    for j in np.flatnonzero(related > max(RELATED, math.sqrt(UNLIKELY / len(first)))).tolist():
+        return f"the blocks A and B must be independent, but column {j} of B follows from column {j} of A"
     return ""
+
+
+RELATED, UNLIKELY = 0.9, 50.0
+"""RELATED: relation between two columns, from 0 to 1, above which one follows from the other; UNLIKELY: negative logarithm of
+the probability with which independent columns are refused.
+"""
 
 
 class Random(Sampler):

@@ -194,6 +194,7 @@ def test_modes_that_cannot_take_the_command_are_replaced(tmp_path, mode, unit, t
         ("time,q1,motor_torque1 [N m],current", "motor_torque1 [N m]"),
         ("time,q1,q1_ref,motor1_torque", "motor1_torque"),
         ("time,q1,q1_ref [N m],motor1_torque", "q1_ref [N m]"),
+        ("time,q1,joint_1.reference_1,motor1_torque", "joint_1.reference_1"),
     ],
 )
 def test_mode_4_takes_the_recorded_torque(tmp_path, header, played):
@@ -204,7 +205,12 @@ def test_mode_4_takes_the_recorded_torque(tmp_path, header, played):
 
 
 @pytest.mark.parametrize(
-    ("header", "begins"), [("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}), ("time,dq1,q1_ref [N m],current", {})]
+    ("header", "begins"),
+    [
+        ("time,tau1 [N m],q1_ref,current", {"joint_1": 0.05}),
+        ("time,dq1,q1_ref [N m],current", {}),
+        ("time,dq1,joint_1.reference_1,current", {}),
+    ],
 )
 def test_unrecorded_joints_start_at_their_command(tmp_path, header, begins):
     """Exception: a torque command contains no position."""

@@ -81,13 +81,13 @@ def test_each_of_two_linkages_moves_as_if_it_were_alone(tmp_path, engine):
     second = re.sub(r'"(A|B|C|crank|coupler|rocker)"', r'"\1_2"', first.split('<link name="base"/>')[1])
     names, start = ("crank", "coupler", "rocker"), (1.0, -2.25, -2.4)
     both = run(
-        tmp_path, engine, text=first.replace("</robot>", second), duration=0.2,
+        tmp_path, engine, text=first.replace("</robot>", second), duration=0.1,
         loops=[LOOP, LOOP | {"links": ["B_2", "C_2"]}],
         initial=dict(zip((*names, *(f"{name}_2" for name in names)), start * 2, strict=True)),
         external_torques={"crank": TORQUE, "crank_2": 2.0 * TORQUE},
     )["link_position"]  # fmt: skip
     assert four_bar.gap(both[:, :3]).max() < 1e-12
-    alone = run(tmp_path, engine, duration=0.2, external_torques={"crank": 2.0 * TORQUE})["link_position"]
+    alone = run(tmp_path, engine, duration=0.1, external_torques={"crank": 2.0 * TORQUE})["link_position"]
     np.testing.assert_allclose(both[:, 3:], alone, rtol=0.0, atol=1e-11)
 
 

@@ -45,7 +45,8 @@ class Kick:
     elastic_torque: float = value(
         "torque between motor and link, of the spring and of the stages parallel to the spring", "N m"
     )
-    step: float = value("time since the last kick", "s")
+    step: float = value("time since the last kick; 0 at the first kick of a run", "s")
+    next_step: float = value("time until the next kick", "s")
 
 
 @dataclass(slots=True)

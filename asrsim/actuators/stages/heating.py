@@ -115,6 +115,6 @@ class Heating(Stage):
         # The mean power until the next kick is not yet known, so extrapolate it from the powers at this kick and at the last
         # kick.
         mean = power + 0.5 * (power - last)
-        decay = exp(-kick.step / (own.resistance * own.capacity))
+        decay = exp(-kick.next_step / (own.resistance * own.capacity))
         memory.rise = memory.rise * decay + own.resistance * mean * (1.0 - decay)
         memory.power = power

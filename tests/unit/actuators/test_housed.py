@@ -6,12 +6,16 @@ from scipy.integrate import solve_ivp
 
 from asrsim.actuators import ACTUATORS
 from asrsim.actuators.checker import check_actuator
+from asrsim.actuators.drive import Drive
+from asrsim.actuators.modes import MODES
+from asrsim.datasheet.statics import Statics
 from asrsim.errors import ActuatorError, ScenarioError
 from asrsim.plugins import load_plugin_file
 from asrsim.scenario import make_scenario
 from asrsim.simulation.examine import examine
 from asrsim.simulation.run import simulate
 from asrsim.statics.holding import holdings
+from asrsim.sweeps.keys import plan_keys
 from support.three_motors import PRELOAD
 from support.tiny import PENDULUM
 from validation.models import Body, chain, column, run
@@ -141,3 +145,21 @@ def test_laws_with_a_motor_on_the_housing_are_checked(preload):
 def test_a_wrong_declaration_of_motors_on_the_housing_is_named(preload, old, new, message):
     with pytest.raises(ActuatorError, match=message):
         load_plugin_file(write(preload.with_name("wrong.py"), PRELOAD.replace(old, new)))
+
+
+def test_a_motor_on_the_housing_adds_nothing_to_the_torque_and_the_speed_of_a_data_sheet():
+    actuator = ACTUATORS.get("preload")
+    values = {one.name: one.default for one in actuator.all_parameters()} | {"motor_3_max_velocity": 0.1}
+    statics = Statics(drive=Drive(joint="joint_1", actuator=actuator, mode=MODES[6], values=values))
+    speed = 2.0
+    one = values["motor_1_max_torque"] - values["motor_1_damping"] * speed - values["motor_1_friction_torque"]
+    assert statics.motor_torque(np.array([speed])) == pytest.approx(2.0 * one)
+    assert statics.top_speed == values["motor_1_max_velocity"]
+
+
+def test_a_sweep_varies_the_reference_of_the_third_motor(tmp_path):
+    robot = write(
+        tmp_path / "arm.urdf", PENDULUM.replace("libsea", "libpreload").replace("<operation_mode>3", "<operation_mode>5")
+    )
+    plan, key = examine(make_scenario(robot, duration=0.1)), "references.elbow.reference_3"
+    assert plan_keys([key], {key: True}, plan.scenario, plan.robot).references == {key: (("elbow", "reference_3"),)}

@@ -94,6 +94,16 @@ def failed(name, base, **laws):
     return {check.name for check in check_stage(made).checks if not check.passed}
 
 
+def test_the_times_since_the_last_kicks_add_up_to_the_time_of_the_run(tmp_path):
+    kept = "memory.power, memory.slip = power, kick.velocity"
+    text = EXAMPLE.read_text(encoding="utf-8")
+    assert kept in text
+    (tmp_path / "clock.py").write_text(text.replace(kept, "memory.slip += kick.step"))
+    load_plugin_file(tmp_path / "clock.py")
+    result = asrsim.run(scenario({"clutch_torque": 0.3}))
+    np.testing.assert_allclose(result["joint_1"]["clutch_1_slip"], result.time, rtol=0.0, atol=1e-12)
+
+
 def test_wrong_bounds_and_gained_energy_are_found():
     assert failed("Soft", Hysteresis, stiffness_bound=lambda own: own.level / own.length) == {"stiffness"}
     assert failed("Weak", Damper, damping_bound=lambda own: 0.5 * own.damping) == {"damping"}
@@ -125,6 +135,10 @@ def test_constants_that_are_no_class_method_are_found():
 def test_torques_that_overflow_are_found():
     endless = {"ground": lambda memory, own, position, velocity, torque: float("inf")}
     assert "finite" in failed("Endless", Damper, **endless)
+
+
+def test_a_division_by_the_time_since_the_last_kick_is_found():
+    assert "finite" in failed("Rate", Damper, remember=lambda memory, own, kick: setattr(memory, "power", 1.0 / kick.step))
 
 
 class Slip(Stage):

@@ -14,7 +14,7 @@ from scipy.special import stdtrit
 from asrsim import identify
 from asrsim.identification.causes import contradicted_ties
 from asrsim.identification.combinations import combinations
-from asrsim.identification.extensions import Extension, extended, presliding, pruned
+from asrsim.identification.extensions import Extension, exchanged, extended, presliding, pruned
 from asrsim.identification.noise import quantum_of
 from asrsim.identification.parameters import FitParameter, make_layout
 from asrsim.identification.problem import FitProblem, Meter, jacobian, posterior_draws, residuals, slopes_along, solve
@@ -357,6 +357,25 @@ def test_an_extension_that_later_ones_replace_is_removed():
     found = extended(alone, np.zeros(1), kinds, enough=lambda *_: False)
     assert found.chosen[0].text == "d"
     assert {extension.text for extension in pruned(alone, found, rounds=15).chosen} == {"b", "c"}
+
+
+def test_extensions_that_imitate_each_other_are_told_together():
+    """With the free parameter, the third shape has the same effect as the second one; the fourth shape has another one."""
+    noise, one, two, other = np.random.default_rng(0).normal(size=(4, 500))
+    matrix = np.stack([other, one, 2.0 * one + other, two], axis=1)
+    problem = modelled(lambda x: matrix @ x + 3.0 * one + noise, 4, 500)
+    first, *parameters = problem.layout.entries
+    alone = replace(problem, layout=replace(problem.layout, entries=(first,)))
+    kinds = [lambda *_: [Extension(text=parameter.key, parameters=(parameter,)) for parameter in parameters]]
+    own = Extension(text="b", parameters=parameters[:1])
+    start = extended(alone, np.zeros(1), [lambda *_: [own]], most=1, enough=lambda *_: False)
+    found = exchanged(alone, start, kinds, rounds=15)
+    assert {one.chosen[-1].text for one in (found, *found.rivals)} == {"b", "c"}
+    # An extension without much effect is replaced by one that explains more.
+    start = extended(alone, np.zeros(1), kinds[:0], most=1, enough=lambda *_: True)
+    wrong = Extension(text="d", parameters=parameters[2:])
+    start = replace(start, chosen=(wrong,), problem=wrong.added_to(alone), x=np.zeros(2))
+    assert exchanged(alone, start, kinds, rounds=15).chosen[-1].text in {"b", "c"}
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.98])

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from asrsim.errors import RecordingError, ScenarioError
 from asrsim.recordings import band, compare, read_recording, resample
@@ -48,9 +49,12 @@ def read(path, **options):
     return read_recording(path, joints=("elbow",), **options)
 
 
-@pytest.mark.parametrize("late", [0.0, 0.1234, -0.25, 0.5])
-def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path, late):
-    result = compare(simulation(), read(laboratory(tmp_path, late=late, header="time,elbow_pos,other")))
+@pytest.mark.parametrize(("late", "gap"), [(0.0, 0), (0.1234, 0), (-0.25, 0), (0.5, 0), (0.1234, 60)])
+def test_the_lag_is_found_within_a_fraction_of_a_sample(tmp_path, late, gap):
+    """The gap hides 0.3 s of the ringing. A correlation of the line across it is 80 ms off."""
+    lines = laboratory(tmp_path, late=late, header="time,elbow_pos,other").read_text().splitlines(keepends=True)
+    (tmp_path / "lab.csv").write_text("".join(lines[:231] + lines[231 + gap :]))
+    result = compare(simulation(), read(tmp_path / "lab.csv"))
     assert result.alignment.lag == pytest.approx(late, abs=3e-4)
     assert result.alignment.findings == ()
     metrics = result.find("elbow", "link_position").metrics
@@ -84,6 +88,16 @@ def test_lag_can_be_set_or_switched_off(tmp_path):
     assert compare(simulation(), recording, lag=0.3).find("elbow", "link_position").metrics["rmse"] < 2e-3
     with pytest.raises(RecordingError, match="number of seconds"):
         compare(simulation(), recording, lag="maybe")
+
+
+def test_a_recording_starts_with_its_earliest_column(tmp_path):
+    """As for `start` of a playback: the columns have separate clocks, and the position begins 0.2 s after the command."""
+    late = TIME[200:]
+    tables = {"a": {"time": TIME + 7.0, "elbow_cmd": reference(TIME)}, "b": {"time": late + 7.0, "elbow_pos": motion(late)}}
+    savemat(tmp_path / "lab.mat", tables)
+    for joints in ({}, {"mapping": ["a.elbow_cmd=ignore"]}):
+        result = compare(simulation(), read(tmp_path / "lab.mat", **joints), lag="start")
+        assert result.alignment.lag == pytest.approx(7.0)
 
 
 def test_a_lag_at_the_limit_of_the_search_is_not_believed(tmp_path):

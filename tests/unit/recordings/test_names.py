@@ -166,6 +166,7 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
         "/arm/state/h",
         "tau [MNm]",
         "q1 [Mdeg]",
+        "v [km/h]",
         "q1 [grad]",
     ],
 )

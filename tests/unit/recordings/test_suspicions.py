@@ -117,6 +117,13 @@ def test_a_sensor_that_restarts_is_suspected_and_can_be_unwrapped(tmp_path, head
         np.testing.assert_allclose(values - values[0], gear * turned, atol=0.002 * gear * restart * factor)
 
 
+def test_an_outlier_does_not_keep_an_angle_wrapped(tmp_path):
+    wrapped = np.where(np.arange(len(TIME)) == 7, 1e3, (9 * Q) % math.tau)
+    recording = read(tmp_path, "q1", (wrapped,), mapping=["q1=-joint_1.link_position unwrapped"])
+    values = recording.column("joint_1", "link_position").values[8:]
+    np.testing.assert_allclose(values - values[0], -9 * (Q[8:] - Q[8]), atol=1e-6)
+
+
 def test_a_number_stated_as_missing_is_no_number(tmp_path):
     values = np.where(np.isin(np.arange(len(TIME)), [5, 6, 20]), -999.0, Q)
     (tmp_path / "lab.csv.yaml").write_text("missing: -999\n")

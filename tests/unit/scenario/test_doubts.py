@@ -42,6 +42,17 @@ SCENARIOS = {
     "motor-gains": f"step: 0.0125\n{STRONG}",
     "unused-effect": "modes: 3\nimperfections: {sensors: {elbow: {noise: 0.01}}}",
     "released-model": "stepping: toolbox\nparameters: {elbow: {hyst_tau: 0.1}}",
+    "released-model of a sensor": "stepping: toolbox\nimperfections: {sensors: {elbow: {delay: 0.02}}}",
+    "released-model of substeps": "stepping: toolbox\nsubsteps: 4",
+    "released-model of motor substeps": "stepping: toolbox\nmotor_substeps: 4",
+    "motorless-start": "modes: 3\ninitial: {elbow: {position: 0, motor_positions: [0.3]}}",
+    "motorless-start of all joints": "modes: 0\ninitial: {'*': {position: 0, motor_velocities: [1]}}\n"
+    "references: {elbow: {link_torque: 0}}",
+    "prescribed-start": "engine: bench\nmotion: {elbow: 0.3}\ninitial: {elbow: 0.1}",
+    "prescribed-start in equilibrium": "engine: bench\ninitial: equilibrium",
+    "planned-reference": "task: {link: arm, poses: [{time: 1, position: [0, 0, 0.1]}]}",
+    "planned-reference of inverse dynamics": "task: {link: arm, poses: [{time: 1, position: [0, 0, 0.1]}]}\n"
+    "references: {}\ninverse_dynamics: true",
     "negative-gain": "modes: 5\nparameters: {elbow: {ctrl_P: -5}}\nreferences: {elbow: {reference_1: 0.1}}",
 }
 
@@ -89,7 +100,7 @@ def test_probable_mistakes_get_a_warning(case, tiny):
         "base: {rpy: [0, -3.15, 6.28]}", "log_rate: 10",
         "external_torques: {elbow: {pulse_train: {high: 20, period: 0.5, width: 0.001}}}", "desired: {elbow: -2.9}",
         "expect: [{joint: elbow, quantity: link_position, measure: final, value: 0, tolerance: 1}]",
-        "initial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
+        "modes: 6\ninitial: {elbow: {position: 0.2, velocity: 5, motor_positions: [0.3], motor_velocities: [5]}}",
         "link_damping: {elbow: {constant: 20, ratio: 5, inertia: 0.01}}",
         "wrenches: [{link: arm, force: [1, 0, 0], point: [0, 0, -1.9]}]", f"step: 0.009375\n{STRONG}",
         "modes: 4\nreferences: {elbow: {motor_1_torque: -6}}\nreference_ranges: {elbow: {motor_1_torque: [-6, 6]}}",
@@ -144,6 +155,25 @@ def test_a_signal_beyond_all_limits_is_an_error(place, signal, tiny):
     errors, _ = check_against_robot(scenario, load_robot(scenario.robot))
     assert [problem.code for problem in errors] == ["signal"]
     assert errors[0].line
+
+
+HAND = """<link name="palm"><inertial><mass value="0.1"/><inertia ixx="1e-3" iyy="1e-3" izz="1e-3"/></inertial></link>
+<joint name="wrist" type="continuous"><parent link="arm"/><child link="palm"/><axis xyz="0 1 0"/>{}</joint></robot>"""
+
+
+@pytest.mark.parametrize(
+    ("start", "told"), [("{wrist: 0.4}", True), ("{elbow: 0.1, wrist: 0.3}", False), ("{elbow: 0.1}", False)]
+)
+def test_an_initial_position_that_a_coupled_joint_cannot_have_gets_a_warning(start, told, tiny):
+    hand = HAND.format('<mimic joint="elbow" multiplier="2" offset="0.1"/>')
+    tiny.robot.write_text(tiny.robot.read_text().replace("</robot>", hand))
+    assert ("coupled-start" in warned(tiny, f"initial: {start}")) == told
+
+
+@pytest.mark.parametrize(("more", "told"), [("</robot>", False), (HAND.format(""), True)])
+def test_link_damping_of_all_joints_that_leaves_out_passive_joints_gets_a_warning(more, told, tiny):
+    tiny.robot.write_text(tiny.robot.read_text().replace("</robot>", more))
+    assert ("passive-damping" in warned(tiny, "link_damping: {'*': {constant: 0.1}}")) == told
 
 
 def test_a_preset_beyond_the_springs_gets_a_warning(tiny):

@@ -157,9 +157,21 @@ def test_a_curve_of_few_samples_goes_through_them(values, hold):
 @pytest.mark.parametrize("at", [1.5, 2.0, 47.5])
 def test_a_summit_beside_an_end_is_no_jump(at):
     """Of two samples as high as each other the step between is 0, and those beside are infinitely larger."""
-    motion = np.cos(0.05 * (np.arange(50) - at))
-    assert not is_jump(motion).any()
-    assert is_jump(np.where(np.arange(50) < 25, motion, motion + 0.5)).nonzero()[0].tolist() == [24]
+    time = np.arange(50.0)
+    motion = np.cos(0.05 * (time - at))
+    assert not is_jump(time, motion).any()
+    assert is_jump(time, np.where(time < 25, motion, motion + 0.5)).nonzero()[0].tolist() == [24]
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3, 60])
+def test_a_gap_is_bridged_and_no_jump(lost):
+    """Noise of an encoder on a sine of 1 Hz at 500 Hz: a polynomial that continues one side would leave the gap by 1 rad."""
+    whole = 0.002 * np.arange(1000)
+    time = np.delete(whole, slice(400, 400 + lost))
+    values = 0.5 * np.sin(2.0 * np.pi * time) + np.random.default_rng(1).normal(0.0, 2e-4, len(time))
+    curve = curve_through(time, values)
+    assert len(curve.jumps) == 0
+    np.testing.assert_allclose(curve.values(whole), 0.5 * np.sin(2.0 * np.pi * whole), atol=0.01)
 
 
 @pytest.mark.parametrize("stairs", [20, 60])

@@ -35,6 +35,14 @@ def test_a_motor_starts_from_rest_at_second_order():
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
 
 
+def test_motors_start_at_the_start_of_a_prescribed_motion():
+    """So the springs are undeflected."""
+    scenario = on_bench(duration=0.01, motion={"joint_1": 0.3}, references={"joint_1": {"reference_1": 0.3}})
+    found = asrsim.run(scenario)["joint_1"]
+    assert found["motor_1_position"][0] == 0.3
+    assert found["link_torque"][0] == 0.0
+
+
 def test_the_links_follow_their_signals_in_any_order_of_steps():
     sine = {"sinusoid": {"amplitude": 0.5, "frequency": 7.0, "phase": 0.3}}
     scenario = on_bench(duration=0.1, motion={"joint_1": sine})

@@ -19,7 +19,7 @@ from asrsim.simulation.run import simulate
 from asrsim.summary import Collector, collect
 from asrsim.summary.collect import Seen, step_start
 from asrsim.summary.make import make_summary
-from asrsim.summary.table import limit_columns, limit_note, measure_columns
+from asrsim.summary.table import difference_columns, limit_columns, limit_note, measure_columns
 from support.paths import EXAMPLES, ROOT
 
 
@@ -157,6 +157,12 @@ def test_small_errors_have_a_small_unit_in_the_table():
     ]
     cells = {heading: texts for heading, texts, _ in measure_columns(joints)}
     assert cells["error"] == ("-0.0723 mrad", "0.108 rad", "1.79 mm", "0 rad")
+
+
+def test_a_difference_that_is_not_known_is_no_zero():
+    joints = [{"torque_max": 0.5}, {"position_max": 2e-3, "torque_max": 0.0}]
+    cells = {heading: texts for heading, texts, _ in difference_columns(["a", "b"], joints, [False, True])}
+    assert (cells["position\nmax"], cells["torque\nmax"]) == (["-", "2 mm"], ["0.5 N m", "0 N"])
 
 
 def test_undefined_numbers_are_null_in_json(tiny):
