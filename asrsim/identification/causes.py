@@ -71,8 +71,8 @@ EFFORTS = ("N m", "N", "V", "A")
 """Units of commands whose scale may be unknown."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Start values of a limit, as multiples of the largest simulated torque or speed of the motor, or of the largest simulated
-deflection of the spring. The simulation does not reach the first limit. Each limit is a quarter or a fifth of the previous
-limit, so that the start value nearest to the true limit differs from it by a factor below 2.3.
+deflection of the spring. The simulation does not reach the first limit. Each start value is a quarter or a fifth of the
+previous start value. The start value nearest to the true limit is therefore wrong by a factor of at most 2.3.
 """
 LAWS = (
     ("spring_cubic", "a cubic term in the spring", (1.0, -1.0)),

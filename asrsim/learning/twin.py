@@ -175,8 +175,8 @@ def _problem(plant: Plant, trials: Sequence[Trial], groups: Sequence[ParameterGr
 
 
 def _recorded(plant: Plant, trial: Trial, noise: float) -> Data:
-    """A trial as a recording. Its commands are the inputs, and its channels are the outputs. noise: standard deviation of the
-    channels' noise, rad or m.
+    """A trial as a recording. The commands of the recording are the inputs of the trial, and its channels are
+    the outputs. noise: standard deviation of the channels' noise, rad or m.
     """
     joints = list(zip(plant.joints, plant.names(), map(plant.unit, plant.joints), strict=True))
     return Data(

@@ -159,7 +159,9 @@ def _scan(file: BinaryIO, structure: Structure, end: int, summary: bytes) -> Non
 
 
 def _listed_chunks(summary: bytes) -> dict[int, tuple[ChunkPlace, int]]:
-    """Chunks that the summary lists, by the offset of their record, each with the end of the message indexes after it."""
+    """The chunks in the summary, by the offset of the chunk record. Each chunk has a second number: the end of the message
+    indexes that follow the chunk.
+    """
     found = {}
     for content in _summarised(summary, Opcode.CHUNK_INDEX):
         first, last, offset, size, map_size = _CHUNK_INDEX.unpack_from(content)

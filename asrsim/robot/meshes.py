@@ -110,7 +110,8 @@ def mesh_fault(path: Path) -> str | None:
 def mesh_parts(path: Path) -> list[Trimesh]:
     """Parts of the mesh in a file, in its unit (COLLADA: m). As in ROS, a COLLADA file's `<up_axis>` is ignored.
 
-    Raises OSError, and ValueError with a phrase, if the file cannot be read.
+    Raises OSError if the file cannot be opened, and ValueError if it contains no valid mesh. The text of a ValueError
+    continues a sentence about the file.
     """
     import trimesh
 

@@ -20,8 +20,8 @@ Vector = tuple[float, float, float]
 ZERO: Vector = (0.0, 0.0, 0.0)
 Origin = Literal["tag", "default", "mode default", "scenario"]
 UNREAD = float("nan")
-"""Value of a parameter whose problem is already reported. Compare it by identity, since a NaN from elsewhere must not count as
-reported.
+"""Value of a parameter whose problem is already reported. Compare a value with `UNREAD` by `is`, since other NaNs have
+not been reported.
 """
 STRIBECK_VELOCITY = 0.1
 """Velocity limit of a joint where the file has none, rad/s (m/s)."""

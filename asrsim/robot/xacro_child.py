@@ -1,6 +1,6 @@
 """Run as a script by `asrsim.confined.run`: expands one xacro file under restrictions.
 
-Reads a JSON request on stdin, writes a JSON answer on stdout. This script imports nothing of asrsim.
+The script reads a JSON request from stdin, and writes a JSON answer to stdout. It imports nothing of asrsim.
 
 The file cannot reach an attribute of a Python object (attribute access is a guarded call that
 knows xacro's name spaces, YAML tables and a few string methods), define functions, see `type` or `vars`, read files
