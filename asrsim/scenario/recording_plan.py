@@ -247,17 +247,19 @@ def _mode(block: ActuatorBlock, command: Column, others: Sequence[Column | None]
     if command.quantity == "motor_1_position" and mode.spring and (single or complete):
         # Motors with known positions need no controller, since mode 2 prescribes the positions.
         return 2
-    if command.quantity == TORQUES.get(block.mode) or _of_mode(command):
+    if command.quantity == TORQUES.get(block.mode):
         return mode.number
     if command.unit in ("V", "A"):
         return UNIT_MODES[command.unit]
     if command.unit in UNIT_MODES:
         return mode.number if mode.number in (0, 4) else 4 if actuator.motors == 1 and mode.spring else 0
-    if mode.direct or mode.number == 0:
-        return 6 if mode.direct else 1
     if mode.mapped and complete and len(others) > 1:
         # Two references are equilibrium and preset. Three or more are the references of the motors.
         return mode.number - 1
+    if _of_mode(command):
+        return mode.number
+    if mode.direct or mode.number == 0:
+        return 6 if mode.direct else 1
     return mode.number + (mode.number in (2, 5) and actuator.motors > 1 and not complete)
 
 
