@@ -204,7 +204,7 @@ def test_the_chosen_gain_is_the_one_whose_own_design_predicts_the_best_intervals
     def designed(*gains):
         text = "limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n"
         path = limits(f"{text}choose: {{joint_1.controller_1_proportional: {list(gains)}}}\n")
-        return design(scenario, path, free=["joint_1.spring_stiffness"], duration=1.0, rounds=0)
+        return design(scenario, path, free=["joint_1.spring_stiffness"], duration=0.5, rounds=0)
 
     alone = {gain: designed(gain).intervals["design"] for gain in (5.0, 50.0)}
     chosen = designed(5.0, 50.0)
