@@ -460,17 +460,24 @@ def mean_square(problem: FitProblem, x: Array) -> float:
 
 
 def with_own_substeps(problem: FitProblem, x: Array) -> FitProblem:
-    """Problem with the number of substeps that a simulation with the parameters x needs. The problem is unchanged if it already
-    has this number.
+    """Problem with the number of substeps that a simulation with the parameters x needs, multiplied by `Playing.finer`. The
+    problem is unchanged if it already has this number.
     """
-    needed = []
+    needed, finer = [], problem.playing.finer
     for number, track in enumerate(problem.tracks):
         with suppress(RobotError, UnresolvedSpringError):
-            needed.append(track.door.substeps_of(numbers_of(problem.table(x, number))))
+            own, motor_substeps = track.door.substeps_of(numbers_of(problem.table(x, number)))
+            needed.append((own * finer, motor_substeps))
     substeps = max(needed, default=problem.playing.substeps)
     if substeps == problem.playing.substeps:
         return problem
     return replace(problem, playing=replace(problem.playing, substeps=substeps))
+
+
+def with_finer_substeps(problem: FitProblem) -> FitProblem:
+    """Problem with twice the number of substeps."""
+    playing, (substeps, motor_substeps) = problem.playing, problem.playing.substeps
+    return replace(problem, playing=replace(playing, substeps=(2 * substeps, motor_substeps), finer=2 * playing.finer))
 
 
 def weighed(problem: FitProblem, x: Array) -> FitProblem:
