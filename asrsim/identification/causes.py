@@ -58,8 +58,8 @@ from asrsim.samples import Array
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise. The RMS
 error beyond the noise then falls to a third. `benchmarks/causes.py` tests this threshold and the other thresholds of this file
-that state no source: with them, `asrsim identify` names each of ten simulated effects first, and suspects nothing if the model
-is right.
+that state no source: with them, `asrsim identify` names each of eleven simulated effects first, and suspects nothing if the
+model is right.
 """
 NOISE = 2.0
 """The suspected causes count as a complete explanation if the mean square residual, in units of the variance of the recorded
@@ -706,8 +706,9 @@ for name, cause in {
     "sensors": Cause(title="zero offsets and scales of sensors, such as a gear ratio", extensions=_sensors),
     "commands": Cause(title="zero offsets of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
-        title="passive springs, friction, damping, static friction, hysteresis, backlash, cubic terms and dampers of springs, "
-        "limits of motors and of deflections, derivative gains of controllers, masses of links",
+        title="passive springs, friction, damping, static friction, friction that grows with the load, hysteresis, backlash, "
+        "cubic terms and dampers of springs, limits of motors and of deflections, derivative gains of controllers, masses of "
+        "links, inertias of rotors",
         extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),

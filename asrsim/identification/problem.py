@@ -84,7 +84,7 @@ class Part:
     recorded: Array
     """Recorded values (n,)."""
 
-    @property
+    @cached_property
     def far(self) -> float:
         """Residual of a diverged simulation. It exceeds the residuals of any model that follows the motion."""
         return max(FAR, float(np.ptp(self.recorded)) / self.noise)
