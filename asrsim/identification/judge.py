@@ -4,6 +4,7 @@ held-out part are not larger.
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -201,9 +202,28 @@ def _suspicion(track: Track, channel: Channel, predicted: Array, recorded: Array
     return f"{found[0].message} ({found[0].hint})" if found else ""
 
 
-def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -> list[str]:
-    """Reasons why the model does not fit; empty if the model fits. unsure: function that returns the RMS change of each
-    channel's held-out prediction due to the uncertainty of the estimates.
+def explains_both(problem: FitProblem, whole: FitProblem, x: Array) -> bool:
+    """Whether estimates from whole recordings explain training part and held-out part equally well, and both like noise. The
+    model is then right even if the training part alone predicts the held-out part badly: the training part does not determine
+    the parameters well enough for that prediction. problem: problem of the training part; whole: problem of the recordings.
+    """
+    if whole.ends == problem.ends or not (fits_noise(problem, x) and fits_noise(whole, x)):
+        return False
+    sizes = defaultdict[str, list[tuple[float, float]]](list)
+    for part, left in differences(whole, x):
+        count = part.channel.until(problem.ends[part.track])
+        sizes[part.channel.key].append((root_mean_square(left[:count]), root_mean_square(left[count:])))
+    pairs = [(_mean([size for size, _ in own]), _mean([size for _, size in own])) for own in sizes.values()]
+    return all(not held > HELD_OUT * train for train, held in pairs)
+
+
+def verdict(
+    fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]], explained: Callable[[], bool] = lambda: False
+) -> list[str]:
+    """Reasons why the model does not fit; empty if the model fits.
+
+    unsure: function that returns the RMS change of each channel's held-out prediction due to the uncertainty of the estimates.
+    explained: function that returns whether estimates from whole recordings explain both parts; see `explains_both`.
     """
     lost = dict.fromkeys(one.recording for one in fits if one.diverges)
     reasons = [f"the simulation of {recording} diverges with the fitted parameters" for recording in lost]
@@ -216,10 +236,20 @@ def verdict(fits: Sequence[ChannelFit], unsure: Callable[[], Sequence[float]]) -
             # Noise of the commands and uncertainty of the estimates cause errors even with a correct model.
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
-            if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)):
+            if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)) and not explained():
                 ratio = f"{error / train:.2g} times the error of the training part ({error:.3g} and {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
     return reasons
+
+
+def _predicted_worse(fits: Sequence[ChannelFit]) -> str:
+    """Reason why a model that fits predicts the held-out part with a larger error than the error of the training part; empty
+    if no channel has a larger error."""
+    one = max(fits, key=lambda one: one.held_after / max(one.after, one.steps, 1e-300))
+    ratio = one.held_after / max(one.after, one.steps, 1e-300)
+    if one.is_exact or not ratio > HELD_OUT:
+        return ""
+    return f"the training part determines the parameters less accurately ({one.key}: {ratio:.2g} times the error)"
 
 
 def _mean(sizes: Sequence[float]) -> float:
@@ -259,6 +289,8 @@ def praise(fits: Sequence[ChannelFit]) -> Iterator[str]:
         yield "the model fits; nothing was held out"
     elif not any(one.held_moves for one in held):
         yield "the model fits; no channel moves in the held-out part, so that part does not test the model"
+    elif worse := _predicted_worse(held):
+        yield f"the model fits; its prediction of the held-out part is less accurate, since {worse}"
     else:
         yield "the model fits, and predicts the held-out part as well as the training part"
     if hidden := [one.key for one in fits if one.after > HIDDEN * max(one.noise, one.steps)]:

@@ -24,7 +24,7 @@ from asrsim.identification.causes import (
     unexplained_drives,
     wrong_controllers,
 )
-from asrsim.identification.judge import channel_fits, fits_noise, foreign, misread, verdict
+from asrsim.identification.judge import channel_fits, explains_both, fits_noise, foreign, misread, verdict
 from asrsim.identification.noise import is_first_order
 from asrsim.identification.parameters import JUMP
 from asrsim.identification.problem import Differences, FitProblem, Meter, Setup, differences, jacobian, mean_square, set_up
@@ -246,7 +246,12 @@ def _judged(
     slow = tuple((replace(wider, own=problem.own), there) for wider, there in slow)
     fits = channel_fits(free, before, trained)
     foretold = transfers(free, trained, fits) if status != CHECKED else []
-    misfit, causes = verdict(fits, cache(lambda: _unsure(free, trained))) if complete else [], list[str]()
+    final, x, found = _final(problem, trained, status)
+    misfit, causes = list[str](), list[str]()
+    if complete:
+        misfit = verdict(
+            fits, cache(lambda: _unsure(free, trained)), cache(lambda: explains_both(free, final.observed(0.0), x))
+        )
     of_channels = [*misfit]
     others, suspected, untried = list[Mapping[str, float]](), list[Suspicion](), dict[str, None]()
     if complete and observed:
@@ -278,7 +283,6 @@ def _judged(
                 causes += [text for text in foreign(fits) if observed and text not in causes]
                 causes += unexplained_drives(*slow[0]) if read else ()
             causes += failed_predictions(*slow[0], [one for one in foretold if not one.succeeds])
-    final, x, found = _final(problem, trained, status)
     if complete and not all(one.is_exact for one in fits) and final.ends != problem.whole.ends:
         misfit.append("no parameters explain the whole recordings: estimates are from the training part")
     misfit += contradicted_ties(*(slow[0] if observed else (final, x))) if complete else ()

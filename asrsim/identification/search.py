@@ -30,7 +30,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from asrsim.identification.extensions import DECISIVE, extended, jumps, presliding
+from asrsim.identification.extensions import DECISIVE, extended, is_significant, jumps, presliding
 from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, explains, fits, is_explained
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import CLOCK, JUMP
@@ -45,6 +45,7 @@ from asrsim.identification.problem import (
     slopes_along,
     solve,
     weighed,
+    with_finer_substeps,
     with_own_substeps,
 )
 from asrsim.identification.uncertainty import BLOCKS, uncertainty
@@ -82,6 +83,12 @@ SPRINGS = ("stiffness", "spring_k")
 """Words in the names of stiffnesses."""
 DELAYS = ("delay", CLOCK)
 """Endings of the names of delays."""
+COARSE = 0.2
+"""Time-step error, as a fraction of a channel's noise, above which finer substeps are tried. At this fraction, the time-step
+error adds 4 % to the mean square residual.
+"""
+FINER = 3
+"""Largest number of times that the number of substeps is doubled."""
 SLIGHT = 0.25
 """Change of an estimate, in standard deviations, that does not matter: it widens an interval of 95 % by a thirtieth."""
 
@@ -306,6 +313,7 @@ def settle(best: Best) -> None:
     """
     begun = best.problem, best.x
     _resolve(best)
+    _refine_steps(best)
     smooth = best.problem.playing
     _hold(best)
     if best.problem.playing != smooth:
@@ -322,6 +330,24 @@ def settle(best: Best) -> None:
     if best.problem.playing.bandwidth > 0.0 and not free_run(best.problem, best.x).reaches(free_run(*begun)):
         best.problem, best.x = begun
     best.x = _timed(best.problem, best.x)
+
+
+def _refine_steps(best: Best) -> None:
+    """Double the number of substeps as long as the time-step error matters and the error of the fit falls significantly.
+    Otherwise effects that the model does not lack would be adopted, since they explain the time-step error.
+    """
+    for _ in range(FINER if best.problem.tracks[0].door.exact_in_time else 0):
+        problem, finer = best.problem, with_finer_substeps(best.problem)
+        if is_explained(problem, best.x):
+            return
+        now, then = differences(problem, best.x), differences(finer, best.x)
+        if not any(root_mean_square(new - old) > COARSE * part.noise for (part, old), (_, new) in zip(now, then, strict=True)):
+            return
+        x = refined(finer, best.x)
+        left = residuals(finer, x)
+        if not is_significant(mean_square(problem, best.x), float(np.mean(left**2)), max(independent_samples(left), 2.0)):
+            return
+        best.take(weighed(finer, x), x)
 
 
 def _hold(best: Best) -> None:

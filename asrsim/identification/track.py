@@ -132,6 +132,8 @@ class Playing:
     """Bandwidth of the observer that corrects the simulation towards the recorded positions, rad/s; 0: no observer."""
     draw: int | None = None
     """Random seed of the noise that is added to the recorded commands; None: no noise."""
+    finer: int = 1
+    """Factor by which the number of substeps exceeds the number that the stiffest spring needs."""
 
 
 class Track:

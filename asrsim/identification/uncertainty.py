@@ -23,6 +23,7 @@ from asrsim.identification.problem import (
     residuals_at,
     slopes_along,
     weigh,
+    with_finer_substeps,
     with_own_substeps,
 )
 from asrsim.identification.track import Playing
@@ -347,7 +348,7 @@ def widened(problem: FitProblem, x: Array, found: Uncertainty) -> Uncertainty:
     if all(any(one.noise for one in track.data.commands) for track in tracks):
         variance += np.mean(np.square([shift(replace(playing, draw=draw)) for draw in range(PLAYED)]), axis=0)
     if tracks[0].door.exact_in_time:
-        finer = replace(playing, substeps=(2 * playing.substeps[0], playing.substeps[1]))
+        finer = with_finer_substeps(problem).playing
         # Double the shift. Half the substep removes only half of the time-step error, since joints that stick cause an error of
         # first order.
         variance += (2.0 * shift(finer)) ** 2

@@ -104,7 +104,8 @@ class Model:
     def predictions(self, tables, playing, until):
         for table in tables:
             left = self._left(np.array([one.place(table.get(one.key, one.start)) for one in self._layout.entries]))
-            yield [(np.nan if left is None else left) + channel.values for channel in self.channels]
+            whole = [(np.nan if left is None else left) + channel.values for channel in self.channels]
+            yield [values[: self.channels[0].until(until)] for values in whole]
 
     def predict(self, values, playing, until):
         return next(self.predictions([values], playing, until))

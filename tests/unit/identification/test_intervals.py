@@ -208,7 +208,7 @@ def test_a_diverged_simulation_of_two_channels_keeps_its_weights():
     (track,) = diverging.tracks
     track.channels *= 2
     robot = SimpleNamespace(actuators=(), moving_joints=(), links=())
-    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1), robot=robot)
+    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1), robot=robot, exact_in_time=False)
     best = Best(replace(diverging, weights=((2.0, 3.0),)), np.zeros(1))
     settle(best)
     assert best.problem.weights == ((2.0, 3.0),)

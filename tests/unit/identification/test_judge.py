@@ -12,7 +12,7 @@ import pytest
 from asrsim import identification
 from asrsim.identification import show
 from asrsim.identification.data import Channel
-from asrsim.identification.judge import ChannelFit, channel_fits, fault_of, fits_noise, foreign, praise, verdict
+from asrsim.identification.judge import ChannelFit, channel_fits, explains_both, fault_of, fits_noise, foreign, praise, verdict
 from asrsim.identification.problem import differences
 from asrsim.identification.result import Estimate
 from asrsim.identification.write import draw_recordings, write_robot
@@ -70,6 +70,19 @@ def test_the_held_out_error_may_reach_its_predicted_size():
     # A recording without a fault does not hide the fault of another recording.
     (reason,) = verdict([GOOD, replace(GOOD, recording="b", fault="a swing")], lambda: [0.0, 0.0])
     assert reason == "j.q: a swing"
+
+
+@pytest.mark.parametrize(("late", "right"), [(0.0, True), (0.4, True), (2.0, False)])
+def test_estimates_that_explain_both_parts_like_noise_show_that_the_model_is_right(late, right):
+    """late: size of an error that only the held-out part shows, in units of the noise."""
+    noise, after = np.random.default_rng(0).normal(size=(2, 2000))
+    after[:1500] = 0.0
+    problem = replace(modelled(lambda x: noise + late * x[0] * after, 1, 2000), ends=(0.75,))
+    assert explains_both(problem, problem.whole, np.ones(1)) == right
+    assert not explains_both(problem, problem, np.ones(1)), "estimates of the training part alone show nothing"
+    large = replace(GOOD, held_after=2.0)
+    assert bool(verdict([large], lambda: [0.0], lambda: right)) != right
+    assert "the training part determines the parameters less accurately (j.q: 2 times the error)" in next(praise([large]))
 
 
 @pytest.mark.parametrize("still", [False, True])

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from asrsim.identification.search import Best, search
+from asrsim.identification.search import Best, search, settle
 from support.identify_files import Model, modelled
 
 TIME = np.linspace(0.0, 1.0, 400)
@@ -95,3 +95,23 @@ def test_of_levels_with_equal_scatter_the_one_is_kept_whose_free_simulation_errs
     best, _ = searched(1e-6, 50.0, 0.3 * np.sin(7.0 * TIME) * SHOWN, model=Moved)
     assert best.problem.playing.bandwidth == 0.0
     assert best.problem.layout.values(best.x)[0] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("error", "substeps"), [(0.0, 1), (8.0, 8)])
+def test_substeps_become_finer_while_the_time_step_error_matters(error, substeps):
+    """error: time-step error with one substep, in units of the noise. It falls with the square of the number of substeps."""
+    noise, time = np.random.default_rng(0).normal(size=2000), np.linspace(0.0, 1.0, 2000)
+    problem = modelled(lambda x: noise + x[0] - 1.0, 1, 2000)
+    (track,) = problem.tracks
+    robot = SimpleNamespace(actuators=(), moving_joints=(), links=())
+    track.door = SimpleNamespace(substeps_of=lambda numbers: (1, 1), robot=robot, exact_in_time=True)
+    plain = track.predictions
+
+    def predictions(tables, playing, until):
+        late = error * np.sin(40.0 * time) / playing.substeps[0] ** 2
+        return ([values + late for values in found] for found in plain(tables, playing, until))
+
+    track.predictions = predictions
+    best = Best(problem, np.zeros(1))
+    settle(best)
+    assert best.problem.playing.substeps == (substeps, 1)
