@@ -18,6 +18,7 @@ from asrsim.identification.door import EXTERNAL, comparable
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
 from asrsim.identification.payload import fault_of
 from asrsim.identification.task import Experiment, Payload, Task
+from asrsim.joint_units import reference_unit
 from asrsim.quantities import PRISMATIC_UNITS, unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
@@ -208,7 +209,9 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
         # A mapped command without a unit has the unit of the reference in the joint's mode.
-        unit = column.unit or (MODES[blocks[one.joint].mode].units[0] if one.slot == 0 else "")
+        unit, block = column.unit, blocks.get(one.joint)
+        if not unit and block is not None and one.slot is not None:
+            unit = reference_unit(ACTUATORS.get(block.actuator), MODES[block.mode], one.slot + 1)
         prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
