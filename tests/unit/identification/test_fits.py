@@ -1,6 +1,7 @@
 """`asrsim identify` on recordings with known true parameters."""
 
 import json
+import math
 import re
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,8 +15,9 @@ from asrsim.designs.advice import advice, design_line
 from asrsim.designs.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
-from asrsim.identification.data import PlayedCommand
+from asrsim.identification.data import PlayedCommand, read_data
 from asrsim.identification.parameters import numbers_of
+from asrsim.identification.problem import read_scenario
 from asrsim.identification.result import estimates
 from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
@@ -28,6 +30,7 @@ from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.fitted import joint_of
 from support.exact_swing import DAMPING, STIFFNESS, swing
 from support.identify_files import BENCH, CHIRP, SEA, bench, modelled, prepared, record, save, write
+from support.paths import EXAMPLES
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -226,6 +229,19 @@ def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, u
     assert reason in remark
 
 
+@pytest.mark.parametrize(("mode", "first"), [(4, "N m"), (6, "rad")])
+def test_a_recorded_adjuster_without_unit_is_in_metres(tmp_path, mode, first):
+    (tmp_path / "robot.yaml").write_text(f"robot: {EXAMPLES / 'urdf' / 'dof1_awas_ii.urdf'}\nmodes: {{joint_1: {mode}}}\nduration: 1\n")
+    time = np.arange(0.0, 1.0, 0.01)
+    rows = "".join(f"{t:.2f},{math.sin(t)},{0.01 + 0.001 * t},{0.9 * math.sin(t)}\n" for t in time)
+    (tmp_path / "a.csv").write_text("t [s],goal,pivot,q [rad]\n" + rows)
+    meanings = ["goal=joint_1.reference_1", "pivot=joint_1.reference_2", "q=joint_1.link_position"]
+    task = task_of(tmp_path / "robot.yaml", [tmp_path / "a.csv"], mapping=meanings, free=["joint_1.damping"])
+    scenario, _, robot = read_scenario(task)
+    (data,) = read_data(task, scenario, robot)
+    assert [command.unit for command in data.commands] == [first, "m"]
+
+
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     """If only ratios are identified, a torque sensor is proposed."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
@@ -239,6 +255,8 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     assert line.startswith(f"asrsim design {lab / 'lab.yaml'} --free joint_1.spring_stiffness")
     tied = replace(result, task=replace(result.task, ties=(Tie(key="b", to="a", factor=2.0),)))
     assert "--tie 'b=2*a'" in design_line(tied, tmp_path)[1]
+    varied = replace(result, task=replace(result.task, variant="soft", overrides=("step=2e-3",)))
+    assert "lab.yaml --variant soft --set step=2e-3 --free" in design_line(varied, tmp_path)[1]
     assert any("move joint_1 at" in text and "Hz" in text for text in advice(result))
 
 
