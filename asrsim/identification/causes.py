@@ -76,7 +76,7 @@ ROUNDS: largest number of steps of a search with a cause. Searches that end by t
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
 EFFORTS = ("N m", "N", "V", "A")
-"""Units of commands whose scale may be unknown."""
+"""Units of commands whose scale may be unknown, and of channels whose scale may differ between recordings."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Start values of a limit, as multiples of the largest simulated torque or speed of the motor, or of the largest simulated
 deflection of the spring. The simulation does not reach the first limit. Each start value is a quarter or a fifth of the
@@ -488,7 +488,7 @@ def _delay(key: str) -> FitParameter:
 
 def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free zero offsets and gains of channels. All recordings share the value, or each recording has a separate
-    value.
+    value. Only gains of torques, voltages and currents may differ between recordings.
     """
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
@@ -511,8 +511,9 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a different scale and zero offset of {key}", parameters=(offset, gain), begins=(begin,))
         for name, parameter in (("zero offset", offset), ("gain", gain)):
             # If the shared parameter is free, it stays free and serves the first recording; each other recording gets a
-            # separate value.
-            if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
+            # separate value. The scale of an encoder is the same in all recordings.
+            varies = zeroed if name == "zero offset" else channel.unit in EFFORTS
+            if len(problem.fitted) > 1 and varies and parameter.key not in own:
                 tracks = problem.fitted[parameter.key in free :]
                 separate = tuple(parameter.of_recording(track, names) for track in tracks)
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)

@@ -33,7 +33,7 @@ def limits(tmp_path):
 def found(tmp_path_factory):
     path = tmp_path_factory.mktemp("design") / "lab.limits.yaml"
     path.write_text(WITHIN + "noise: {link_position: 0.001}\n", encoding="utf-8")
-    return design(SEA, path, variant="soft", free=FREE, duration=1.0, rounds=1)
+    return design(SEA, path, variant="soft", free=FREE, duration=0.6, rounds=1)
 
 
 @pytest.mark.parametrize(("noise", "every"), [(0.05, 1), (0.2, 4)])

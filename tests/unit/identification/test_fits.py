@@ -515,7 +515,10 @@ def test_a_channel_that_nothing_explains_may_be_another_quantity(tmp_path):
     assert any("link_position: the fit hardly explains it" in text for text in result.causes), result.causes
 
 
-@pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash of joint_1 (0.002")])
+@pytest.mark.parametrize(
+    ("width", "cause"),
+    [(0.0, "falls with the amplitude"), pytest.param(2e-3, "backlash of joint_1 (0.002", marks=pytest.mark.slow)],
+)
 def test_softening_and_backlash_are_detected_on_the_bench(tmp_path, width, cause):
     time, deflection, trials = np.arange(0.0, 4.0, 0.02), np.linspace(-0.02, 0.02, 20001), []
     soft = 1.5 * np.tanh(deflection / 1e-3) if not width else -1099.9 * np.clip(deflection, -0.5 * width, 0.5 * width)
