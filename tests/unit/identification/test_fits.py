@@ -231,7 +231,8 @@ def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, u
 
 @pytest.mark.parametrize(("mode", "first"), [(4, "N m"), (6, "rad")])
 def test_a_recorded_adjuster_without_unit_is_in_metres(tmp_path, mode, first):
-    (tmp_path / "robot.yaml").write_text(f"robot: {EXAMPLES / 'urdf' / 'dof1_awas_ii.urdf'}\nmodes: {{joint_1: {mode}}}\nduration: 1\n")
+    robot = EXAMPLES / "urdf" / "dof1_awas_ii.urdf"
+    (tmp_path / "robot.yaml").write_text(f"robot: {robot}\nmodes: {{joint_1: {mode}}}\nduration: 1\n")
     time = np.arange(0.0, 1.0, 0.01)
     rows = "".join(f"{t:.2f},{math.sin(t)},{0.01 + 0.001 * t},{0.9 * math.sin(t)}\n" for t in time)
     (tmp_path / "a.csv").write_text("t [s],goal,pivot,q [rad]\n" + rows)
