@@ -14,7 +14,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identification.door import EXTERNAL, comparable
+from asrsim.identification.door import EXTERNAL, comparable, stage_of
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
 from asrsim.identification.payload import fault_of
 from asrsim.identification.task import Experiment, Payload, Task
@@ -25,6 +25,7 @@ from asrsim.recordings.data import Column
 from asrsim.recordings.suspicions import gear_between
 from asrsim.robot.model import Robot
 from asrsim.robot.mounting import reference_names
+from asrsim.robot.values import stage_acts
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
@@ -233,8 +234,14 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         mode = MODES[block.mode] if block else None
         good = np.isfinite(column.values) & (column.time - plan.lag >= -1e-9)
         time, values = column.time[good] - plan.lag, column.values[good]
-        reason = ""
-        if block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
+        reason, stage = "", stage_of(quantity)
+        if stage is not None and not (block and stage_acts(stage, block)):
+            names = ", ".join(one.name for one in stage.parameters)
+            reason = (
+                f"the stage '{stage.title}' is off at the start of the fit; state start values of its parameters ({names}) "
+            )
+            reason += "in the scenario, with which it acts"
+        elif block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
             reason = "an adjuster follows its reference exactly"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
             reason = "drives compute velocities from positions, and the positions are compared"

@@ -67,7 +67,7 @@ V          0.001                 mV
 W          1.0                   W
 Hz         1.0                   Hz 1/s s^-1
 Hz         1000.0                kHz
-degC       1.0                   °C degC
+°C         1.0                   °C degC
 1          1.0                   1 -
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw

@@ -212,6 +212,7 @@ def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
         (3, "rad", "motor_1_position [rad]", "follow their"),
         (6, "rad", "link_velocity [rad/s]", "compute velocities"),
         (3, "rad", "elastic_torque_1 [N m]", "never changes"),
+        (6, "rad", "motor_1_temperature [°C]", "'Heating of the motors' is off at the start of the fit"),
     ],
 )
 def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, unit, quantity, reason):
