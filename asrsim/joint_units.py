@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from asrsim.actuators import ACTUATORS
-from asrsim.actuators.modes import MODES
+from asrsim.actuators import ACTUATORS, Actuator
+from asrsim.actuators.modes import MODES, Mode
 from asrsim.quantities import each_motor, linear_unit, unit_of
 from asrsim.samples import JointInfo
 
@@ -21,5 +21,14 @@ def unit_at(quantity: str, joint: JointInfo) -> str:
         return actuator.reference_2_unit + ("/s" if quantity == "motor_2_velocity" else "")
     unit = unit_of(quantity)
     if quantity in _REFERENCES and mode is not None:
-        unit = mode.units[min(int(quantity[-1]), len(mode.units)) - 1]
+        unit = reference_unit(actuator, mode, int(quantity[-1]))
     return linear_unit(unit) if joint.prismatic else unit
+
+
+def reference_unit(actuator: type[Actuator] | None, mode: Mode, number: int) -> str:
+    """Unit of reference 1, 2, ... of an actuator at a revolute joint. The second reference of an actuator with an adjuster is
+    the adjuster's position in every mode. None: the actuator is unknown.
+    """
+    if number == 2 and actuator is not None and (actuator.adjuster or mode.mapped):
+        return actuator.reference_2_unit
+    return mode.units[min(number, len(mode.units)) - 1]

@@ -29,6 +29,7 @@ WORDS = {
     "load": ("mass", "load"),
     "late sensor": ("delay of joint_1.link_position",),
     "spring damper": ("damper parallel",),
+    "load friction": ("grows with the load of joint_1",),
 }
 """Words of a cause, by effect."""
 

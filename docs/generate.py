@@ -28,6 +28,7 @@ from textwrap import dedent
 from typing import Any
 
 import asrsim
+from asrsim.errors import AsrsimError
 
 sys.path.insert(0, str(Path(__file__).parent))  # absent where a test loads this file
 from tables import (
@@ -403,4 +404,7 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except AsrsimError as error:
+        raise SystemExit(f"an example does not fit the code, so the pages are not renewed:\n{error}") from None

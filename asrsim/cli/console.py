@@ -189,10 +189,17 @@ def _joined(group: Sequence[Problem]) -> str:
     first = group[0]
     if len(group) == 1:
         return str(first)
-    places = [f"{problem.key or ''}" + (f" (line {problem.line})" if problem.line else "") for problem in group]
+    places = [_place(problem) for problem in group]
     values = dict.fromkeys(shortened(repr(problem.value)) for problem in group if problem.value is not None)
     message = f"{first.message} (got {listed(values, VALUES)})" if values else first.message
     return str(replace(first, message=message, key=listed(places, SHOWN), line=None, value=None))
+
+
+def _place(problem: Problem) -> str:
+    """Key and line of a problem. A missing key has only a line."""
+    if problem.line is None:
+        return problem.key or ""
+    return f"{problem.key} (line {problem.line})" if problem.key else f"line {problem.line}"
 
 
 def error_as_dict(error: AsrsimError) -> dict[str, Any]:

@@ -124,6 +124,8 @@ def design_line(result: FitResult, folder: Path) -> tuple[list[Path], str]:
     duration = sum({one.track: float(one.lines["time"][-1]) for one in result.channels}.values())
     words = ["asrsim", "design", str(task.file or task.scenario)]
     if task.file is None:
+        words += ["--variant", task.variant] if task.variant else []
+        words += [word for text in task.overrides for word in ("--set", text)]
         words += [word for one in result.estimates if one.track is None for word in ("--free", one.key)]
         words += [word for tie in task.ties for word in ("--tie", f"{tie.key}={tie.factor:g}*{tie.to}")]
     words += [*plugin_options(task.plugins), "--limits", str(path)]

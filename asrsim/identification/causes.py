@@ -39,7 +39,15 @@ from asrsim.identification.flexible import BEND, TIP, axis_inertia
 from asrsim.identification.judge import ENOUGH, FOLLOWED, explains, missing_mode
 from asrsim.identification.noise import frequency, independent_samples
 from asrsim.identification.parameters import CLOCK, LATEST, FitParameter, parameters_of
-from asrsim.identification.problem import FitProblem, differences, huber, mean_square, residuals, slopes_along, solve
+from asrsim.identification.problem import (
+    FitProblem,
+    differences,
+    mean_square,
+    residuals,
+    robust_mean_square,
+    slopes_along,
+    solve,
+)
 from asrsim.identification.result import CLOSE
 from asrsim.identification.search import Stopped, level_by_level
 from asrsim.identification.task import Tie
@@ -50,8 +58,8 @@ from asrsim.samples import Array
 EXPLAINED = 0.9
 """The search for causes ends if the suspected causes explain this fraction of the squared misfit beyond the noise. The RMS
 error beyond the noise then falls to a third. `benchmarks/causes.py` tests this threshold and the other thresholds of this file
-that state no source: with them, `asrsim identify` names each of ten simulated effects first, and suspects nothing if the model
-is right.
+that state no source: with them, `asrsim identify` names each of eleven simulated effects first, and suspects nothing if the
+model is right.
 """
 NOISE = 2.0
 """The suspected causes count as a complete explanation if the mean square residual, in units of the variance of the recorded
@@ -68,7 +76,7 @@ ROUNDS: largest number of steps of a search with a cause. Searches that end by t
 MEASURED_FROM_ZERO = ("position", "deflection", "torque_1", "torque_2", "link_torque")
 """Endings of the names of quantities whose sensors may have a zero offset."""
 EFFORTS = ("N m", "N", "V", "A")
-"""Units of commands whose scale may be unknown."""
+"""Units of commands whose scale may be unknown, and of channels whose scale may differ between recordings."""
 LIMIT_FACTORS = (2.0, 0.5, 0.1, 0.02)
 """Start values of a limit, as multiples of the largest simulated torque or speed of the motor, or of the largest simulated
 deflection of the spring. The simulation does not reach the first limit. Each start value is a quarter or a fifth of the
@@ -164,7 +172,7 @@ def missing_causes(problem: FitProblem, x: Array) -> Iterator[Suspicion]:
     # longer search would be ascribed to an effect.
     start = np.zeros(len(x))
     x = min((x, *(solve(problem, one, rounds=ROUNDS) for one in (x, start))), key=lambda one: mean_square(problem, one))
-    base, least = mean_square(problem, x), huber(residuals(problem, x))
+    base, least = mean_square(problem, x), robust_mean_square(problem, x)
     # Residuals below the estimated noise may still be correlated, so count at least a fraction of their mean square as misfit.
     excess = max(base - 1.0, (1.0 - FURTHER) * base)
     target = base - EXPLAINED * excess
@@ -214,7 +222,7 @@ def _beginnings(alone: Extended, start: Array) -> Iterator[Extended]:
     """
     yield alone
     yield _with_command_errors(alone.problem)
-    yield Extended((), alone.problem, start, huber(residuals(alone.problem, start)))
+    yield Extended((), alone.problem, start, robust_mean_square(alone.problem, start))
 
 
 def _with_either_command(found: Extended) -> Extended:
@@ -225,7 +233,7 @@ def _with_either_command(found: Extended) -> Extended:
         return found
     smooth = found.problem.played(frozenset())
     x = solve(smooth, found.x, rounds=ROUNDS)
-    other = replace(found, problem=smooth, x=x, cost=huber(residuals(smooth, x)))
+    other = replace(found, problem=smooth, x=x, cost=robust_mean_square(smooth, x))
     return min((found, other), key=lambda one: mean_square(one.problem, one.x))
 
 
@@ -432,7 +440,7 @@ def _with_command_errors(problem: FitProblem) -> Extended:
     wider = with_all(problem, chosen)
     late = np.array([one.key in delays for one in wider.layout.entries])
     x = level_by_level(wider, [late * begin for begin in (0.0, *LATE)])
-    return Extended(chosen, wider, x, huber(residuals(wider, x)))
+    return Extended(chosen, wider, x, robust_mean_square(wider, x))
 
 
 def _delay_keys(problem: FitProblem) -> list[str]:
@@ -480,7 +488,7 @@ def _delay(key: str) -> FitParameter:
 
 def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free zero offsets and gains of channels. All recordings share the value, or each recording has a separate
-    value.
+    value. Only gains of torques, voltages and currents may differ between recordings.
     """
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}
@@ -503,8 +511,9 @@ def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
                 yield Extension(text=f"a different scale and zero offset of {key}", parameters=(offset, gain), begins=(begin,))
         for name, parameter in (("zero offset", offset), ("gain", gain)):
             # If the shared parameter is free, it stays free and serves the first recording; each other recording gets a
-            # separate value.
-            if len(problem.fitted) > 1 and (zeroed or name == "gain") and parameter.key not in own:
+            # separate value. The scale of an encoder is the same in all recordings.
+            varies = zeroed if name == "zero offset" else channel.unit in EFFORTS
+            if len(problem.fitted) > 1 and varies and parameter.key not in own:
                 tracks = problem.fitted[parameter.key in free :]
                 separate = tuple(parameter.of_recording(track, names) for track in tracks)
                 yield Extension(text=f"a {name} of {key} in each recording", parameters=separate)
@@ -569,7 +578,10 @@ def _robot(problem: FitProblem, x: Array) -> Iterator[Extension]:
             ("passive_stiffness", "a passive spring", moves and not spring and drive.joint.spring_stiffness == 0.0),
             ("hysteresis_torque", "hysteresis of the springs", spring), ("damping", "another damping", moves),
             ("friction", "another friction", moves), ("stribeck_friction", "static friction", moves),
+            ("load_friction", "friction that grows with the load", moves),
+            ("armature", "another inertia of the rotor", moves),
             ("motor_1_friction_torque", "another motor friction", motor), ("motor_1_damping", "another motor damping", motor),
+            ("motor_1_load_friction", "motor friction that grows with the load", motor),
         ):  # fmt: skip
             parameter = known.get(f"{joint}.{name}")
             if possible and parameter is not None and parameter.key not in free:
@@ -695,8 +707,9 @@ for name, cause in {
     "sensors": Cause(title="zero offsets and scales of sensors, such as a gear ratio", extensions=_sensors),
     "commands": Cause(title="zero offsets of commands, scales of torques, voltages and currents", extensions=_commands),
     "robot": Cause(
-        title="passive springs, friction, damping, static friction, hysteresis, backlash, cubic terms and dampers of springs, "
-        "limits of motors and of deflections, derivative gains of controllers, masses of links",
+        title="passive springs, friction, damping, static friction, friction that grows with the load, hysteresis, backlash, "
+        "cubic terms and dampers of springs, limits of motors and of deflections, derivative gains of controllers, masses of "
+        "links, inertias of rotors",
         extensions=_robot,
     ),
     "delays": Cause(title="a delay of the commands, or of a sensor", extensions=_delays),

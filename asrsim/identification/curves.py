@@ -117,7 +117,8 @@ def _thinned(one: ChannelCurves) -> ChannelCurves:
     lines = {name: envelope.pairs(j) for j, name in enumerate(one.lines)}
     time = one.time[0] + width * (0.25 + 0.5 * np.arange(2 * BINS))
     there = np.isfinite(lines["recorded"])
-    rows = np.unique(np.geomspace(1, len(one.frequency), BINS).astype(int)) - 1
+    count = len(one.frequency)  # 0 if the errors of the channel have no spectrum
+    rows = np.unique(np.geomspace(1, count, BINS).astype(int)) - 1 if count else np.empty(0, int)
     return ChannelCurves(
         **{
             **vars(one), "time": time[there], "lines": {name: values[there] for name, values in lines.items()},

@@ -14,16 +14,18 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import InputError, Problem, RecordingError
-from asrsim.identification.door import EXTERNAL, comparable
+from asrsim.identification.door import EXTERNAL, comparable, stage_of
 from asrsim.identification.noise import MOVES, fine_noise, quantum_of
 from asrsim.identification.payload import fault_of
 from asrsim.identification.task import Experiment, Payload, Task
+from asrsim.joint_units import reference_unit
 from asrsim.quantities import PRISMATIC_UNITS, unit_of
 from asrsim.recordings import read_recording
 from asrsim.recordings.data import Column
 from asrsim.recordings.suspicions import gear_between
 from asrsim.robot.model import Robot
 from asrsim.robot.mounting import reference_names
+from asrsim.robot.values import stage_acts
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
 from asrsim.scenario.recording_plan import RecordingPlan, make_plan
@@ -210,7 +212,9 @@ def _commands(plan: RecordingPlan) -> Iterator[PlayedCommand]:
     for one in plan.played:
         column, good = one.column, np.isfinite(one.column.values)
         # A mapped command without a unit has the unit of the reference in the joint's mode.
-        unit = column.unit or (MODES[blocks[one.joint].mode].units[0] if one.slot == 0 else "")
+        unit, block = column.unit, blocks.get(one.joint)
+        if not unit and block is not None and one.slot is not None:
+            unit = reference_unit(ACTUATORS.get(block.actuator), MODES[block.mode], one.slot + 1)
         prismatic = plan.robot.joint(one.joint).kind == "prismatic"
         yield PlayedCommand(
             joint=one.joint, quantity=EXTERNAL if one.slot is None else f"reference_{one.slot + 1}",
@@ -232,8 +236,14 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         mode = MODES[block.mode] if block else None
         good = np.isfinite(column.values) & (column.time - plan.lag >= -1e-9)
         time, values = column.time[good] - plan.lag, column.values[good]
-        reason = ""
-        if block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
+        reason, stage = "", stage_of(quantity)
+        if stage is not None and not (block and stage_acts(stage, block)):
+            names = ", ".join(one.name for one in stage.parameters)
+            reason = (
+                f"the stage '{stage.title}' is off at the start of the fit; state start values of its parameters ({names}) "
+            )
+            reason += "in the scenario, with which it acts"
+        elif block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
             reason = "an adjuster follows its reference exactly"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
             reason = "drives compute velocities from positions, and the positions are compared"

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from asrsim.actuators.stages import STAGES, Stage
 from asrsim.actuators.vectorised import over_arrays
 from asrsim.engines import ENGINES
 from asrsim.errors import RobotError
 from asrsim.quantities import MOST_MOTORS, QUANTITIES, each_motor
+from asrsim.records import declared
 from asrsim.robot import Robot
 from asrsim.samples import Array
 from asrsim.scenario.data import Scenario
@@ -47,6 +49,15 @@ def comparable() -> tuple[str, ...]:
     """Quantities that a sensor can measure and a simulation computes, including the quantities of all registered stages."""
     measured = (name for name in simulated_quantities(MOST_MOTORS) if QUANTITIES[name].unit not in ("J", "N m/rad"))
     return *measured, *DERIVED
+
+
+def stage_of(quantity: str) -> type[Stage] | None:
+    """The stage that logs this quantity; None if no stage logs it."""
+    for stage in STAGES.loaded():
+        logged = [str(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
+        if any(name.format(i) == quantity for name in logged for i in range(1, MOST_MOTORS + 1)):
+            return stage
+    return None
 
 
 class Door:

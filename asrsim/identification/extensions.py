@@ -16,10 +16,11 @@ from asrsim.identification.parameters import INITIAL, JUMP, FitParameter, parame
 from asrsim.identification.problem import (
     FitProblem,
     differences,
-    huber,
     jacobian,
     mean_square,
     residuals,
+    robust_mean_square,
+    robust_square,
     slopes_along,
     solve,
     with_own_substeps,
@@ -203,7 +204,7 @@ class Extended:
     problem: FitProblem
     x: Array
     cost: float
-    """Mean of the Huber loss of the residuals."""
+    """Mean square of the residuals, in which outliers count less."""
     samples: float = 1.0
     """Number of independent samples to which the residuals are equivalent."""
     trials: tuple[Extended, ...] = ()
@@ -239,11 +240,11 @@ def extended(
 ) -> Extended:
     """Problem with added extensions. Each round adds the extension that is best by Schwarz's criterion. The rounds end if
     `enough` is true, if `most` extensions are added, or if no further extension is accepted. kinds: functions that propose
-    extensions of a problem; least: smallest known mean Huber loss of the problem without extensions, which an extension must
-    reduce; chosen: extensions that the problem already has.
+    extensions of a problem; least: smallest known `cost` of the problem without extensions, which an extension must reduce;
+    chosen: extensions that the problem already has.
     """
     most += len(chosen)
-    found, better = Extended(chosen, problem, x, huber(residuals(problem, x))), list[Extended]()
+    found, better = Extended(chosen, problem, x, robust_mean_square(problem, x)), list[Extended]()
     while len(found.chosen) < most and not enough(found.problem, found.x):
         optimum = Optimum(found.problem, found.x)
         promises = [optimum.promise(one) for propose in kinds for one in propose(found.problem, found.x)]
@@ -267,7 +268,7 @@ def _trial(chosen: tuple[Extension, ...], problem: FitProblem, start: Array, rou
     """Fit of a problem with extensions, from a start vector near the solution."""
     x = solve(problem, start, rounds=rounds, tolerance=1e-5)
     left = residuals(problem, x)
-    return Extended(chosen, problem, x, huber(left), max(independent_samples(left), 2.0))
+    return Extended(chosen, problem, x, robust_mean_square(problem, x), max(independent_samples(left), 2.0))
 
 
 def _simplest(trials: Sequence[Extended]) -> list[Extended]:
@@ -287,13 +288,13 @@ def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
 
 
 def held_out(problem: FitProblem, x: Array) -> float:
-    """Mean Huber loss of the predictions in the held-out parts; 0 if everything was fitted."""
+    """Mean square error of the predictions in the held-out parts, in which outliers count less; 0 if everything was fitted."""
     firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
     left = [
         part.weighted(values)[first:] for first, (part, values) in zip(firsts, differences(problem.everything, x), strict=True)
     ]
-    held = np.concatenate(left)
-    return huber(held) if len(held) else 0.0
+    count = sum(len(own) for own in left)
+    return sum(len(own) * robust_square(own) for own in left if len(own)) / count if count else 0.0
 
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:
@@ -321,7 +322,7 @@ def pruned(problem: FitProblem, found: Extended, *, rounds: int) -> Extended:
         kept = [entry not in extension.parameters for entry in found.problem.layout.entries]
         x = solve(fewer, found.x[kept], rounds=rounds)
         if mean_square(found.problem, found.x) > FURTHER * mean_square(fewer, x):
-            found = Extended(chosen, fewer, x, huber(residuals(fewer, x)))
+            found = Extended(chosen, fewer, x, robust_mean_square(fewer, x))
     return found
 
 

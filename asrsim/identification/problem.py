@@ -30,9 +30,7 @@ simulation is much smaller, about 1e-13 of the motion. Residuals are nearly line
 larger than this step.
 """
 FAR = 1e3
-"""Residual of a diverged simulation, in standard deviations of the noise. It exceeds the residuals of any model that follows
-the motion.
-"""
+"""Least residual of a diverged simulation, in standard deviations of the noise."""
 REACH, ROUNDS = 0.3, 60
 """REACH: initial trust region of a search, relative to a parameter's size. Start values are often wrong by about a third.
 ROUNDS: largest number of evaluations of a search. It is several times the usual number, 5 to 15.
@@ -86,12 +84,17 @@ class Part:
     recorded: Array
     """Recorded values (n,)."""
 
+    @cached_property
+    def far(self) -> float:
+        """Residual of a diverged simulation. It exceeds the residuals of any model that follows the motion."""
+        return max(FAR, float(np.ptp(self.recorded)) / self.noise)
+
     def weighted(self, differences: Array) -> Array:
         """Weighted residuals (n,). differences: predicted minus recorded values. Residuals of a diverged simulation are
-        `FAR`.
+        `far`.
         """
         found = np.clip(weigh(differences, self.noise, self.channel.quantum), -1e8, 1e8)
-        found[np.isnan(found)] = FAR
+        found[np.isnan(found)] = self.far
         return found
 
 
@@ -405,10 +408,11 @@ def slopes_along(
     for track in problem.fitted:
         touched = [column for column, i in enumerate(columns) if problem.layout.entries[i].track in (None, track)]
         points = [x + moves * (np.arange(len(x)) == columns[column]) for column in touched]
-        rows = problem.rows(track)
+        rows, parts = problem.rows(track), [part for part in problem.parts if part.track == track]
+        far = np.concatenate([np.full(len(part.time), part.far) for part in parts])
         for column, there in zip(touched, _at(problem, points, track), strict=True):
             # If one of the two simulations diverged, its residuals have no derivative, and their entries remain 0.
-            valid = (there != FAR) & (at[rows] != FAR)
+            valid = (there != far) & (at[rows] != far)
             matrix[rows, column] = np.where(valid, (there - at[rows]) / moves[columns[column]], 0.0)
     return matrix
 
@@ -430,6 +434,24 @@ def huber(values: Array) -> float:
     """Mean Huber loss of the residuals. The loss is quadratic up to `HUBER` and linear above."""
     size = np.abs(values)
     return float(np.mean(np.where(size <= HUBER, size**2, HUBER * (2.0 * size - HUBER))))
+
+
+def robust_mean_square(problem: FitProblem, x: Array) -> float:
+    """Mean square of the residuals, in which outliers count less: the mean Huber loss. The loss of a channel is linear above
+    `HUBER` times the typical size of the channel's residuals, or of its noise if that is larger. If errors of the model are far
+    above the noise, they are therefore no outliers.
+    """
+    left, losses = residuals(problem, x), []
+    for part in problem.parts:
+        own = left[part.rows]
+        losses.append(len(own) * robust_square(own))
+    return sum(losses) / len(left)
+
+
+def robust_square(left: Array) -> float:
+    """Mean square of the residuals (n,) of a channel, in which outliers count less, as in `robust_mean_square`."""
+    size = max(float(np.median(np.abs(left))) / 0.6745, 1.0)
+    return size**2 * huber(left / size)
 
 
 def mean_square(problem: FitProblem, x: Array) -> float:

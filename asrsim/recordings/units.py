@@ -67,7 +67,7 @@ V          0.001                 mV
 W          1.0                   W
 Hz         1.0                   Hz 1/s s^-1
 Hz         1000.0                kHz
-degC       1.0                   °C degC
+°C         1.0                   °C degC
 1          1.0                   1 -
 1          0.01                  % percent
 counts     1.0                   counts count ticks pulses increments inc lsb adc raw
@@ -101,6 +101,7 @@ _HEADERS = tuple(
         r"(?P<name>.*[^_\s])[_\s]*[\[(<{](?P<unit>(?!\s*\d+\s*[\])>}])[^\[\](){}<>]+)[\])>}](?P<rest>.*)",
         r"[\[(<{](?P<unit>[^\[\](){}<>]+)[\])>}]\s*(?P<name>\S.*)",  # [deg] q1
         r"(?P<name>[^/]*[^\s/])[\s/]+(?P<unit>[^\s/]+/[^\s/]+)",  # dq rad/s
+        rf"{_NAME}(?P<unit>[^\W\d_][^_\s/]*/[^_\s/]+)",  # dq_rad/s
         r"(?P<name>[^/]*[^\s/])\s*/\s*(?P<unit>[^\s/]+)",  # t / ms
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER}{_ANOTHER})",  # dq_deg_per_s
         rf"{_NAME}(?P<unit>{_WORD}{_ANOTHER})",  # dq_rad_s
@@ -116,6 +117,8 @@ _HEADERS = tuple(
 """Patterns of headers with a name, a unit, and sometimes the rest of the name. The first pattern that gives a known unit is
 used.
 """
+_RATE = re.compile(r".*[_\s](?!(?:t|time|timestamp|stamp|clock|elapsed|delay)\d*$)[^\W\d_]+", re.IGNORECASE)
+"""Pattern of several words, of which the last word is no word for a time."""
 
 
 def find_unit(text: str) -> Unit | None:
@@ -174,7 +177,7 @@ def split_header(header: str) -> tuple[str, Unit | None]:
         # Words with a blank between them are separate symbols, so the unit of `theta m deg` is not mdeg.
         unit = find_unit(re.sub(r"(?<=\w)\s+(?=\w)", "_", found["unit"])) if found else None
         # Both parts of `v [km/h]` have half of a bracket: the h is not its unit.
-        if found and unit is not None and _closed(found["name"]):
+        if found and unit is not None and _closed(found["name"]) and not _is_rate(text, found["name"], unit):
             return found["name"] + (found.groupdict().get("rest") or ""), unit
     return text, None
 
@@ -182,6 +185,11 @@ def split_header(header: str) -> tuple[str, Unit | None]:
 def _closed(name: str) -> bool:
     """Whether a name has as many opening as closing brackets."""
     return all(name.count(opening) == name.count(closing) for opening, closing in ("[]", "()", "{}"))
+
+
+def _is_rate(header: str, name: str, unit: Unit) -> bool:
+    """Whether a unit of time behind a slash is the lower part of an unknown unit: `v_km/h` is not v_km in hours."""
+    return unit.si == "s" and re.match(r"\s*/", header[len(name) :]) is not None and _RATE.fullmatch(name) is not None
 
 
 def unread_unit(header: str) -> str:

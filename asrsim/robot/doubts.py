@@ -19,7 +19,7 @@ from asrsim.errors import Details, Problem
 from asrsim.robot.model import ActuatorBlock, Joint, Link, Robot
 from asrsim.robot.poses import link_poses
 from asrsim.robot.structure import EMPTY_LIMIT
-from asrsim.robot.values import has_spring
+from asrsim.robot.values import has_spring, stage_acts
 
 HEAVY = 50.0
 """Largest plausible mass of a link in arms below 0.8 m, kg; for larger arms the limit grows with the cube of the arm's size."""
@@ -228,13 +228,11 @@ def _of_parameters(block: ActuatorBlock, joint: Joint) -> Iterator[Problem]:
 
 def _idle_stages(block: ActuatorBlock, _joint: Joint) -> Iterator[Problem]:
     """Warnings about stages whose parameters are set, but that do not act in this mode."""
-    mode, values, motors = MODES[block.mode], block.values(), ACTUATORS.get(block.actuator).motors
     for stage in STAGES.loaded():
         first, *_ = stage.parameters
         given = block.parameters[first.name]
-        acts = mode.spring and any(stage.constants(values, i, mode) is not None for i in range(1, motors + 1))
-        if given.origin in ("tag", "scenario") and given.value != first.default and not acts:
-            message = f"has no effect: the stage '{stage.title}' does not act in mode {mode.number} with these values"
+        if given.origin in ("tag", "scenario") and given.value != first.default and not stage_acts(stage, block):
+            message = f"has no effect: the stage '{stage.title}' does not act in mode {block.mode} with these values"
             yield Problem(message, key=first.name, code="idle-stage", value=f"{given.value:g}")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from asrsim.actuators import ACTUATORS, MODES, Parameter
 from asrsim.actuators.electric import missing_constants
 from asrsim.actuators.parameters import LINK_CONTROLLER_DEFAULTS
+from asrsim.actuators.stages import Stage
 from asrsim.errors import Problem, ScenarioError, hint_of_own
 from asrsim.robot.findings import LARGEST_NUMBER, SMALLEST
 from asrsim.robot.model import UNREAD, ActuatorBlock, Origin, ParameterValue, Robot
@@ -168,6 +169,12 @@ def has_spring(block: ActuatorBlock) -> bool:
         return any(any(actuator.elastic_torques(-part * reach, *motors, parameters)) for part in (0.01, 0.1, 1.0))
     except Exception:
         return True
+
+
+def stage_acts(stage: type[Stage], block: ActuatorBlock) -> bool:
+    """Whether a stage acts at a motor of this actuator, with the values of its parameters and in its operation mode."""
+    motors, mode = range(1, ACTUATORS.get(block.actuator).motors + 1), MODES[block.mode]
+    return mode.spring and any(stage.constants(block.values(), i, mode) is not None for i in motors)
 
 
 def with_overrides(

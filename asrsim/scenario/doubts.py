@@ -15,6 +15,7 @@ import numpy as np
 
 from asrsim.actuators import ACTUATORS, MODES
 from asrsim.errors import Problem, listed
+from asrsim.joint_units import reference_unit
 from asrsim.quantities import linear_unit
 from asrsim.robot import Robot
 from asrsim.robot.findings import beyond_a_turn
@@ -192,7 +193,7 @@ def _units(scenario: Scenario, robot: Robot) -> Iterator[tuple[str, Signal, str]
         mode, actuator, given = MODES[block.mode], ACTUATORS.get(block.actuator), scenario.references_of(block.joint)
         for place, name in enumerate(mode.references_of(actuator.motors)):
             if name in given:
-                unit = mode.units[0] if place != 1 or mode.units[0] != "rad" else actuator.reference_2_unit
+                unit = reference_unit(actuator, mode, place + 1)
                 yield reference_key(scenario, block, name), given[name], _unit_at(robot, block.joint, unit)
     tables = {"external_torques": (scenario.external_torques, "N m")}
     tables |= {section: (table, "rad") for section, table in wanted_positions(scenario).items()}

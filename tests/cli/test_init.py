@@ -117,7 +117,7 @@ def test_springs_of_light_fingers_are_soft_enough_for_a_run(tmp_path, actuator, 
     robot, out = tmp_path / "arm.urdf", tmp_path / "s.yaml"
     robot.write_text(URDF.format(name="arm", joints=ARM_WITH_FINGER.format(mass=2e-6, inertia=inertia)))
     write_starter(robot, out, actuators={"*": actuator})
-    for scenario in load_scenario(out, overrides=["duration=0.2"]):
+    for scenario in load_scenario(out, overrides=["duration=0.05"]):
         assert asrsim.run(scenario).status == "complete"
 
 

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -64,6 +65,11 @@ def test_shared_messages_list_places_and_count_the_rest(count):
     assert "None" not in line
     assert [f"joint_{i}" in line for i in range(count)] == [i < SHOWN for i in range(count)]
     assert re.findall(r"and (\d+) more", line) == ([str(count - SHOWN)] if count > SHOWN else [])
+
+
+def test_a_key_that_is_missing_in_several_places_has_their_lines():
+    problems = [Problem(message="the key 'seed' is missing", file=Path("a.yaml"), line=line, code="odd") for line in (3, 7)]
+    assert problem_lines(problems) == ["a.yaml: line 3, line 7: the key 'seed' is missing"]
 
 
 def test_progress_shows_the_speed_since_the_start_of_the_loop(monkeypatch):

@@ -53,6 +53,7 @@ def test_certificate_holds_for_stages(stage):
         step=2e-3,
         substeps=1,
         engine="mujoco",
+        compiled=False,
         modes={"*": 5},
         parameters={"*": stage},
         references={"joint_1": {"reference_1": {"sinusoid": {"amplitude": 0.4, "angular_frequency": 9.0}}, "reference_2": 0.2}},

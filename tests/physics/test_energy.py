@@ -182,7 +182,7 @@ def test_energy_residual_falls_with_the_square_of_the_step(actuator, mode):
             references=references,
             parameters={"hysteresis_torque": 0.05, "hysteresis_deflection": 0.05},
             initial=[0.1],
-            duration=0.4,
+            duration=0.25,
             compiled=False,
             substeps=substeps,
             motor_substeps=1,

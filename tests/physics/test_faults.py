@@ -131,7 +131,7 @@ def test_sensor_delay_applies_to_position_and_velocity(tmp_path, engine, delay):
 
 
 @pytest.mark.parametrize("engine", INSTALLED)
-@pytest.mark.parametrize("damping", [0.5, 3.0, 20.0, 300.0])
+@pytest.mark.parametrize("damping", [0.5, *(pytest.param(damping, marks=pytest.mark.slow) for damping in (3.0, 20.0)), 300.0])
 def test_strong_damping_is_simulated_accurately(tmp_path, engine, damping):
     """The damping number c h / I of the last joint is 0.25 to 150."""
     given = plan([joint(start=0.5, damping=damping)] * 3, 0.3, axes=("0 1 0", "0 1 0", "1 0 0"))

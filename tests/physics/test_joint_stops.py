@@ -22,7 +22,9 @@ def test_a_free_link_ends_at_rest_at_its_stop(engine, world, steps, step):
     """steps: number of steps until the link reaches its stop."""
     stop = 2.0 * step * steps
     robot = chain(Body(mass=1.0, reach=0.1, inertia=0.01, limits=limit(-2.0, stop)))
-    result = run(robot, engine=engine, gravity=0.0, duration=0.1, step=step, world=world, initial_velocities={"joint_1": 2.0})
+    result = run(
+        robot, engine=engine, gravity=0.0, duration=100 * step, step=step, world=world, initial_velocities={"joint_1": 2.0}
+    )
     assert column(result, "link_position")[-1] == pytest.approx(stop, abs=1e-8)
     assert column(result, "link_velocity")[-1] == pytest.approx(0.0, abs=1e-8)
     assert column(result, "link_position").max() <= stop + 1e-8

@@ -329,7 +329,7 @@ def full_run(name, mode, **how):
         stribeck_friction=0.01,
         load_friction=0.05,
     )
-    how = {"duration": 0.4, "compiled": False, **how}
+    how = {"duration": 0.2, "compiled": False, **how}
     return run(robot, mode=mode, references=references, parameters=all_on(name), **how)
 
 

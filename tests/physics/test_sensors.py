@@ -37,11 +37,15 @@ EFFECTS = {
 END = 0.2
 
 
-@pytest.mark.parametrize("engine", INSTALLED)
+# Engines do not know of sensors, so one case shows that each of them is called in the same way.
+@pytest.mark.parametrize(
+    ("effect", "engine"),
+    [*((effect, INSTALLED[0]) for effect in EFFECTS), *(("everything at ticks", engine) for engine in INSTALLED[1:])],
+)
 @pytest.mark.parametrize("on_link", [True, False], ids=["link", "motor"])
-@pytest.mark.parametrize("imperfections", EFFECTS.values(), ids=EFFECTS.keys())
-def test_imperfect_sensors_are_of_second_order(engine, on_link, imperfections):
+def test_imperfect_sensors_are_of_second_order(effect, engine, on_link):
     """The draws of the noise do not depend on the number of substeps."""
+    imperfections = EFFECTS[effect]
     draws = Noise((0, 0, 8), imperfections.get("noise", 0.0)).draw(np.arange(2000.0))
     sensor = Sensor(**{**imperfections, "noise": lambda number: float(draws[number]), "period": 1e-3})
     given = {} if on_link else {"motor": 0.01, "damping": 0.05, "spring": 8.0}

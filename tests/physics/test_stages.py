@@ -285,8 +285,10 @@ def test_every_stage_has_the_parameters_of_this_test():
     assert all(any(one.name in ALL for one in stage.parameters) for stage in STAGES.loaded())
 
 
-@pytest.mark.parametrize("actuator", ["sea", "qbmove"])
-@pytest.mark.parametrize("mode", [3, 6])
+@pytest.mark.parametrize(
+    ("actuator", "mode"),
+    [("sea", 3), ("qbmove", 6), *(pytest.param(*other, marks=pytest.mark.slow) for other in (("sea", 6), ("qbmove", 3)))],
+)
 def test_stages_are_equal_to_the_bit_compiled_and_interpreted(actuator, mode, ripple):
     signals = {"equilibrium_position": Sinusoid(amplitude=0.3, frequency=2.0), "stiffness_preset": 0.01}
     runs = [

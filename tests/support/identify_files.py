@@ -81,7 +81,7 @@ def prepared(stack, folder, columns, free, *, keys="", **numbers):
 def bench(folder, stiffness):
     """Write the scenario of a spring on a bench for recordings of 4 s, and return its path."""
     lab = write(folder, "lab", {**SEA, "mode": 2, "tags": f"<spring_k>{stiffness}</spring_k>"}, duration=4.0)
-    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench"))
+    lab.write_text(lab.read_text().replace("engine: mujoco", "engine: bench") + "step: 0.005\n")
     return lab
 
 

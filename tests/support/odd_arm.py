@@ -15,7 +15,7 @@ from support.soft_arm import SEA, command
 
 EFFECTS = (
     "backlash", "cubic spring", "second mode", "hysteresis", "stribeck", "torque limit", "speed limit", "load", "late sensor",
-    "spring damper",
+    "spring damper", "load friction",
 )  # fmt: skip
 GRAVITY = 9.81
 STEP = 2.5e-5
@@ -25,6 +25,7 @@ STUCK = 8000.0
 _OFF = {
     "backlash": 0.0, "cubic": 0.0, "soft": 0.0, "split": 0.5, "hysteresis": 0.0, "yield": 0.03, "static": 0.0, "slow": 0.1,
     "torque": 1e3, "speed": 1e3, "load": 0.0, "damper": 0.0, "late": 0.0,
+    "grip": 0.0,
 }  # fmt: skip
 """Sizes of the effects in a right model."""
 KEYS = {
@@ -37,6 +38,7 @@ KEYS = {
     "load": "link_1.mass",
     "damper": "joint_1.spring_damping",
     "late": "joint_1.link_position.delay",
+    "grip": "joint_1.load_friction",
 }
 """Parameters that state the sizes of effects. The law of hysteresis here is another one than that of asrsim."""
 
@@ -47,7 +49,7 @@ def _rate(out, y, goal, p, e):  # type: ignore[no-untyped-def]
     spring.
     """
     k, rotor, drag, motor_rub, damping, rub, inertia, mass, reach, gain, brake = p
-    width, cubic, soft, split, level, bend, static, slow, most, fastest, load, damper, _ = e
+    width, cubic, soft, split, level, bend, static, slow, most, fastest, load, damper, _, grip = e
     out[8] = 0.0
     q, v, theta, omega, tip, tip_v = y[0], y[1], y[2], y[3], y[4], y[5]
     deflection = theta - q
@@ -56,7 +58,7 @@ def _rate(out, y, goal, p, e):  # type: ignore[no-untyped-def]
     if level > 0.0:
         out[8] = (omega - v - abs(omega - v) * y[8]) / bend
         spring += level * y[8]
-    own = rub + static * math.exp(-((v / slow) ** 2))
+    own = rub + static * math.exp(-((v / slow) ** 2)) + grip * abs(spring)
     stiff = STUCK**2 * (inertia + mass * reach**2)
     # Without damping, bristles would ring while the link sticks, and break away below the static friction.
     lost = stiff * y[6] + 2.0 * STUCK * (inertia + mass * reach**2) * v
@@ -103,7 +105,7 @@ def _move(goals, every, step, p, e):  # type: ignore[no-untyped-def]
         for m in range(9):
             y[m] += step * mean[m]
             mean[m] = 0.0
-        own = p[5] + e[6] * math.exp(-((y[1] / e[7]) ** 2))
+        own = p[5] + e[6] * math.exp(-((y[1] / e[7]) ** 2)) + e[13] * p[0] * abs(y[2] - y[0])
         y[6] = min(max(y[6], -own / stiff), own / stiff)
         y[7] = min(max(y[7], -p[3] / 1000.0), p[3] / 1000.0)
         y[8] = min(max(y[8], -1.0), 1.0)
@@ -119,6 +121,8 @@ def sizes(effect: str, p: dict[str, float], random: np.random.Generator) -> dict
         return {"late": u(0.02, 0.06)}
     if effect == "spring damper":
         return {"damper": u(0.03, 0.1)}
+    if effect == "load friction":
+        return {"grip": u(0.1, 0.3)}
     return {
         "": {},
         "backlash": {"backlash": u(0.02, 0.06)},

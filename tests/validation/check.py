@@ -47,6 +47,8 @@ class Section:
     """Names of the functions that take longer than a few seconds."""
     engines: bool = True
     """Whether the checks run in every engine."""
+    solvers: bool = False
+    """Whether each engine computes the motion with a contact solver of its own, so that the engines differ."""
     needs: str = ""
     """Requirement: `data` (recorded truth) or `pinocchio`; empty: none."""
 

@@ -62,6 +62,7 @@ SECTIONS: tuple[Section, ...] = (
             contacts.landing,
         ),
         slow=frozenset({"stopping"}),
+        solvers=True,
     ),
     Section(
         title="Energy and momentum",

@@ -33,7 +33,7 @@ def limits(tmp_path):
 def found(tmp_path_factory):
     path = tmp_path_factory.mktemp("design") / "lab.limits.yaml"
     path.write_text(WITHIN + "noise: {link_position: 0.001}\n", encoding="utf-8")
-    return design(SEA, path, variant="soft", free=FREE, duration=1.0, rounds=1)
+    return design(SEA, path, variant="soft", free=FREE, duration=0.6, rounds=1)
 
 
 @pytest.mark.parametrize(("noise", "every"), [(0.05, 1), (0.2, 4)])
@@ -204,7 +204,7 @@ def test_the_chosen_gain_is_the_one_whose_own_design_predicts_the_best_intervals
     def designed(*gains):
         text = "limits: {joint_1: {link_position: 1.2, deflection: 0.6}}\nnoise: {link_position: 0.001}\n"
         path = limits(f"{text}choose: {{joint_1.controller_1_proportional: {list(gains)}}}\n")
-        return design(scenario, path, free=["joint_1.spring_stiffness"], duration=1.0, rounds=0)
+        return design(scenario, path, free=["joint_1.spring_stiffness"], duration=0.5, rounds=0)
 
     alone = {gain: designed(gain).intervals["design"] for gain in (5.0, 50.0)}
     chosen = designed(5.0, 50.0)

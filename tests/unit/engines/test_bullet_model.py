@@ -30,7 +30,7 @@ def change_of_velocity(engine, seed):
     return exchange[0, :, VELOCITY] - v
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", [0, 1, *(pytest.param(block, marks=pytest.mark.slow) for block in (2, 3))])
 def test_random_links_of_20_to_160_kg_move_equally_in_both_engines(block, tmp_path):
     for seed in range(60 * block, 60 * block + 60):
         path = tmp_path / f"{seed}.urdf"

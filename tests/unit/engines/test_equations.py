@@ -71,7 +71,7 @@ def test_equations_of_the_file_give_the_model_of_the_file(engine):
 
 def test_a_link_that_the_equations_make_light_is_resolved_and_gains_no_energy(engine):
     """Its file states a hundredfold inertia, whose energy at the same speeds would seem to come from nowhere."""
-    light = {"engine": "own", "duration": 0.3, "expect": [], "references.joint_1.equilibrium_position": 0.3}
+    light = {"engine": "own", "duration": 0.1, "expect": [], "references.joint_1.equilibrium_position": 0.3}
     engine(lambda known, q: 0.01 * known.mass_matrix(q), lambda known, q, v: 0.01 * of_file(known, q, v))
     own, file = (prepare(SOFT, variant="soft", overrides={**light, "engine": name}) for name in ("own", "mujoco"))
     assert own.resolution.substeps / file.resolution.substeps == pytest.approx(10.0, rel=0.05)
@@ -143,7 +143,7 @@ def test_a_certificate_says_that_an_engine_of_ones_own_was_not_compared(engine, 
 
     engine(lambda known, q: known.mass_matrix(q), of_file)
     for compared in (False, True):
-        result = asrsim.run(falling(), certify=True, cross_check=compared)
+        result = asrsim.run(falling(duration=0.03), certify=True, cross_check=compared)
         print_run(result.summary, quiet=False)
         assert ("was not compared with another engine: --cross-check" in capsys.readouterr().out) is not compared
 

@@ -83,6 +83,7 @@ def test_springs_that_differ_by_15_percent_are_never_called_equal(tmp_path):
         assert not any("is tied" in text for text in (*result.misfit, *result.causes)), result.misfit
 
 
+@pytest.mark.slow
 def test_a_model_that_does_not_fit_identifies_nothing(tmp_path):
     """A joint with five times the friction of the model, of which only the spring is free. Its interval contains the estimate
     with the suspected friction.

@@ -1,6 +1,7 @@
 """`asrsim identify` on recordings with known true parameters."""
 
 import json
+import math
 import re
 from contextlib import ExitStack
 from dataclasses import replace
@@ -14,8 +15,9 @@ from asrsim.designs.advice import advice, design_line
 from asrsim.designs.limits import read_limits
 from asrsim.errors import InputError
 from asrsim.identification import run, task_of
-from asrsim.identification.data import PlayedCommand
+from asrsim.identification.data import PlayedCommand, read_data
 from asrsim.identification.parameters import numbers_of
+from asrsim.identification.problem import read_scenario
 from asrsim.identification.result import estimates
 from asrsim.identification.show import judgement
 from asrsim.identification.task import Tie, Wish
@@ -28,6 +30,7 @@ from asrsim.scenario.recording_plan import make_plan
 from asrsim.sweeps.fitted import joint_of
 from support.exact_swing import DAMPING, STIFFNESS, swing
 from support.identify_files import BENCH, CHIRP, SEA, bench, modelled, prepared, record, save, write
+from support.paths import EXAMPLES
 
 FREE = ["joint_1.spring_stiffness", "link_1.izz", "joint_1.damping"]
 GUESS = {**SEA, "damping": 0.03, "izz": 0.009, "tags": "<spring_k>3.0</spring_k>"}
@@ -209,6 +212,7 @@ def test_a_xacro_robot_is_written_as_plain_urdf(fitted, tmp_path):
         (3, "rad", "motor_1_position [rad]", "follow their"),
         (6, "rad", "link_velocity [rad/s]", "compute velocities"),
         (3, "rad", "elastic_torque_1 [N m]", "never changes"),
+        (6, "rad", "motor_1_temperature [°C]", "'Heating of the motors' is off at the start of the fit"),
     ],
 )
 def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, unit, quantity, reason):
@@ -226,6 +230,20 @@ def test_columns_that_no_fit_can_use_are_named_with_the_reason(tmp_path, mode, u
     assert reason in remark
 
 
+@pytest.mark.parametrize(("mode", "first"), [(4, "N m"), (6, "rad")])
+def test_a_recorded_adjuster_without_unit_is_in_metres(tmp_path, mode, first):
+    robot = EXAMPLES / "urdf" / "dof1_awas_ii.urdf"
+    (tmp_path / "robot.yaml").write_text(f"robot: {robot}\nmodes: {{joint_1: {mode}}}\nduration: 1\n")
+    time = np.arange(0.0, 1.0, 0.01)
+    rows = "".join(f"{t:.2f},{math.sin(t)},{0.01 + 0.001 * t},{0.9 * math.sin(t)}\n" for t in time)
+    (tmp_path / "a.csv").write_text("t [s],goal,pivot,q [rad]\n" + rows)
+    meanings = ["goal=joint_1.reference_1", "pivot=joint_1.reference_2", "q=joint_1.link_position"]
+    task = task_of(tmp_path / "robot.yaml", [tmp_path / "a.csv"], mapping=meanings, free=["joint_1.damping"])
+    scenario, _, robot = read_scenario(task)
+    (data,) = read_data(task, scenario, robot)
+    assert [command.unit for command in data.commands] == [first, "m"]
+
+
 def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     """If only ratios are identified, a torque sensor is proposed."""
     result = identify(lab / "lab.yaml", [lab / "a.csv"], free=FREE)
@@ -239,6 +257,8 @@ def test_the_limits_of_the_next_experiment_are_the_recorded_ones(lab, tmp_path):
     assert line.startswith(f"asrsim design {lab / 'lab.yaml'} --free joint_1.spring_stiffness")
     tied = replace(result, task=replace(result.task, ties=(Tie(key="b", to="a", factor=2.0),)))
     assert "--tie 'b=2*a'" in design_line(tied, tmp_path)[1]
+    varied = replace(result, task=replace(result.task, variant="soft", overrides=("step=2e-3",)))
+    assert "lab.yaml --variant soft --set step=2e-3 --free" in design_line(varied, tmp_path)[1]
     assert any("move joint_1 at" in text and "Hz" in text for text in advice(result))
 
 
@@ -459,6 +479,7 @@ def test_a_start_may_be_a_thousand_times_off(tmp_path, factor):
     assert found.find("joint_1.spring_stiffness").value == pytest.approx(4.0, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_wrong_tie_is_suspected_instead_of_an_offset(tmp_path):
     def tags(k_1, k_2):
         return f"<spring_k1>{k_1}</spring_k1><spring_k2>{k_2}</spring_k2><spring_a1>6.7</spring_a1><spring_a2>6.7</spring_a2>"
@@ -487,7 +508,7 @@ def test_a_prediction_that_stands_still_is_judged(tmp_path):
 
 def test_a_channel_that_nothing_explains_may_be_another_quantity(tmp_path):
     """Short predictions explain any smooth channel, but a free simulation does not."""
-    time, generator = np.arange(0.0, 2.0, 2e-3), np.random.default_rng(0)
+    time, generator = np.arange(0.0, 1.0, 2e-3), np.random.default_rng(0)
     walk = 0.05 * generator.normal(size=len(time)).cumsum()
     header = "time [s],joint_1.reference_1,joint_1.link_position [rad]"
     recording = save(tmp_path / "a.csv", header, time, np.sin(4.0 * time), walk)
@@ -496,7 +517,10 @@ def test_a_channel_that_nothing_explains_may_be_another_quantity(tmp_path):
     assert any("link_position: the fit hardly explains it" in text for text in result.causes), result.causes
 
 
-@pytest.mark.parametrize(("width", "cause"), [(0.0, "falls with the amplitude"), (2e-3, "backlash of joint_1 (0.002")])
+@pytest.mark.parametrize(
+    ("width", "cause"),
+    [(0.0, "falls with the amplitude"), pytest.param(2e-3, "backlash of joint_1 (0.002", marks=pytest.mark.slow)],
+)
 def test_softening_and_backlash_are_detected_on_the_bench(tmp_path, width, cause):
     time, deflection, trials = np.arange(0.0, 4.0, 0.02), np.linspace(-0.02, 0.02, 20001), []
     soft = 1.5 * np.tanh(deflection / 1e-3) if not width else -1099.9 * np.clip(deflection, -0.5 * width, 0.5 * width)

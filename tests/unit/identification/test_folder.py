@@ -67,6 +67,9 @@ def test_a_long_channel_is_thinned_without_losing_its_extremes(fitted):
     assert found.lines["recorded"].max() == 5.0
     assert found.time[np.argmax(found.lines["recorded"])] == pytest.approx(31.234, abs=0.06)
     assert len(channel_charts(found)) == 2
+    diverged = type(one)(**{**vars(one), "lines": {"time": time, "recorded": values}})
+    write_curves(path, [channel_curves(diverged, 60.0)])
+    assert len(curves_of(json.loads(path.read_text()))[0].frequency) == 0
 
 
 @pytest.mark.parametrize("damage", ['{"status": 3}', "[]", "{", '{"keys": []}'])

@@ -32,6 +32,7 @@ NAMED = {
     "load": "a different mass of link_1",
     "late sensor": "a delay of joint_1.link_position",
     "spring damper": "a damper parallel to the springs of joint_1",
+    "load friction": "friction that grows with the load of joint_1",
 }
 
 

@@ -17,7 +17,7 @@ from asrsim.identification.noise import (
     quantum_of,
     size_of,
 )
-from asrsim.identification.problem import huber
+from asrsim.identification.problem import huber, robust_square
 from asrsim.identification.search import has_outliers, refined
 from asrsim.identification.track import first_samples
 from support.identify_files import modelled
@@ -118,6 +118,14 @@ def test_a_deviating_segment_is_noisy_and_outliers_are_not():
 @pytest.mark.parametrize("size", [0.1, 2.9, 3.1, 40.0])
 def test_outliers_cost_as_their_size_beyond_three_deviations(size):
     assert huber(np.array([-size, size])) == pytest.approx(size**2 if size < 3.0 else 9.0 + 6.0 * (size - 3.0))
+
+
+@pytest.mark.parametrize("size", [1.0, 100.0])
+def test_outliers_cost_less_than_their_square_but_large_errors_of_a_model_do_not(size):
+    smooth = size * np.sin(np.linspace(0.0, 20.0, 1000))
+    assert robust_square(smooth) == pytest.approx(np.mean(smooth**2))
+    outlier = np.where(np.arange(1000) == 500, 1e3 * size, smooth)
+    assert robust_square(outlier) < 0.02 * np.mean(outlier**2)
 
 
 def test_a_link_starts_where_a_parabola_through_15_samples_does():

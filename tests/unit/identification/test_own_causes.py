@@ -3,6 +3,7 @@
 import re
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import EntryPoint
 
 import numpy as np
@@ -28,8 +29,9 @@ def goal(time):
     return 0.4 * np.sin(9.0 * time) ** 3
 
 
-def recorded(folder):
-    """A link on a spring and a damper, solved without asrsim: its recording, and the scenario without the damper."""
+@cache
+def damped():
+    """Positions of a link on a spring and a damper, solved without asrsim. Tests share them."""
 
     def rate(time, state):
         slip = 10.8 * np.sin(9.0 * time) ** 2 * np.cos(9.0 * time) - state[1]
@@ -37,7 +39,12 @@ def recorded(folder):
         return state[1], torque / INERTIA
 
     link = solve_ivp(rate, (0.0, TIME[-1]), (0.0, 0.0), t_eval=TIME, rtol=1e-9, atol=1e-11, max_step=1e-3).y[0]
-    link += 2e-4 * np.random.default_rng(3).normal(size=len(link))
+    return link + 2e-4 * np.random.default_rng(3).normal(size=len(link))
+
+
+def recorded(folder):
+    """Recording of a link on a spring and a damper, and the scenario without the damper."""
+    link = damped()
     heading = "time [s],joint_1.reference_1 [rad],joint_1.link_position [rad]"
     return write(folder, "lab", SEA, duration=float(TIME[-1])), save(folder / "a.csv", heading, TIME, goal(TIME), link)
 

@@ -131,7 +131,7 @@ def test_a_motion_from_rest_starts_at_the_equilibrium_of_its_first_input(mode):
     assert moved == pytest.approx(response(linear, 0.0).real, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", [0, 2])
+@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), 2])
 def test_the_simulated_arm_answers_as_its_linearisation(seed, tmp_path):
     """A small bump of the input changes the motion of arms without friction as predicted, within 3 %."""
     arm, *motion = random_arm(seed)

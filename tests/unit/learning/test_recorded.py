@@ -135,7 +135,7 @@ def test_a_recording_may_lack_some_samples_at_its_ends(plant, tmp_path, at, lack
 
 def test_the_last_recording_may_be_given_again(tmp_path):
     """With the right lag the last trial is replaced, and the next input equals that after the right reading alone."""
-    block = {"trajectory": {"joint_1": {"minimum_jerk": {"duration": 0.3, "to": 0.3}}}, "tolerance": 1e-3}
+    block = {"trajectory": {"joint_1": {"minimum_jerk": {"duration": 0.3, "to": 0.3}}}, "tolerance": 1e-3, "law": "paper"}
     fast = {"engine": "mujoco", "step": 0.004, "substeps": 1, "parameters": {"joint_1": {"spring_k": 10.0}}}
     plant = make_plant(examine(make_scenario(ROOT / "examples/urdf/dof1_sea.urdf", duration=0.4, ilc=block, **fast)))
     header, late = "time [s],joint_1 [rad]", tmp_path / "late.csv"

@@ -25,9 +25,9 @@ EXAMPLES = ROOT / "examples/scenarios"
 
 def as_file(folder):
     """`asrsim run`: a task, a body, claims about both."""
-    path = "task.poses=[{time: 0.3, position: [0.30, -0.05, 0.1565]}]"
+    path = "task.poses=[{time: 0.1, position: [0.30, -0.05, 0.1565]}]"
     result = asrsim.run(
-        EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.4", path], out=folder, certify=True
+        EXAMPLES / "box_push_5dof.yaml", variant="soft", overrides=["duration=0.15", path], out=folder, certify=True
     )
     return [result.log]
 

@@ -140,7 +140,7 @@ def test_columns_of_one_name_are_all_asked_about(tmp_path):
         ("q1 in deg", "q1", "rad", np.pi / 180), ("time in s", "time", "s", 1.0),
         ("theta_m rad", "theta_m", "rad", 1.0), ("tau_m_Nm", "tau_m", "N m", 1.0),
         ("angle \u00b0", "angle", "rad", np.pi / 180), ("q1 [gon]", "q1", "rad", np.pi / 200), ("TAU [NM]", "TAU", "N m", 1.0),
-        ("rate (1/s)", "rate", "Hz", 1.0),
+        ("rate (1/s)", "rate", "Hz", 1.0), ("dq_rad/s", "dq", "rad/s", 1.0), ("t_1/s", "t_1", "s", 1.0),
     ],
 )  # fmt: skip
 def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
@@ -167,6 +167,8 @@ def test_a_unit_is_found_where_headers_state_it(header, name, si, factor):
         "tau [MNm]",
         "q1 [Mdeg]",
         "v [km/h]",
+        "v_km/h",
+        "v ft/s",
         "q1 [grad]",
     ],
 )

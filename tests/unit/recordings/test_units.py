@@ -29,7 +29,7 @@ DEFINED = {
     "V": {"V volt volts": 1, "mV": 1e-3},
     "W": {"W": 1},
     "Hz": {"Hz 1/s s^-1": 1, "kHz": 1e3},
-    "degC": {"°C degC": 1},
+    "°C": {"°C degC": 1},
     "1": {"1 -": 1, "% percent": 0.01},
     "counts": {"counts count ticks pulses increments inc lsb adc raw": 1},
 }  # fmt: skip
