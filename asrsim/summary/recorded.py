@@ -42,11 +42,11 @@ class RecordedSeries:
         recording, pairing = require_columns(claim, self._infos, (joint,))
         options = claim.options
         key = (str(claim.against), *(str(options.get(name)) for name in ("lag", "map", "rate")))
-        if key not in self._lags:
-            lag = options.get("lag", "auto")
-            self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
-        samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
         try:
+            if key not in self._lags:
+                lag = options.get("lag", "auto")
+                self._lags[key] = align_recording(recording, pairing, self._read, lag=lag, infos=self._infos).lag
+            samples = self._read(simulated_sources([claim.quantity], [joint]), (joint.name,))
             found = compare(samples, recording, infos=self._infos, quantities=(claim.quantity,), lag=self._lags[key])
         except RecordingError as error:
             raise RecordingError(

@@ -197,6 +197,7 @@ def test_the_command_prints_text_and_json(own, tiny, asrsim_command, monkeypatch
     assert log.joint("elbow")["damping_loss"][-1] > 1e-6
     assert "--start" in asrsim_command("energies", "--help").out
     assert "cannot read the log" in asrsim_command("energies", "nothing").err
+    assert "the log contains no samples in that time" in asrsim_command("energies", "run", "--start", "99").err
 
 
 def test_the_measures_are_claimed(own, tiny, asrsim_command):

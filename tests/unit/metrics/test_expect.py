@@ -185,13 +185,13 @@ def test_claims_that_differ_in_an_option_are_measured_apart():
     assert late.measured == pytest.approx(0.8 * (1 - np.exp(-10)), rel=1e-6)
 
 
-def test_a_recording_that_shares_no_time_with_the_run_is_an_error_at_its_claim_with_the_claim_s_remedy(tiny):
+@pytest.mark.parametrize("lag", ["auto", "off"])
+def test_a_recording_that_shares_no_time_with_the_run_is_an_error_at_its_claim_with_the_claim_s_remedy(tiny, lag):
     """Options of `asrsim plot` are no remedy for a claim."""
     rows = "".join(f"{5000 + 0.1 * i},{0.1 * (i % 3)}\n" for i in range(30))
     (tiny.folder / "lab.csv").write_text(f"time [s],elbow.link_position [rad]\n{rows}")
-    claimed = (
-        "expect: [{joint: elbow, quantity: link_position, measure: rmse, value: 1, against: lab.csv, options: {lag: off}}]"
-    )
+    asked = f"{{joint: elbow, quantity: link_position, measure: rmse, value: 1, against: lab.csv, options: {{lag: {lag}}}}}"
+    claimed = f"expect: [{asked}]"
     tiny.scenario.write_text(f"{tiny.scenario.read_text()}\n{claimed}\n")
     line = len(tiny.scenario.read_text().splitlines())
     with pytest.raises(ScenarioError, match=r"lab\.csv: no overlap in time.*`options: {lag: start}`") as caught:
