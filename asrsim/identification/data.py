@@ -71,8 +71,6 @@ class Channel(RecordedSignal):
     """Standard deviation of the channel's noise. The user states it, or it is estimated from differences of its samples."""
     quantum: float
     """Quantisation step of the sensor; 0: the channel is not quantised."""
-    noise_stated: bool = False
-    """Whether the user states the noise."""
     column: Column | None = None
     """Recorded column; None for values without a file."""
 
@@ -269,7 +267,6 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
             yield Channel(
                 joint=joint, quantity=quantity, unit=unit_of(quantity, prismatic=prismatic) or column.unit, time=time,
                 values=values, noise=task.noise.get(key) or fine_noise(values, quantum, time), quantum=quantum, column=column,
-                noise_stated=key in task.noise,
             )  # fmt: skip
     remarks += [f"not compared, since {reason}: {', '.join(keys)}" for reason, keys in left_out.items()]
 

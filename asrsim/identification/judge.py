@@ -7,12 +7,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from operator import itemgetter
 
 import numpy as np
 
 from asrsim.identification.data import Channel
-from asrsim.identification.noise import MOVES, SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of, white_part
+from asrsim.identification.noise import MOVES, SWING, beyond_steps, frequency, is_nothing, lag_correlation, size_of
 from asrsim.identification.problem import Differences, FitProblem, Part, differences
 from asrsim.identification.track import Track
 from asrsim.metrics.values import root_mean_square
@@ -75,10 +74,6 @@ class ChannelFit:
     """Largest RMS error due to the steps of an encoder, which occurs if the encoder rounds down; 0 without an encoder."""
     suspicion: str = ""
     """Suspected error of the channel's sign or unit; empty if no error is suspected."""
-    held_noise: float = 0.0
-    """White part of the residuals in the held-out part. It may exceed the noise of the training part, as noise of time stamps
-    does in a faster motion.
-    """
     held_moves: bool = True
     """Whether the robot moves in the held-out part."""
     track: int = 0
@@ -116,19 +111,13 @@ def fault_of(channel: Channel, left: Array, moved: Array | float = 0.0) -> str:
     borne = max(borne, share * lag_correlation(change), key=abs)
     if lag_correlation(beyond) - borne > WHITE:
         return f"residuals are not white: neighbouring samples have a correlation of {lag_correlation(beyond):.2f}"
-    noise = max(channel.floor, _white(channel, beyond))
-    if is_loud(beyond, float(np.hypot(noise, played))):
-        return f"the residuals are {size_of(beyond) / noise:.2g} times the noise"
+    if is_loud(beyond, float(np.hypot(channel.floor, played))):
+        return f"the residuals are {size_of(beyond) / channel.floor:.2g} times the noise"
     # Residuals due to quantisation or to noise of the played commands may oscillate, too. Their oscillation does not show that
     # the model lacks a mode.
     if channel.quantum or share >= SWING or not (hertz := frequency(channel.time, left)):
         return ""
     return missing_mode(hertz)
-
-
-def _white(channel: Channel, left: Array) -> float:
-    """Noise that white residuals (n,) of a channel show although it was underestimated; 0 if the user states the noise."""
-    return 0.0 if channel.noise_stated else white_part(left)
 
 
 def missing_mode(hertz: float) -> str:
@@ -198,7 +187,6 @@ def channel_fits(problem: FitProblem, before: Differences, x: Array) -> list[Cha
                 fault=fault,
                 shaken=root_mean_square(change[count:]), steps=channel.quantum / 3.0**0.5,
                 suspicion=_suspicion(problem.tracks[part.track], channel, part.recorded + left, part.recorded),
-                held_noise=_white(channel, left[count:]) if np.isfinite(left).all() else 0.0,
                 held_moves=count < len(left) and float(np.ptp(part.recorded[count:])) > MOVES * channel.floor,
                 track=part.track, lines=lines,
             )
@@ -224,10 +212,9 @@ def explains_both(problem: FitProblem, whole: FitProblem, x: Array) -> bool:
     sizes = defaultdict[str, list[tuple[float, float]]](list)
     for part, left in differences(whole, x):
         count = part.channel.until(problem.ends[part.track])
-        train, held = root_mean_square(left[:count]), root_mean_square(left[count:])
-        sizes[part.channel.key].append((max(train, _white(part.channel, left[count:])), held))
+        sizes[part.channel.key].append((root_mean_square(left[:count]), root_mean_square(left[count:])))
     pairs = [(_mean([size for size, _ in own]), _mean([size for _, size in own])) for own in sizes.values()]
-    return all(not held > HELD_OUT * borne for borne, held in pairs)
+    return all(not held > HELD_OUT * train for train, held in pairs)
 
 
 def verdict(
@@ -243,15 +230,14 @@ def verdict(
     for key in dict.fromkeys(one.key for one in fits if not one.is_exact):
         mine = [(i, one) for i, one in enumerate(fits) if one.key == key]
         reasons += [f"{key}: {one.fault}" for _, one in mine if one.fault][:1]
-        train = _mean([max(one.after, one.held_noise) for _, one in mine])
+        train = _mean([one.after for _, one in mine])
         error, steps = _mean([one.held_after for _, one in mine]), max(one.steps for _, one in mine)
         if error > max(HELD_OUT * train, steps, 1e-300):
             # Noise of the commands and uncertainty of the estimates cause errors even with a correct model.
             known = unsure()
             change = _mean([float(np.hypot(one.shaken, known[i])) for i, one in mine])
             if error > HELD_OUT * float(np.hypot(train, SHAKEN * change)) and not explained():
-                before = _mean([one.after for _, one in mine])
-                ratio = f"{error / before:.2g} times the error of the training part ({error:.3g} and {before:.3g})"
+                ratio = f"{error / train:.2g} times the error of the training part ({error:.3g} and {train:.3g})"
                 reasons.append(f"{key}: the held-out error is {ratio}")
     return reasons
 
@@ -259,9 +245,8 @@ def verdict(
 def _predicted_worse(fits: Sequence[ChannelFit]) -> str:
     """Reason why a model that fits predicts the held-out part with a larger error than the error of the training part; empty
     if no channel has a larger error."""
-    ratio, one = max(
-        ((one.held_after / max(one.after, one.held_noise, one.steps, 1e-300), one) for one in fits), key=itemgetter(0)
-    )
+    one = max(fits, key=lambda one: one.held_after / max(one.after, one.steps, 1e-300))
+    ratio = one.held_after / max(one.after, one.steps, 1e-300)
     if one.is_exact or not ratio > HELD_OUT:
         return ""
     return f"the training part determines the parameters less accurately ({one.key}: {ratio:.2g} times the error)"

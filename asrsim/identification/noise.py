@@ -100,20 +100,6 @@ def _difference_noise(at: Array | None, values: Array, order: int) -> float:
     return float(np.median(np.abs(total) / np.sqrt(power))) / 0.6745
 
 
-def white_part(residuals: Array) -> float:
-    """Standard deviation of the white part of residuals (n,), from their differences of several orders, as in `fine_noise`, but
-    from the clipped root mean square in place of the median. The medians underestimate noise that is larger at some times than
-    at others. An example is noise of time stamps, which is proportional to the speed.
-    """
-    orders = range(ORDERS[0], max(ORDERS[0], min(ORDERS[1], len(residuals) // SAMPLES_EACH)) + 1)
-    sizes = [
-        size_of(np.diff(residuals, order)) / math.sqrt(math.comb(2 * order, order))
-        for order in orders
-        if len(residuals) > order
-    ]
-    return min(sizes, default=0.0)
-
-
 def quantum_of(values: Array) -> float:
     """Quantisation step of a record (n,). All changes of the record are multiples of this step. 0 if there is no such step, or
     if the step is negligible.
