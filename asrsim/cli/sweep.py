@@ -95,8 +95,10 @@ def sweep(
 
         files += draw_sweep(table, results=result or [])
     from asrsim.sweeps.show import HEADS, chosen_results, remarks, result_rows, study_data, study_headline
+    from asrsim.sweeps.store import MANIFEST
 
     chosen = chosen_results(table, result, len(result)) if result else []
+    manifest = table.folder / MANIFEST
 
     def text() -> None:
         say(study_headline(table))
@@ -104,11 +106,11 @@ def sweep(
             say_table(from_rows(HEADS, rows, right=range(1, len(HEADS))))
         for line in remarks(table):
             say(f"  {line}")
-        say_written([*table.files[:1], *files])
+        say_written([manifest, *table.files[:1], *files])
         if table.missing:
             say(f"{table.missing} runs are missing; --resume simulates them")
 
-    data = {**study_data(table, chosen), "files": [*table.files, *files]}
+    data = {**study_data(table, chosen), "files": [manifest, *table.files, *files]}
     return Done(data=data, text=text, code=code)
 
 
