@@ -407,4 +407,6 @@ if __name__ == "__main__":
     try:
         main()
     except AsrsimError as error:
-        raise SystemExit(f"an example does not fit the code, so the pages are not renewed:\n{error}") from None
+        raise SystemExit(
+            f"an example of the documentation fails with the present code, so the remaining pages were not renewed:\n{error}"
+        ) from None

@@ -488,7 +488,7 @@ def _delay(key: str) -> FitParameter:
 
 def _sensors(problem: FitProblem, x: Array) -> Iterator[Extension]:
     """Extensions that free zero offsets and gains of channels. All recordings share the value, or each recording has a separate
-    value. Only gains of torques, voltages and currents may differ between recordings.
+    value. Only gains of torques, forces, voltages and currents may differ between recordings.
     """
     free, names = problem.layout.keys, [track.data.name for track in problem.tracks]
     own = {entry.key for entry in problem.layout.entries if entry.track is not None}

@@ -238,9 +238,9 @@ def _channels(task: Task, plan: RecordingPlan, remarks: list[str]) -> Iterator[C
         if stage is not None and not (block and stage_acts(stage, block)):
             names = ", ".join(one.name for one in stage.parameters)
             reason = (
-                f"the stage '{stage.title}' is off at the start of the fit; state start values of its parameters ({names}) "
+                f"the stage '{stage.title}' is off at the start of the fit; to compare this quantity, state in the "
+                f"scenario values of its parameters ({names}) that switch the stage on"
             )
-            reason += "in the scenario, with which it acts"
         elif block and ACTUATORS.get(block.actuator).adjuster and quantity == "motor_2_position":
             reason = "an adjuster follows its reference exactly"
         elif quantity.endswith("velocity") and key.replace("velocity", "position") in possible:
