@@ -54,8 +54,7 @@ def comparable() -> tuple[str, ...]:
 def stage_of(quantity: str) -> type[Stage] | None:
     """The stage that logs this quantity; None if no stage logs it."""
     for stage in STAGES.loaded():
-        logged = [str(one["log"]) for one in declared(stage.Memory).values() if one["log"]]
-        if any(name.format(i) == quantity for name in logged for i in range(1, MOST_MOTORS + 1)):
+        if any(one["log"] and quantity in each_motor(one["log"]) for one in declared(stage.Memory).values()):
             return stage
     return None
 

@@ -19,8 +19,8 @@ from asrsim.identification.problem import (
     jacobian,
     mean_square,
     residuals,
+    robust_mean,
     robust_mean_square,
-    robust_square,
     slopes_along,
     solve,
     with_own_substeps,
@@ -290,11 +290,8 @@ def best_predictions(trials: Sequence[Extended]) -> list[Extended]:
 def held_out(problem: FitProblem, x: Array) -> float:
     """Mean square error of the predictions in the held-out parts, in which outliers count less; 0 if everything was fitted."""
     firsts = [part.channel.until(end) if (end := problem.ends[part.track]) else 0 for part in problem.everything.parts]
-    left = [
-        part.weighted(values)[first:] for first, (part, values) in zip(firsts, differences(problem.everything, x), strict=True)
-    ]
-    count = sum(len(own) for own in left)
-    return sum(len(own) * robust_square(own) for own in left if len(own)) / count if count else 0.0
+    found = zip(firsts, differences(problem.everything, x), strict=True)
+    return robust_mean([part.weighted(values)[first:] for first, (part, values) in found])
 
 
 def _most_likely(trials: Sequence[Extended], within: float) -> list[Extended]:

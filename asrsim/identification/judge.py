@@ -147,7 +147,12 @@ def fits(problem: FitProblem, x: Array) -> bool:
 
 def is_explained(problem: FitProblem, x: Array) -> bool:
     """Whether the residuals of every fitted channel are negligible, as in fits to simulated logs."""
-    return all(is_nothing(size_of(left), part.channel.noise) for part, left in differences(problem, x))
+    return are_negligible(differences(problem, x))
+
+
+def are_negligible(found: Differences) -> bool:
+    """Whether all residuals are negligible. found: predicted minus recorded values, by part."""
+    return all(is_nothing(size_of(left), part.channel.noise) for part, left in found)
 
 
 def explains(part: Part, left: Array, least: float) -> bool:

@@ -441,11 +441,14 @@ def robust_mean_square(problem: FitProblem, x: Array) -> float:
     `HUBER` times the typical size of the channel's residuals, or of its noise if that is larger. If errors of the model are far
     above the noise, they are therefore no outliers.
     """
-    left, losses = residuals(problem, x), []
-    for part in problem.parts:
-        own = left[part.rows]
-        losses.append(len(own) * robust_square(own))
-    return sum(losses) / len(left)
+    left = residuals(problem, x)
+    return robust_mean([left[part.rows] for part in problem.parts])
+
+
+def robust_mean(channels: Sequence[Array]) -> float:
+    """Mean square of the residuals (n,) of several channels, in which outliers count less; 0 without residuals."""
+    count = sum(map(len, channels))
+    return sum(len(own) * robust_square(own) for own in channels if len(own)) / count if count else 0.0
 
 
 def robust_square(left: Array) -> float:

@@ -31,7 +31,7 @@ from itertools import pairwise
 import numpy as np
 
 from asrsim.identification.extensions import DECISIVE, extended, is_significant, jumps, presliding
-from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, explains, fits, is_explained
+from asrsim.identification.judge import ACCEPTABLE, ENOUGH, FOLLOWED, HELD_OUT, are_negligible, explains, fits, is_explained
 from asrsim.identification.noise import independent_samples
 from asrsim.identification.parameters import CLOCK, JUMP
 from asrsim.identification.problem import (
@@ -338,9 +338,10 @@ def _refine_steps(best: Best) -> None:
     """
     for _ in range(FINER if best.problem.tracks[0].door.exact_in_time else 0):
         problem, finer = best.problem, with_finer_substeps(best.problem)
-        if is_explained(problem, best.x):
+        now = differences(problem, best.x)
+        if are_negligible(now):
             return
-        now, then = differences(problem, best.x), differences(finer, best.x)
+        then = differences(finer, best.x)
         if not any(root_mean_square(new - old) > COARSE * part.noise for (part, old), (_, new) in zip(now, then, strict=True)):
             return
         x = refined(finer, best.x)

@@ -128,7 +128,9 @@ def test_a_learning_folder_without_finite_outputs_is_refused_or_continued(tiny, 
 def test_foreign_files_among_the_parts_of_a_study_are_left_alone(tiny, asrsim_command):
     pytest.importorskip("pyarrow")
     arguments = ("sweep", tiny.scenario, "--over", "elbow.damping=[0.1, 0.2]", "--out", "study", "--workers", "1", "--no-plot")
-    assert asrsim_command(*arguments).code == 0
+    swept = asrsim_command(*arguments)
+    assert swept.code == 0
+    assert f"wrote study{os.sep}: study.json, rows.parquet\n" in swept.out
     names = ("part-notes.parquet", "part-.parquet", "part-\u00b2.parquet", "part-000001-old.parquet")
     for name in names:
         (tiny.folder / "study" / name).write_bytes(b"mine")
